@@ -80,6 +80,28 @@ impl HostView {
         HostBytes { at, bytes, view: PhantomData }
     }
 
+    /// As [`HostView::bytes`], for addresses that mostly lie in the same few buffers: `near` is the one that the last
+    /// such call found, and is tried first.
+    #[inline(always)]
+    #[must_use]
+    pub fn bytes_near<'v>(&'v self, address: u64, near: &mut HostSpan<'v>) -> HostBytes<'v> {
+        let offset = address.wrapping_sub(near.start);
+        if offset >= near.all.bytes as u64 {
+            *near = self.span_at(address);
+        }
+        near.all.from(address.wrapping_sub(near.start))
+    }
+
+    /// The buffer that `address` lies in, if it is one that is read.
+    #[inline(never)]
+    fn span_at(&self, address: u64) -> HostSpan<'_> {
+        let found = self.find(address).filter(|(span, _)| !span.is_written);
+        found.and_then(|(span, _)| Some((span, span.rest(0)?))).map_or(HostSpan::NONE, |(span, (at, bytes))| HostSpan {
+            start: span.start,
+            all: HostBytes { at, bytes, view: PhantomData },
+        })
+    }
+
     /// The words from `address` to the end of its buffer, which is one of those that are written; else none.
     #[must_use]
     pub fn words(&self, address: u64) -> HostWords<'_> {
@@ -109,6 +131,18 @@ impl Drop for HostView {
     }
 }
 
+/// A buffer that is read, whole: what [`HostView::bytes_near`] found last.
+#[derive(Clone, Copy, Debug)]
+pub struct HostSpan<'v> {
+    start: u64,
+    all: HostBytes<'v>,
+}
+
+impl HostSpan<'_> {
+    /// No buffer.
+    pub const NONE: Self = Self { start: 0, all: HostBytes::NONE };
+}
+
 /// Memory that is read.
 #[derive(Clone, Copy, Debug)]
 pub struct HostBytes<'v> {
@@ -126,6 +160,17 @@ impl HostBytes<'_> {
     /// No memory.
     pub const NONE: Self = Self { at: std::ptr::null(), bytes: 0, view: PhantomData };
 
+    /// What is left from byte `offset` on; none behind the end.
+    #[inline(always)]
+    fn from(self, offset: u64) -> Self {
+        let Some(offset) = usize::try_from(offset).ok().filter(|&offset| offset < self.bytes) else {
+            return Self::NONE;
+        };
+        // SAFETY: `offset` is inside the mapped bytes.
+        let at = unsafe { self.at.add(offset) };
+        Self { at, bytes: self.bytes - offset, view: PhantomData }
+    }
+
     /// Whether there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -135,22 +180,14 @@ impl HostBytes<'_> {
     /// Asks the processor to bring `count` of `T` near, from the `index`-th on; nothing where they do not fit.
     #[inline(always)]
     pub fn prefetch<T>(&self, index: usize, count: usize) {
-        /// Bytes of a line of the caches of all processors that there is a prefetch for here.
-        const LINE: usize = 64;
         let (Some(at), Some(bytes)) = (index.checked_mul(size_of::<T>()), count.checked_mul(size_of::<T>())) else {
             return;
         };
         if bytes == 0 || bytes > self.bytes || at > self.bytes - bytes {
             return;
         }
-        #[cfg(target_arch = "x86_64")]
-        for byte in (at..at + bytes - 1).step_by(LINE).chain([at + bytes - 1]) {
-            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-            // SAFETY: `byte` is inside the mapped bytes.
-            let from = unsafe { self.at.add(byte) }.cast::<i8>();
-            // SAFETY: SSE is part of x86-64, and a prefetch reads nothing that a program sees.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(from) };
-        }
+        // SAFETY: `at` is inside the mapped bytes.
+        prefetch(unsafe { self.at.add(at) }, bytes);
     }
 
     /// A copy of the `index`-th `T` from here; none where it does not fit.
@@ -158,6 +195,22 @@ impl HostBytes<'_> {
     #[must_use]
     pub fn get<T: AnyBitPattern>(&self, index: usize) -> Option<T> {
         self.at_byte(index.checked_mul(size_of::<T>())?)
+    }
+
+    /// As [`HostBytes::get`], for the numbers that tables have.
+    #[inline(always)]
+    #[must_use]
+    pub fn item<T: AnyBitPattern>(&self, index: u32) -> Option<T> {
+        // Below 2^32 times the size of a `T`: no overflow.
+        let end = (u64::from(index) + 1) * size_of::<T>() as u64;
+        if end > self.bytes as u64 {
+            return None;
+        }
+        let at = usize::try_from(end).ok()? - size_of::<T>();
+        // SAFETY: size_of::<T>() bytes from `at` on are mapped.
+        let from = unsafe { self.at.add(at) }.cast::<T>();
+        // SAFETY: as in `at_byte`.
+        Some(unsafe { from.read_unaligned() })
     }
 
     /// A copy of the `T` that begins at byte `at` from here; none where it does not fit.
@@ -173,6 +226,26 @@ impl HostBytes<'_> {
         // SAFETY: size_of::<T>() bytes from there are mapped, any bits are a T, and no host thread writes them: a view
         // reads only what it does not write. A submission that does so in spite of the contract makes wrong numbers.
         Some(unsafe { from.read_unaligned() })
+    }
+}
+
+/// Asks the processor to bring bytes near, one at least.
+#[inline(always)]
+fn prefetch(at: *const u8, bytes: usize) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        /// Bytes of a line of the caches of all processors that there is a prefetch for here.
+        const LINE: usize = 64;
+        let mut byte = 0;
+        while byte < bytes {
+            // SAFETY: SSE is part of x86-64, and a prefetch reads nothing that a program sees, wherever it points.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(byte).cast()) };
+            byte += LINE;
+        }
+        // What they end with, where they do not begin with a line.
+        // SAFETY: as above.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(bytes - 1).cast()) };
     }
 }
 
@@ -201,11 +274,33 @@ impl HostWords<'_> {
         Some(unsafe { &*at })
     }
 
+    /// Asks the processor to bring `count` words near; nothing where they do not fit.
+    #[inline(always)]
+    pub fn prefetch(&self, index: usize, count: usize) {
+        if count > 0 && count <= self.count && index <= self.count - count {
+            // SAFETY: `index` is inside the mapped words.
+            prefetch(unsafe { self.at.add(index) }.cast(), 4 * count);
+        }
+    }
+
     /// A word; 0 where there is none.
     #[inline]
     #[must_use]
     pub fn load(&self, index: usize) -> u32 {
         self.word(index).map_or(0, |word| word.load(Ordering::Relaxed))
+    }
+
+    /// `N` words; zeros where not all of them are there.
+    #[inline(always)]
+    #[must_use]
+    pub fn load_all<const N: usize>(&self, index: usize) -> [u32; N] {
+        let mut words = [0; N];
+        if N <= self.count && index <= self.count - N {
+            for (i, word) in words.iter_mut().enumerate() {
+                *word = self.load(index + i);
+            }
+        }
+        words
     }
 
     /// Writes a word; false where there is none.

@@ -96,7 +96,7 @@ pub use error::GpuError;
 pub use gpu::Gpu;
 pub use heap::{Heap, HeapOptions, HeapStats};
 pub use heap_range::HeapRange;
-pub use host_view::{HostBytes, HostView, HostWords};
+pub use host_view::{HostBytes, HostSpan, HostView, HostWords};
 pub use limits::Limits;
 pub use memory_type::Usage;
 pub use options::OpenOptions;

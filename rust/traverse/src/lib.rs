@@ -27,6 +27,7 @@ mod presence;
 mod primvar;
 mod sampler;
 mod scene;
+mod simd;
 mod texture;
 mod vector;
 mod walk;
@@ -44,6 +45,20 @@ pub struct Special {
     pub stack_size: u32,
     /// What the scene needs.
     pub features: Features,
+    /// Bytes of all trees, items and records: what is small stays in the caches, and no ray has to wait for memory.
+    pub geometry_bytes: u64,
+    /// Which instructions it may use. The hits are the same, bit for bit.
+    pub instructions: Instructions,
+}
+
+/// Instructions of a processor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Instructions {
+    /// The widest that there are on this one.
+    #[default]
+    Widest,
+    /// What every one has.
+    Portable,
 }
 
 impl Special {

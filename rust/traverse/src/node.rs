@@ -1,97 +1,113 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A ray against the boxes of a node's four children: traversal/node.glsl. The four are one loop over lanes, which the
-//! compiler makes vector operations of. Pure, any thread.
+//! A ray against the boxes of a node's four children: traversal/node.glsl. Pure, any thread.
 
 use crate::vector::V3;
-use oocpt_shader_abi::{ABSENT, GpuLevelNode, GpuMeshNode, LEAF, POINT_BUNDLE};
-
-/// `SLAB_PAD` of traversal/box.glsl.
-const SLAB_PAD: f32 = 1.000_001_2;
+use oocpt_shader_abi::{ABSENT, GpuMeshNode, LEAF, POINT_BUNDLE};
+use std::hint::select_unpredictable;
 
 /// The number of an inner node, or of what a leaf begins with.
 pub(crate) const NUMBER: u32 = 0x0fff_ffff;
 
-/// The ray of a level.
-#[derive(Clone, Copy, Debug, Default)]
+/// The ray of a level, as boxes are tested with it; a fourth number is 0.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
 pub(crate) struct BoxRay {
-    pub(crate) o: V3,
-    pub(crate) reciprocal: V3,
+    pub(crate) o: [f32; 4],
+    pub(crate) reciprocal: [f32; 4],
     /// How far boxes are padded, along the ray.
-    pub(crate) around: V3,
+    pub(crate) around: [f32; 4],
+    /// How the planes of a node lie for it; only what needs it sets it.
+    pub(crate) turns: [[u8; 16]; 2],
+}
+
+impl BoxRay {
+    pub(crate) const NONE: Self = Self { o: [0.0; 4], reciprocal: [0.0; 4], around: [0.0; 4], turns: [[0; 16]; 2] };
+
+    #[inline(always)]
+    pub(crate) fn origin(&self) -> V3 {
+        let [x, y, z, _] = self.o;
+        V3([x, y, z])
+    }
 }
 
 /// What a walk does with a node: the children that it meets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Met {
-    /// Where the ray enters each child.
+    /// Where the ray enters each child, or the node if that is farther.
     pub(crate) entries: [f32; 4],
     /// A bit for each child that is met.
     pub(crate) mask: u32,
 }
 
-#[inline(always)]
-fn lanes(planes: u32) -> [f32; 4] {
-    planes.to_le_bytes().map(f32::from)
+/// The children of a node of a mesh: nodes first, as many as `first_child` says, then leaves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MeshChildren {
+    inner: u32,
+    first: u32,
+    leaves: Leaves,
+    first_triangle: u32,
 }
 
-/// The children of a box grid that the ray enters before `limit`, which is no NaN.
-#[inline(always)]
-fn meet(origin: [u32; 3], cell: u32, [lower, upper]: [[u32; 3]; 2], ray: &BoxRay, limit: f32) -> Met {
-    // Comparisons that keep what is there where the other is NaN: what min and max of the shaders do.
-    let mut entries = [0.0_f32; 4];
-    let mut leaves = [f32::INFINITY; 4];
-    for axis in [2, 1, 0] {
-        let reciprocal = ray.reciprocal[axis];
-        let from = (f32::from_bits(origin[axis]) - ray.o[axis]) * reciprocal;
-        let scale = f32::from_bits(((cell >> (8 * axis)) & 255) << 23) * reciprocal;
-        let (near_from, far_from) = (from - ray.around[axis], from + ray.around[axis]);
-        let is_backward = reciprocal < 0.0;
-        let near = lanes(if is_backward { upper[axis] } else { lower[axis] });
-        let far = lanes(if is_backward { lower[axis] } else { upper[axis] });
-        for lane in 0..4 {
-            let a = near[lane] * scale + near_from;
-            let b = far[lane] * scale + far_from;
-            entries[lane] = if a > entries[lane] { a } else { entries[lane] };
-            leaves[lane] = if b < leaves[lane] { b } else { leaves[lane] };
+impl MeshChildren {
+    #[inline(always)]
+    pub(crate) fn new(node: &GpuMeshNode) -> Self {
+        let [.., counts] = node.cell_and_counts.to_le_bytes();
+        Self {
+            inner: node.first_child >> 28,
+            first: node.first_child & NUMBER,
+            leaves: LEAVES[usize::from(counts)],
+            first_triangle: node.first_triangle,
         }
     }
-    let mut mask = 0;
-    for lane in 0..4 {
-        let leave = leaves[lane] * SLAB_PAD;
-        let leave = if leave < limit { leave } else { limit };
-        mask |= u32::from(entries[lane] <= leave) << lane;
+
+    /// A bit for each child that there is.
+    #[inline(always)]
+    pub(crate) fn there(&self) -> u32 {
+        u32::from(self.leaves.there) | ((1 << self.inner) - 1)
     }
-    Met { entries, mask }
+
+    /// What the child in a lane is: a node or a leaf.
+    #[inline(always)]
+    pub(crate) fn at(&self, lane: u32) -> u32 {
+        let lane = lane & 3;
+        let leaf = leaf(
+            (self.leaves.counts >> (8 * lane)) & 255,
+            self.first_triangle.wrapping_add((self.leaves.before >> (8 * lane)) & 255),
+        );
+        select_unpredictable(lane < self.inner, self.first.wrapping_add(lane), leaf)
+    }
 }
 
-/// The children of a node of the top level, a chunk or an assembly.
-#[inline(always)]
-pub(crate) fn meet_level(node: &GpuLevelNode, ray: &BoxRay, limit: f32) -> (Met, [u32; 4]) {
-    let mut met = meet(node.origin, node.cell, [node.lower, node.upper], ray, limit);
-    for (lane, &child) in node.child.iter().enumerate() {
-        met.mask &= !(u32::from(child == ABSENT) << lane);
-    }
-    (met, node.child)
+/// What the byte of a node says that counts the triangles of its leaves.
+#[derive(Clone, Copy, Debug)]
+struct Leaves {
+    /// A byte to a child: its triangles.
+    counts: u32,
+    /// A byte to a child: those of the children before it.
+    before: u32,
+    /// A bit for each child that has some.
+    there: u8,
 }
 
-/// The children of a node of a mesh: nodes first, as many as `first_child` says, then leaves.
-#[inline(always)]
-pub(crate) fn meet_mesh(node: &GpuMeshNode, ray: &BoxRay, limit: f32) -> (Met, [u32; 4]) {
-    let cell = node.cell_and_counts & 0x00ff_ffff;
-    let mut met = meet(node.origin, cell, [node.lower, node.upper], ray, limit);
-    let (inner, first) = (node.first_child >> 28, node.first_child & NUMBER);
-    let counts = node.cell_and_counts >> 24;
-    let mut triangle = node.first_triangle;
-    let mut children = [0; 4];
-    for (lane, child) in (0_u32..).zip(&mut children) {
-        let count = (counts >> (2 * lane)) & 3;
-        let is_inner = lane < inner;
-        *child = if is_inner { first.wrapping_add(lane) } else { leaf(count, triangle) };
-        met.mask &= !(u32::from(!is_inner && count == 0) << lane);
-        triangle = triangle.wrapping_add(count);
+/// By that byte, two bits to a child.
+static LEAVES: [Leaves; 256] = {
+    let mut all = [Leaves { counts: 0, before: 0, there: 0 }; 256];
+    let mut byte = 0_u32;
+    while byte < 256 {
+        let (mut lane, mut before) = (0, 0);
+        let leaves = &mut all[byte as usize];
+        while lane < 4 {
+            let count = (byte >> (2 * lane)) & 3;
+            leaves.counts |= count << (8 * lane);
+            leaves.before |= before << (8 * lane);
+            leaves.there |= ((count != 0) as u8) << lane;
+            before += count;
+            lane += 1;
+        }
+        byte += 1;
     }
-    (met, children)
-}
+    all
+};
 
 /// The points of a leaf that says which bundle it has, of so many points: `bundle_members` of the shaders.
 #[inline(always)]

@@ -6,16 +6,21 @@
 
 mod rays;
 
+#[cfg(target_arch = "x86_64")]
+use crate::Instructions;
 use crate::asking::{load_question, store_question};
 use crate::passes::rays::{Block, ClosestRays, Rays, ShadowRays};
 use crate::scene::Scene;
+#[cfg(target_arch = "x86_64")]
+use crate::simd::Avx2;
+use crate::simd::{Portable, Simd};
 use crate::vector::V3;
 use crate::walk::{Walk, WorldRay};
 use crate::{Special, TraceError};
 use oocpt_gpu::{HostView, HostWords};
 use oocpt_shader_abi::{
-    Counters, Features, MAX_PENDING, PathProgress, Pending, Push, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW, RAY_WORD_T_MAX,
-    Ray, RayFlags, ShadowRay, hit_stride, unpack_color,
+    Counters, Features, MAX_PENDING, PathProgress, Pending, Push, RAY_WORD_IN_SHADOW, Ray, RayFlags, ShadowRay,
+    hit_stride, unpack_color,
 };
 use rayon::prelude::*;
 use std::mem::offset_of;
@@ -100,13 +105,23 @@ impl<'s, 'v> Shared<'s, 'v> {
 
     /// Traces each of `count` entries of a queue.
     fn trace<const ANY_HIT: bool>(&self, count: u32, rays: &impl Rays<'s, 'v, ANY_HIT>) {
+        #[cfg(target_arch = "x86_64")]
+        if self.scene.special.instructions == Instructions::Widest
+            && let Some(simd) = Avx2::try_new()
+        {
+            return self.trace_by(simd, count, rays);
+        }
+        self.trace_by(Portable, count, rays);
+    }
+
+    fn trace_by<const ANY_HIT: bool>(&self, simd: impl Simd, count: u32, rays: &impl Rays<'s, 'v, ANY_HIT>) {
         let blocks = (0..count.div_ceil(BLOCK)).into_par_iter();
         blocks.for_each_init(
             || ([(); RAYS_AT_ONCE].map(|()| Walk::<ANY_HIT>::new(self.scene)), Pushes::default()),
             |(walks, pushes), block| {
                 let first = block * BLOCK;
                 let range = first..count.min(first + BLOCK);
-                Block { walks: &mut *walks, pushes: &mut *pushes, rays, range }.trace();
+                simd.vectorize(Block { simd, walks: &mut *walks, pushes: &mut *pushes, rays, range });
                 self.push_all(pushes);
                 let overflows = walks.iter_mut().map(|walk| std::mem::take(&mut walk.overflows)).sum();
                 if overflows > 0 {
@@ -164,15 +179,9 @@ impl<'s, 'v> Shared<'s, 'v> {
     /// The world ray at word `at`, apart from what only one kind of rays has.
     #[inline(always)]
     fn load_ray(&self, at: usize) -> WorldRay {
-        let flags = if self.scene.has(Features::STREAMING) { self.rays.load(at + RAY_WORD_FLAGS as usize) } else { 0 };
-        WorldRay {
-            o: load_v3(self.rays, at),
-            d: load_v3(self.rays, at + offset_of!(Ray, d) / 4),
-            o_lo: load_v3(self.rays, at + offset_of!(Ray, o_lo) / 4),
-            t_max: f32::from_bits(self.rays.load(at + RAY_WORD_T_MAX as usize)),
-            flags,
-            ..WorldRay::default()
-        }
+        let ray: Ray = bytemuck::cast(self.rays.load_all::<RAY_WORDS>(at));
+        let flags = if self.scene.has(Features::STREAMING) { ray.flags } else { 0 };
+        WorldRay { o: V3(ray.o), d: V3(ray.d), o_lo: V3(ray.o_lo), t_max: ray.t_max, flags, ..WorldRay::default() }
     }
 
     /// Words from one hit record to the next.
@@ -196,13 +205,13 @@ impl<'s, 'v> Shared<'s, 'v> {
     }
 
     #[inline(always)]
-    fn begin<const ANY_HIT: bool>(&self, walk: &mut Walk<'s, 'v, ANY_HIT>, path: u32, ray: WorldRay) {
+    fn begin<const ANY_HIT: bool>(&self, simd: impl Simd, walk: &mut Walk<'s, 'v, ANY_HIT>, path: u32, ray: WorldRay) {
         let listed = if ray.flags == 0 { [(0.0, 0); MAX_PENDING as usize] } else { self.listed(path) };
         if self.scene.has(Features::STREAMING) && self.scene.has(Features::CUTOUTS) {
             let is_asked = ray.flags & RayFlags::ASKED.bits() != 0;
             walk.asking.begin(is_asked.then(|| load_question(self.questions, path)));
         }
-        walk.begin(ray, &listed);
+        walk.begin(simd, ray, &listed);
     }
 
     /// Keeps what a ray waits for.

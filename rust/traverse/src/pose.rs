@@ -3,7 +3,7 @@
 
 use crate::scene::Scene;
 use crate::vector::V3;
-use oocpt_gpu::HostBytes;
+use oocpt_gpu::{HostBytes, HostSpan};
 use oocpt_shader_abi::{Features, GpuMesh, GpuPoint, GpuTriangle, Leaf, MESH_KEYS_SHIFT, MeshFlags};
 
 /// The arrays of the two keys that a time is between.
@@ -68,9 +68,18 @@ impl<'v> Pose<'v> {
 }
 
 impl<'v> Scene<'v> {
-    /// The triangles of a mesh at a time.
-    pub(crate) fn pose_of(&self, mesh: &GpuMesh, time: f32) -> Pose<'v> {
-        let mut still = Pose { triangles: self.view.bytes(mesh.triangles), ..Pose::NONE };
+    /// The triangles of a mesh at a time. `near`: where items were found last.
+    #[inline(always)]
+    pub(crate) fn pose_of(&self, mesh: &GpuMesh, time: f32, near: &mut HostSpan<'v>) -> Pose<'v> {
+        let still = Pose { triangles: self.view.bytes_near(mesh.triangles, near), ..Pose::NONE };
+        if self.special.features.intersects(Features::POINTS | Features::DEFORMATION) {
+            return self.pose_of_others(mesh, time, still);
+        }
+        still
+    }
+
+    #[inline(never)]
+    fn pose_of_others(&self, mesh: &GpuMesh, time: f32, mut still: Pose<'v>) -> Pose<'v> {
         let keys = (mesh.flags >> MESH_KEYS_SHIFT) & 31;
         still.of_points = self.has(Features::POINTS) && Leaf::number_of(mesh.flags) == Leaf::POINT.number;
         let item_bytes = if still.of_points { size_of::<GpuPoint>() } else { size_of::<GpuTriangle>() };

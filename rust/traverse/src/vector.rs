@@ -17,8 +17,8 @@ impl V3 {
     /// The largest absolute component; NaN counts as nothing.
     #[inline(always)]
     pub(crate) fn largest(self) -> f32 {
-        let [x, y, z] = self.0;
-        x.abs().max(y.abs().max(z.abs()))
+        // Not `f32::max`, which asks which one is NaN.
+        self.0.into_iter().fold(0.0, |most, x| if x.abs() > most { x.abs() } else { most })
     }
 }
 
@@ -118,9 +118,16 @@ pub(crate) fn difference(a: (V3, V3), b: (V3, V3)) -> V3 {
     s + (e + (a.1 - b.1))
 }
 
+/// What no component of `d` counts as smaller than.
+#[inline(always)]
+pub(crate) fn tiny_component(d: V3) -> f32 {
+    let tiny = d.largest() * 8.673_617e-19;
+    if tiny > 1.0e-37 { tiny } else { 1.0e-37 }
+}
+
 /// `safe_reciprocal` of traversal/box.glsl: no component counts as smaller than 2^-60 of the largest one.
 #[inline(always)]
 pub(crate) fn safe_reciprocal(d: V3) -> V3 {
-    let tiny = (d.largest() * 8.673_617e-19).max(1.0e-37);
+    let tiny = tiny_component(d);
     d.map(|x| 1.0 / if x.abs() < tiny { tiny.copysign(x) } else { x })
 }

@@ -8,18 +8,23 @@
 
 mod leaves;
 mod levels;
+mod mesh;
+mod stack;
 
 use crate::asking::Asking;
 use crate::leaf::triangle::Shear;
-use crate::node::{BoxRay, NUMBER, bundle_members, meet_level, meet_mesh};
+use crate::node::{BoxRay, NUMBER};
 use crate::pending::Pending;
 use crate::pose::Pose;
 use crate::scene::Scene;
+use crate::simd::Simd;
 use crate::vector::V3;
-use oocpt_gpu::HostBytes;
+use crate::walk::mesh::triangles_of;
+use crate::walk::stack::{Key, Stack};
+use oocpt_gpu::{HostBytes, HostSpan};
 use oocpt_shader_abi::{
     DONE, Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuPoint, GpuTriangle, LEAF, LISTED, MAX_PENDING,
-    MESH_LEAF_MASK, RETURN, RayFlags, waiting_count,
+    RETURN, RayFlags, waiting_count,
 };
 
 /// Boxes are culled only this far behind the closest hit (traverse.glsl).
@@ -27,10 +32,13 @@ const CULL_PAD: f32 = 1.000_003_8;
 const ENTRY_SCALE: f32 = 0.999_996_4;
 const TOP_PAD: f32 = 1.8e-7;
 const MESH_PAD: f32 = 2.1e-6;
-/// Nodes, leaves and instances that a ray may visit: a thousand times what rays of the largest scenes do.
+/// Steps that a ray may take, a thousand times what rays of the largest scenes take.
 const MOST_STEPS: u32 = 1 << 24;
-/// Nodes that a ray goes through, at most, before it is another ray's turn (measured: decision 0049).
-const NODES_AT_ONCE: u32 = 4;
+/// Geometry of fewer bytes is taken to be in the caches: a ray goes on as long as [`LONG_TURN`] says. Of more every step
+/// may wait for memory: the ray asks for it, and others take their turns until it is there.
+const CACHED_BYTES: u64 = 16 << 20;
+/// Steps: nodes, leaves or instances.
+const LONG_TURN: u32 = 256;
 /// Deepest chain of instance records.
 pub(crate) const MOST_LEVELS: usize = 16;
 
@@ -63,12 +71,6 @@ pub(crate) struct Found {
     pub(crate) chain: [u32; MOST_LEVELS],
 }
 
-/// How many triangles a leaf of a mesh has.
-#[inline(always)]
-fn triangles_of(leaf: u32) -> u32 {
-    ((leaf >> 28) & 7) + 1
-}
-
 /// A level to come back to.
 #[derive(Clone, Copy, Debug)]
 struct Level<'v> {
@@ -78,12 +80,17 @@ struct Level<'v> {
     instances: HostBytes<'v>,
 }
 
-const NO_LEVEL: Level<'static> = Level {
-    ray: BoxRay { o: V3([0.0; 3]), reciprocal: V3([0.0; 3]), around: V3([0.0; 3]) },
-    d: V3([0.0; 3]),
-    nodes: HostBytes::NONE,
-    instances: HostBytes::NONE,
-};
+const NO_LEVEL: Level<'static> =
+    Level { ray: BoxRay::NONE, d: V3([0.0; 3]), nodes: HostBytes::NONE, instances: HostBytes::NONE };
+
+/// The buffers in which trees, instance records, mesh nodes and items were found last.
+#[derive(Debug)]
+pub(crate) struct Near<'v> {
+    nodes: HostSpan<'v>,
+    instances: HostSpan<'v>,
+    mesh_nodes: HostSpan<'v>,
+    pub(crate) items: HostSpan<'v>,
+}
 
 /// See the module. Made once for many rays.
 #[derive(Debug)]
@@ -101,9 +108,12 @@ pub(crate) struct Walk<'s, 'v, const ANY_HIT: bool> {
     pub(crate) overflows: u32,
     is_streaming: bool,
     at: Level<'v>,
-    /// What is visited next, and how many were.
-    reference: u32,
+    /// What is visited next, and how many steps were taken.
+    next: Key,
     steps: u32,
+    /// Steps before it is another ray's turn.
+    turn: u32,
+    /// Where the ray enters what is visited now.
     entry: f32,
     limit: f32,
     level: usize,
@@ -119,9 +129,10 @@ pub(crate) struct Walk<'s, 'v, const ANY_HIT: bool> {
     /// Records from the chunk to here, and the innermost one.
     pub(crate) chain: [u32; MOST_LEVELS],
     pub(crate) instance: GpuInstance,
-    levels: [Level<'v>; MOST_LEVELS],
-    stack: Vec<(u32, f32)>,
-    overflowed: bool,
+    /// The top level, and those below.
+    levels: [Level<'v>; MOST_LEVELS + 1],
+    near: Near<'v>,
+    stack: Stack,
 }
 
 impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
@@ -138,8 +149,9 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
             overflows: 0,
             is_streaming: scene.has(Features::STREAMING),
             at: NO_LEVEL,
-            reference: DONE,
+            next: Key::DONE,
             steps: 0,
+            turn: if scene.special.geometry_bytes > CACHED_BYTES { 1 } else { LONG_TURN },
             entry: 0.0,
             limit: 0.0,
             level: 0,
@@ -152,9 +164,14 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
             shear: Shear::default(),
             chain: [0; MOST_LEVELS],
             instance: bytemuck::Zeroable::zeroed(),
-            levels: [NO_LEVEL; MOST_LEVELS],
-            stack: Vec::with_capacity(scene.special.stack_size as usize),
-            overflowed: false,
+            levels: [NO_LEVEL; MOST_LEVELS + 1],
+            near: Near {
+                nodes: HostSpan::NONE,
+                instances: HostSpan::NONE,
+                mesh_nodes: HostSpan::NONE,
+                items: HostSpan::NONE,
+            },
+            stack: Stack::new(scene.special.stack_size as usize),
         }
     }
 
@@ -174,91 +191,87 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     pub(crate) fn no_walk(&mut self) {
         self.pending.clear();
         (self.hit, self.hit_before, self.visits) = (false, false, 0);
-        (self.reference, self.overflowed) = (DONE, false);
+        self.next = Key::DONE;
+        self.stack.reset();
     }
 
     /// Begins the walk of a ray. With streaming one that has waited goes on: `found` is its hit so far if its flags say
     /// so, and `listed` the chunk instances that it waited for.
     #[inline(always)]
-    pub(crate) fn begin(&mut self, world: WorldRay, listed: &[(f32, u32); MAX_PENDING as usize]) {
+    pub(crate) fn begin(&mut self, simd: impl Simd, world: WorldRay, listed: &[(f32, u32); MAX_PENDING as usize]) {
         self.world = world;
         self.hit_before = self.is_streaming && world.flags & RayFlags::HIT.bits() != 0;
         if !self.hit_before {
-            self.found = Found { t: world.t_max, ..Found::default() };
+            self.found.t = world.t_max;
+            self.found.chain[..self.scene.special.levels()].fill(0);
         }
         let limit = if self.hit_before { self.found.t * CULL_PAD } else { world.t_max };
         // NaN: nothing is nearer, and boxes are entered as if there were no limit.
         self.limit = if limit.is_nan() { f32::INFINITY } else { limit };
         (self.entry, self.level, self.in_mesh) = (0.0, 0, false);
-        (self.hit, self.visits, self.overflowed, self.resumed) = (false, 0, false, None);
-        self.begin_top();
-        self.stack.clear();
-        self.stack.push((DONE, 0.0));
-        (self.reference, self.steps) = (0, 0);
+        (self.hit, self.visits, self.resumed) = (false, 0, None);
+        self.begin_top(simd);
+        self.stack.reset();
+        (self.next, self.steps) = (Key::new(0, 0.0), 0);
         if self.is_streaming {
             self.pending.clear();
             if world.flags & RayFlags::WAITED.bits() != 0 {
-                self.reference = self.begin_resumed(listed);
+                self.next = self.begin_resumed(listed);
             }
         }
     }
 
     /// A few nodes or a leaf further, to where memory is read next, which is asked for; false at the end of the walk.
     #[inline(always)]
-    pub(crate) fn step(&mut self) -> bool {
-        let mut reference = self.reference;
-        if reference != DONE {
-            reference = if reference < LEAF { self.descend_some(reference) } else { self.visit(reference) };
-            while reference == RETURN {
+    pub(crate) fn step(&mut self, simd: impl Simd) -> bool {
+        let mut turn = self.turn;
+        while turn > 0 && self.next.reference() != DONE {
+            if self.in_mesh {
+                self.walk_mesh(simd, &mut turn);
+            } else {
+                self.walk_levels(simd, &mut turn);
+            }
+            while self.next.reference() == RETURN {
                 self.leave();
-                reference = self.pop();
+                self.next = self.pop();
             }
         }
-        self.steps += 1;
+        let reference = self.next.reference();
+        self.steps = self.steps.saturating_add(self.turn - turn);
         if reference != DONE && self.steps < MOST_STEPS {
             self.prefetch(reference);
-            self.reference = reference;
             return true;
         }
-        self.overflowed |= reference != DONE;
+        self.stack.overflowed |= reference != DONE;
         if self.is_streaming {
             self.pending.forget_behind(self.limit);
         }
-        self.overflows += u32::from(self.overflowed);
+        self.overflows += u32::from(self.stack.overflowed);
         false
     }
 
     /// Puts what a ray that has waited is to visit on the stack; returns where to begin.
-    fn begin_resumed(&mut self, listed: &[(f32, u32); MAX_PENDING as usize]) -> u32 {
+    fn begin_resumed(&mut self, listed: &[(f32, u32); MAX_PENDING as usize]) -> Key {
         if self.world.flags & RayFlags::MORE.bits() != 0 {
             self.resumed = listed.last().copied();
-            self.push(0, 0.0);
+            self.stack.push(Key::new(0, 0.0));
         }
         let count = waiting_count(self.world.flags);
         for &(entry, chunk_instance) in listed.iter().take(count as usize).rev() {
-            self.push(LEAF | LISTED | chunk_instance, entry);
+            self.stack.push(Key::new(LEAF | LISTED | chunk_instance, entry));
         }
         self.pop()
     }
 
+    /// Behind it nothing is visited that was put off: a ray that any hit ends takes whatever comes.
     #[inline(always)]
-    fn push(&mut self, reference: u32, entry: f32) {
-        if self.stack.len() < self.scene.special.stack_size as usize {
-            self.stack.push((reference, entry));
-        } else {
-            self.overflowed = true;
-        }
+    fn pop_limit(&self) -> f32 {
+        if ANY_HIT { f32::INFINITY } else { self.limit }
     }
 
     #[inline(always)]
-    fn pop(&mut self) -> u32 {
-        while let Some((reference, entry)) = self.stack.pop() {
-            if ANY_HIT || entry <= self.limit || reference >= RETURN {
-                self.entry = entry;
-                return reference;
-            }
-        }
-        DONE
+    fn pop(&mut self) -> Key {
+        self.stack.pop(self.pop_limit())
     }
 
     /// Brings near what a reference of the current tree names.
@@ -275,88 +288,5 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
             (false, false) if self.level > 0 => self.at.instances.prefetch::<GpuInstance>(number, 1),
             (false, false) => self.scene.prefetch_chunk_instance(number),
         }
-    }
-
-    /// From node to node, as long as they are nodes and the ray's turn lasts.
-    #[inline(always)]
-    fn descend_some(&mut self, at: u32) -> u32 {
-        let mut next = self.descend(at);
-        for _ in 1..NODES_AT_ONCE {
-            if next >= LEAF {
-                break;
-            }
-            self.steps += 1;
-            next = self.descend(next);
-        }
-        next
-    }
-
-    /// From a node to the nearest child that is met; the others go to the stack, the farthest first.
-    #[inline(always)]
-    fn descend(&mut self, at: u32) -> u32 {
-        let (met, children) = if self.in_mesh {
-            let Some(node) = self.at.nodes.get(at as usize) else { return self.pop() };
-            let (met, children) = meet_mesh(&node, &self.at.ray, self.limit);
-            let points = self.mesh.triangle_count;
-            (met, if self.pose.of_points { children.map(|child| bundle_members(child, points)) } else { children })
-        } else {
-            let Some(node) = self.at.nodes.get(at as usize) else { return self.pop() };
-            meet_level(&node, &self.at.ray, self.limit)
-        };
-        let mut mask = met.mask;
-        if mask == 0 {
-            return self.pop();
-        }
-        let first = mask.trailing_zeros() as usize;
-        mask &= mask - 1;
-        let mut nearest = (children[first & 3], met.entries[first & 3]);
-        if mask != 0 {
-            // Sorted insertion into what is put on the stack, the nearest kept apart.
-            let mut others = [(0_u32, 0.0_f32); 3];
-            let mut count = 0;
-            while mask != 0 {
-                let lane = mask.trailing_zeros() as usize & 3;
-                mask &= mask - 1;
-                let mut next = (children[lane], met.entries[lane]);
-                if next.1 < nearest.1 {
-                    std::mem::swap(&mut next, &mut nearest);
-                }
-                let mut place = count;
-                while place > 0 && others[place - 1].1 < next.1 {
-                    others[place] = others[place - 1];
-                    place -= 1;
-                }
-                others[place] = next;
-                count += 1;
-            }
-            for &(child, entry) in &others[..count] {
-                self.push(child, if entry > self.entry { entry } else { self.entry });
-            }
-        }
-        self.entry = if nearest.1 > self.entry { nearest.1 } else { self.entry };
-        nearest.0
-    }
-
-    /// Enters or leaves or tests what is no inner node.
-    #[inline(always)]
-    fn visit(&mut self, at: u32) -> u32 {
-        let first = at & NUMBER;
-        if self.in_mesh {
-            let end = first + triangles_of(at);
-            let ends = if self.mesh.flags & MESH_LEAF_MASK != 0 {
-                self.visit_others(first, end)
-            } else {
-                self.visit_triangles(first, end)
-            };
-            if ends {
-                return DONE;
-            }
-        } else {
-            let entered = if self.level == 0 { self.enter_chunk(at) } else { self.enter(first) };
-            if entered {
-                return 0;
-            }
-        }
-        self.pop()
     }
 }

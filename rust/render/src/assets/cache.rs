@@ -53,6 +53,8 @@ pub(crate) struct SceneView {
     pub(crate) textures: u64,
     /// As `textures`.
     pub(crate) texture_pages: u64,
+    /// Bytes of all trees, items and records.
+    pub(crate) geometry_bytes: u64,
     /// Longest chain of instance records inside a chunk.
     pub(crate) max_levels: u32,
     /// Stack entries that a walk of the top level needs.
@@ -356,6 +358,7 @@ impl Scene {
             placed_values: tables.placed_values.as_ref().map_or(0, HeapRange::address),
             textures: tables.textures.as_ref().map_or(0, |textures| textures.records.address()),
             texture_pages: tables.textures.as_ref().map_or(0, |textures| textures.pages.address()),
+            geometry_bytes: self.assets.geometry_bytes(),
             max_levels: self.levels(),
             top_stack: self.assets.top.stack,
             stack_size: 0,

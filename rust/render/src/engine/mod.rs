@@ -93,7 +93,7 @@ impl Parts {
         #[cfg(feature = "faults")]
         let special = Specialisation { fault: setting.job.options.faults.lost_chunks, ..special };
         let wanted = setting.job.settings.traversal;
-        Ok((special, Backend::choose(wanted, setting.device, &special, view.cutouts_of_shaders)?))
+        Ok((special, Backend::choose(wanted, setting.device, &special, view)?))
     }
 }
 
@@ -140,7 +140,7 @@ impl<'a> Tracer<'a> {
 
     pub(crate) fn recorder(&self) -> Recorder<'_> {
         let gpu = &self.setting.device.gpu;
-        let native = || Native::new(gpu, &self.written, &self.special);
+        let native = || Native::new(gpu, &self.written, &self.special, self.backend);
         Recorder {
             native: self.backend.is_native.then(native),
             passes: &self.passes,

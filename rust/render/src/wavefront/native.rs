@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Which backend walks the rays of a frame, and native traversal between two parts of a submission. Render thread only.
 
+use crate::assets::SceneView;
 use crate::device::{Device, Specialisation, WAVE_TIMEOUT};
 use crate::error::RenderError;
 use oocpt_core::inventory::TraversalUse;
 use oocpt_core::settings::TraversalKind;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError};
 use oocpt_shader_abi::{Features, Pass, Push};
-use oocpt_traverse::{Special, TraceError};
+use oocpt_traverse::{Instructions, Special, TraceError};
 use std::sync::Arc;
 
 use super::Traced;
@@ -17,17 +18,20 @@ use super::Traced;
 pub(crate) struct Backend {
     pub(crate) is_native: bool,
     why: &'static str,
+    geometry_bytes: u64,
 }
 
 impl Backend {
-    /// What `wanted` asks for and this device, these features and the cutouts of the scene allow.
+    /// What `wanted` asks for and this device, these features and the scene allow.
     pub(crate) fn choose(
         wanted: TraversalKind,
         device: &Device,
         special: &Specialisation,
-        cutouts_of_shaders: Option<&'static str>,
+        view: &SceneView,
     ) -> Result<Self, RenderError> {
-        let (compute, native) = (|why| Self { is_native: false, why }, |why| Self { is_native: true, why });
+        let geometry_bytes = view.geometry_bytes;
+        let compute = |why| Self { is_native: false, why, geometry_bytes };
+        let native = |why| Self { is_native: true, why, geometry_bytes };
         if wanted == TraversalKind::Compute {
             return Ok(compute("oocpt:traversal is compute"));
         }
@@ -44,7 +48,7 @@ impl Backend {
         if let Some(why) = oocpt_traverse::unsupported(special.features) {
             return Ok(compute(why));
         }
-        if let Some(why) = cutouts_of_shaders
+        if let Some(why) = view.cutouts_of_shaders
             && special.features.contains(Features::CUTOUTS | Features::TEXTURES)
         {
             return Ok(compute(why));
@@ -78,9 +82,17 @@ pub(crate) struct Native<'a> {
 }
 
 impl<'a> Native<'a> {
-    pub(crate) fn new(gpu: &'a Arc<Gpu>, written: &'a [&'a Buffer], special: &Specialisation) -> Self {
+    pub(crate) fn new(
+        gpu: &'a Arc<Gpu>,
+        written: &'a [&'a Buffer],
+        special: &Specialisation,
+        backend: Backend,
+    ) -> Self {
         let Specialisation { max_levels, stack_size, features, .. } = *special;
-        Self { gpu, written, special: Special { max_levels, stack_size, features } }
+        let geometry_bytes = backend.geometry_bytes;
+        let instructions = Instructions::Widest;
+        let special = Special { max_levels, stack_size, features, geometry_bytes, instructions };
+        Self { gpu, written, special }
     }
 
     /// Traces the rays of the round that `push` names.

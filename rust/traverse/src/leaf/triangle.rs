@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The leaf test of triangles: geometry/triangle.glsl, operation by operation. Pure, any thread.
 
+use crate::simd::{Edges, Simd};
 use crate::vector::{V3, dot3, triangle_normal};
 
 /// Below this squared cosine a triangle is seen along its plane.
@@ -9,8 +10,8 @@ const GRAZING: f32 = 1.0e-4;
 /// The plane across a ray (`make_shear`): along two axes, sheared along the third.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shear {
-    u: V3,
-    v: V3,
+    pub(crate) u: V3,
+    pub(crate) v: V3,
 }
 
 impl Shear {
@@ -27,30 +28,30 @@ impl Shear {
         }
     }
 
+    /// A point in the plane.
     #[inline(always)]
-    fn apply(&self, p: V3) -> [f32; 2] {
+    pub(crate) fn apply(&self, p: V3) -> [f32; 2] {
         [dot3(self.u, p), dot3(self.v, p)]
     }
 }
 
+/// Distance, in units of `d`, and barycentrics, where the ray meets the triangle in front of its origin. Each corner
+/// has a fourth number, which is nothing.
 #[inline(always)]
-fn edge_function(p: [f32; 2], q: [f32; 2]) -> f32 {
-    p[0] * q[1] - p[1] * q[0]
-}
-
-/// Distance, in units of `d`, and barycentrics, where the ray meets the triangle in front of its origin.
-#[inline(always)]
-pub(crate) fn hit_triangle(corners: [V3; 3], o: V3, d: V3, shear: &Shear) -> Option<(f32, [f32; 2])> {
-    let [a, b, c] = corners.map(|corner| corner - o);
-    let [p, q, r] = [a, b, c].map(|corner| shear.apply(corner));
-    let wb = edge_function(r, p);
-    let wc = edge_function(p, q);
-    let wa = edge_function(q, r);
+pub(crate) fn hit_triangle(
+    simd: impl Simd,
+    corners: &[[f32; 4]; 3],
+    o: V3,
+    d: V3,
+    shear: &Shear,
+) -> Option<(f32, [f32; 2])> {
+    let Edges { w: [wa, wb, wc], is_outside } = simd.edges(corners, o, shear);
     let sum = wa + wb + wc;
-    let (below, above) = (wa < 0.0 || wb < 0.0 || wc < 0.0, wa > 0.0 || wb > 0.0 || wc > 0.0);
-    if (below && above) || sum == 0.0 {
+    if is_outside || sum == 0.0 {
         return None;
     }
+    let corners = corners.map(|[x, y, z, _]| V3([x, y, z]));
+    let [a, b, c] = corners.map(|corner| corner - o);
     let scale = 1.0 / sum;
     let uv = [wb * scale, wc * scale];
     let n = triangle_normal(corners[0], corners[1], corners[2]);

@@ -2,21 +2,29 @@
 //! The rays of the two passes: how a thread walks a block of them, how a walk begins, what becomes of what it found.
 
 use super::{Pushes, RAY_WORDS, RAYS_AT_ONCE, SHADOW_WORDS, Shared};
+use crate::simd::Simd;
 use crate::walk::{Found, MOST_LEVELS, Walk, WorldRay};
 use oocpt_gpu::{HostBytes, HostWords};
 use oocpt_shader_abi::{
     Features, PathProgress, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RayFlags, SHADOW_BIT, unpack_shadow_bounce,
 };
+use pulp::NullaryFnOnce;
 use std::ops::Range;
 
 /// What a pass does with an entry of its queue, before and after the walk.
 pub(super) trait Rays<'s, 'v, const ANY_HIT: bool>: Sync {
     /// Begins the walk of entry `at` of the queue; what [`Rays::end`] has to know of it. None: no such ray.
-    fn begin(&self, walk: &mut Walk<'s, 'v, ANY_HIT>, at: u32) -> Option<Begun>;
+    fn begin(&self, simd: impl Simd, walk: &mut Walk<'s, 'v, ANY_HIT>, at: u32) -> Option<Begun>;
+
+    /// Brings the ray of entry `at` near, if there is one.
+    fn prefetch(&self, at: u32);
 
     /// Takes what the walk has found.
     fn end(&self, walk: &mut Walk<'s, 'v, ANY_HIT>, begun: Begun, pushes: &mut Pushes);
 }
+
+/// How many entries of a queue before its walk a ray is brought near.
+const AHEAD: u32 = 8;
 
 /// A ray on its way.
 #[derive(Clone, Copy)]
@@ -28,16 +36,22 @@ pub(super) struct Begun {
 
 /// A block of rays. A thread traces several at once and takes one step of each in turn, so that the memory that one
 /// ray waits for arrives while the others are traced.
-pub(super) struct Block<'a, 's, 'v, R, const ANY_HIT: bool> {
+pub(super) struct Block<'a, 's, 'v, R, S, const ANY_HIT: bool> {
+    pub(super) simd: S,
     pub(super) walks: &'a mut [Walk<'s, 'v, ANY_HIT>],
     pub(super) pushes: &'a mut Pushes,
     pub(super) rays: &'a R,
     pub(super) range: Range<u32>,
 }
 
-impl<'s, 'v, R: Rays<'s, 'v, ANY_HIT>, const ANY_HIT: bool> Block<'_, 's, 'v, R, ANY_HIT> {
-    pub(super) fn trace(self) {
-        let Self { walks, pushes, rays, mut range } = self;
+impl<'s, 'v, R: Rays<'s, 'v, ANY_HIT>, S: Simd, const ANY_HIT: bool> NullaryFnOnce
+    for Block<'_, 's, 'v, R, S, ANY_HIT>
+{
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { simd, walks, pushes, rays, mut range } = self;
         let mut under_way = [None; RAYS_AT_ONCE];
         loop {
             let mut is_done = true;
@@ -45,12 +59,13 @@ impl<'s, 'v, R: Rays<'s, 'v, ANY_HIT>, const ANY_HIT: bool> Block<'_, 's, 'v, R,
                 if slot.is_none()
                     && let Some(at) = range.next()
                 {
-                    *slot = rays.begin(walk, at);
+                    rays.prefetch(at + AHEAD);
+                    *slot = rays.begin(simd, walk, at);
                     is_done = false;
                 }
                 if let Some(begun) = *slot {
                     is_done = false;
-                    if !walk.step() {
+                    if !walk.step(simd) {
                         rays.end(walk, begun, pushes);
                         *slot = None;
                     }
@@ -79,7 +94,14 @@ pub(super) struct ShadowRays<'a, 's, 'v> {
 
 impl<'s, 'v> Rays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
     #[inline(always)]
-    fn begin(&self, walk: &mut Walk<'s, 'v, false>, at: u32) -> Option<Begun> {
+    fn prefetch(&self, at: u32) {
+        if let Some(path) = self.queue.item::<u32>(at) {
+            self.shared.rays.prefetch(path as usize * RAY_WORDS, RAY_WORDS);
+        }
+    }
+
+    #[inline(always)]
+    fn begin(&self, simd: impl Simd, walk: &mut Walk<'s, 'v, false>, at: u32) -> Option<Begun> {
         let Self { shared, queue, hits } = self;
         let path = queue.get::<u32>(at as usize)?;
         let at = path as usize * RAY_WORDS;
@@ -93,7 +115,7 @@ impl<'s, 'v> Rays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
             }
             let bounce = shared.rays.load(at + RAY_WORD_BOUNCE as usize);
             let seed = shared.scene.opacity_seed(path, bounce.wrapping_mul(2));
-            shared.begin(walk, path, WorldRay { path, seed, time: shared.scene.path_time(path), ..ray });
+            shared.begin(simd, walk, path, WorldRay { path, seed, time: shared.scene.path_time(path), ..ray });
         }
         Some(Begun { path, is_ended })
     }
@@ -133,7 +155,14 @@ impl<'s, 'v> Rays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
 
 impl<'s, 'v> Rays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
     #[inline(always)]
-    fn begin(&self, walk: &mut Walk<'s, 'v, true>, at: u32) -> Option<Begun> {
+    fn prefetch(&self, at: u32) {
+        if let Some(path) = self.queue.item::<u32>(at) {
+            self.shared.rays.prefetch(path as usize * SHADOW_WORDS, SHADOW_WORDS);
+        }
+    }
+
+    #[inline(always)]
+    fn begin(&self, simd: impl Simd, walk: &mut Walk<'s, 'v, true>, at: u32) -> Option<Begun> {
         let Self { shared, queue, .. } = self;
         let path = queue.get::<u32>(at as usize)?;
         let at = path as usize * SHADOW_WORDS;
@@ -148,7 +177,12 @@ impl<'s, 'v> Rays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
                 false => (linked, 0),
             };
             let seed = shared.scene.opacity_seed(path, bounce.wrapping_mul(2).wrapping_add(1));
-            shared.begin(walk, path, WorldRay { path, seed, time: shared.scene.path_time(path), shadow_link, ..ray });
+            shared.begin(
+                simd,
+                walk,
+                path,
+                WorldRay { path, seed, time: shared.scene.path_time(path), shadow_link, ..ray },
+            );
         }
         Some(Begun { path, is_ended })
     }

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The leaves of meshes: the test of each kind, and which candidate is the hit.
 
-use super::{CULL_PAD, ENTRY_SCALE, Found, MESH_PAD, Walk};
+use super::{CULL_PAD, ENTRY_SCALE, MESH_PAD, Walk};
 use crate::leaf;
 use crate::leaf::triangle::hit_triangle;
+use crate::simd::{Portable, Simd};
 use crate::vector::{V3, dot3};
 use oocpt_shader_abi::{Features, GpuTriangle, POINT_BUNDLE};
 
@@ -12,14 +13,15 @@ const BUNDLE: usize = POINT_BUNDLE as usize;
 
 impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     #[inline(always)]
-    pub(super) fn visit_triangles(&mut self, begin: u32, end: u32) -> bool {
+    pub(super) fn visit_triangles(&mut self, simd: impl Simd, begin: u32, end: u32) -> bool {
         for index in begin..end {
             let Some(triangle) = self.triangles.get::<GpuTriangle>(index as usize) else { return false };
-            let mut corners = [V3(triangle.v0), V3(triangle.v1), V3(triangle.v2)];
+            let mut corners: [[f32; 4]; 3] = bytemuck::cast(triangle);
             if self.pose.moves {
-                corners = self.pose.posed(corners, index);
+                let vertices = [V3(triangle.v0), V3(triangle.v1), V3(triangle.v2)];
+                corners = self.pose.posed(vertices, index).map(|V3([x, y, z])| [x, y, z, 0.0]);
             }
-            if let Some((t, uv)) = hit_triangle(corners, self.at.ray.o, self.at.d, &self.shear)
+            if let Some((t, uv)) = hit_triangle(simd, &corners, self.at.ray.origin(), self.at.d, &self.shear)
                 && self.take(index, triangle.subset_and_sides, t, uv)
             {
                 return true;
@@ -32,13 +34,13 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     pub(super) fn visit_others(&mut self, begin: u32, end: u32) -> bool {
         let features = self.scene.special.features;
         if !leaf::has_kinds(features) {
-            return self.visit_triangles(begin, end);
+            return self.visit_triangles(Portable, begin, end);
         }
         let Some(kind) = leaf::kind_of(self.mesh.flags, features) else { return false };
         let near = if self.pose.of_points { self.points_near(begin, end) } else { u32::MAX };
         for index in (begin..end).filter(|index| near >> (index - begin) & 1 != 0) {
             let Some((vertices, subset_and_sides)) = self.pose.item(index) else { return false };
-            if let Some((t, uv)) = leaf::hit(kind, vertices, self.at.ray.o, self.at.d)
+            if let Some((t, uv)) = leaf::hit(kind, vertices, self.at.ray.origin(), self.at.d)
                 && self.take(index, subset_and_sides, t, uv)
             {
                 return true;
@@ -49,7 +51,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
 
     /// `points_near`: of the points of a leaf those that the ray may meet, a bit for each.
     fn points_near(&self, begin: u32, end: u32) -> u32 {
-        let (o, d) = (self.at.ray.o, self.at.d);
+        let (o, d) = (self.at.ray.origin(), self.at.d);
         let dd = dot3(d, d);
         if !(1.0e-30..1.0e30).contains(&dd) {
             return u32::MAX;
@@ -100,10 +102,12 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         }
         self.hit = true;
         if !ANY_HIT {
-            let Found { mut chain, .. } = self.found;
             let depth = self.level_index();
-            chain[..=depth].copy_from_slice(&self.chain[..=depth]);
-            self.found = Found { t, uv, triangle, chunk_instance: self.chunk_instance, chain };
+            for (found, &record) in self.found.chain.iter_mut().zip(&self.chain).take(depth + 1) {
+                *found = record;
+            }
+            (self.found.t, self.found.uv) = (t, uv);
+            (self.found.triangle, self.found.chunk_instance) = (triangle, self.chunk_instance);
             self.limit = t * CULL_PAD;
         }
         ANY_HIT

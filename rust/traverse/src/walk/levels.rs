@@ -1,18 +1,52 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The part of a walk that changes frames: into chunks, assemblies and meshes, and back.
 
+use super::stack::Key;
 use super::{Level, MESH_PAD, TOP_PAD, Walk, WorldRay};
 use crate::leaf::triangle::Shear;
-use crate::node::{BoxRay, NUMBER};
+use crate::node::NUMBER;
 use crate::pending::before;
-use crate::vector::{V3, apply_point, apply_vector, difference, safe_reciprocal};
+use crate::simd::Simd;
+use crate::vector::{V3, apply_point, apply_vector, difference};
 use oocpt_gpu::HostBytes;
-use oocpt_shader_abi::{Features, GpuInstance, LISTED, RETURN, TARGET_ASSEMBLY};
+use oocpt_shader_abi::{Features, GpuInstance, GpuLevelNode, LEAF, LISTED, RETURN, TARGET_ASSEMBLY};
 
 impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
+    /// From node to node of a level, until a mesh is entered, a level is behind the ray, the walk ends or its turn does.
+    #[inline(always)]
+    pub(super) fn walk_levels(&mut self, simd: impl Simd, turn: &mut u32) {
+        let mut next = self.next;
+        loop {
+            let reference = next.reference();
+            if reference < LEAF {
+                next = match self.at.nodes.item::<GpuLevelNode>(reference) {
+                    Some(node) => {
+                        let met = simd.meet_level(&node, &self.at.ray, self.limit, next.entry());
+                        self.stack.choose(met, self.pop_limit(), |lane| node.child[lane as usize & 3])
+                    }
+                    None => self.pop(),
+                };
+                *turn = turn.saturating_sub(1);
+            } else if reference < RETURN {
+                self.entry = next.entry();
+                let number = reference & NUMBER;
+                let entered =
+                    if self.level == 0 { self.enter_chunk(simd, reference) } else { self.enter(simd, number) };
+                next = if entered { Key::new(0, self.entry) } else { self.pop() };
+                *turn = turn.saturating_sub(1);
+            } else {
+                break;
+            }
+            if *turn == 0 || self.in_mesh {
+                break;
+            }
+        }
+        self.next = next;
+    }
+
     /// From the top level into a chunk; false where it is absent or done, or where there is no room.
     #[inline(always)]
-    pub(super) fn enter_chunk(&mut self, reference: u32) -> bool {
+    pub(super) fn enter_chunk(&mut self, simd: impl Simd, reference: u32) -> bool {
         let number = reference & NUMBER;
         let Some(instance) = self.scene.chunk_instance(number) else { return false };
         let Some(chunk) = self.scene.chunk(instance.chunk) else { return false };
@@ -34,22 +68,21 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
                 self.scene.count_chunk(instance.chunk);
             }
         }
-        if self.stack.len() >= self.scene.special.stack_size as usize {
-            self.overflowed = true;
+        if !self.stack.push(Key::RETURN) {
             return false;
         }
-        self.stack.push((RETURN, 0.0));
         self.chunk_instance = number;
         let map = &instance.chunk_from_world;
         let origin = (V3([map[0][3], map[1][3], map[2][3]]), V3(instance.origin_lo));
         let from = difference((self.world.o, self.world.o_lo), origin);
-        self.begin_level(apply_vector(map, from), apply_vector(map, self.world.d), [chunk.nodes, chunk.instances]);
+        let (o, d) = (apply_vector(map, from), apply_vector(map, self.world.d));
+        self.begin_level(simd, o, d, [chunk.nodes, chunk.instances]);
         true
     }
 
     /// Into the target of an instance record; false where there is no room.
     #[inline(always)]
-    pub(super) fn enter(&mut self, record: u32) -> bool {
+    pub(super) fn enter(&mut self, simd: impl Simd, record: u32) -> bool {
         let Some(instance) = self.at.instances.get::<GpuInstance>(record as usize) else { return false };
         let nested = self.scene.has(Features::INSTANCING) && instance.target & TARGET_ASSEMBLY != 0;
         if ANY_HIT && !nested && self.world.shadow_link != 0 && !self.scene.is_linked(self.world.shadow_link, &instance)
@@ -57,30 +90,32 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             return false;
         }
         let no_level = nested && self.level >= self.scene.special.levels();
-        if self.stack.len() >= self.scene.special.stack_size as usize || no_level {
-            self.overflowed = true;
+        if no_level {
+            self.stack.overflowed = true;
             return false;
         }
         let Some(map) = self.scene.placed_map(self.at.instances, &instance, self.world.time) else { return false };
-        let (o, d) = (apply_point(&map, self.at.ray.o), apply_vector(&map, self.at.d));
+        let (o, d) = (apply_point(&map, self.at.ray.origin()), apply_vector(&map, self.at.d));
         let depth = self.level_index();
         if nested {
             let Some(assembly) = self.scene.assembly(self.scene.target_number(instance.target)) else { return false };
-            self.stack.push((RETURN, 0.0));
+            if !self.stack.push(Key::RETURN) {
+                return false;
+            }
             self.chain[depth] = record;
-            self.begin_level(o, d, [assembly.nodes, assembly.instances]);
+            self.begin_level(simd, o, d, [assembly.nodes, assembly.instances]);
         } else {
             let Some(mesh) = self.scene.mesh(self.scene.target_number(instance.target)) else { return false };
-            self.stack.push((RETURN, 0.0));
+            if !self.stack.push(Key::RETURN) {
+                return false;
+            }
             self.chain[depth] = record;
             self.instance = instance;
             self.in_mesh = true;
-            let reciprocal = safe_reciprocal(d);
-            let pad = MESH_PAD * (o.largest() + mesh.reach);
-            self.at.ray = BoxRay { o, reciprocal, around: reciprocal.map(|r| pad * r.abs()) };
+            self.at.ray = simd.box_ray(o, d, MESH_PAD * (o.largest() + mesh.reach));
             self.at.d = d;
-            self.at.nodes = self.scene.view.bytes(mesh.nodes);
-            self.pose = self.scene.pose_of(&mesh, self.world.time);
+            self.at.nodes = self.scene.view.bytes_near(mesh.nodes, &mut self.near.mesh_nodes);
+            self.pose = self.scene.pose_of(&mesh, self.world.time, &mut self.near.items);
             self.triangles = self.pose.triangles;
             self.shear = Shear::new(d);
             self.mesh = mesh;
@@ -90,24 +125,29 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
 
     /// Makes (o, d) the ray of the walk, and remembers it and the arrays for coming back.
     #[inline(always)]
-    fn begin_level(&mut self, o: V3, d: V3, [nodes, instances]: [u64; 2]) {
-        let reciprocal = safe_reciprocal(d);
-        let ray = BoxRay { o, reciprocal, around: reciprocal.map(|r| 0.0 * r.abs()) };
-        let (nodes, instances) = (self.scene.view.bytes(nodes), self.scene.view.bytes(instances));
-        self.at = Level { ray, d, nodes, instances };
+    fn begin_level(&mut self, simd: impl Simd, o: V3, d: V3, [nodes, instances]: [u64; 2]) {
+        let view = self.scene.view;
+        let nodes = view.bytes_near(nodes, &mut self.near.nodes);
+        let instances = view.bytes_near(instances, &mut self.near.instances);
+        self.at = Level { ray: simd.box_ray(o, d, 0.0), d, nodes, instances };
         self.level += 1;
-        let index = self.level_index();
-        self.levels[index] = self.at;
+        self.keep_level();
     }
 
     /// The world ray, at the top level.
     #[inline(always)]
-    pub(super) fn begin_top(&mut self) {
+    pub(super) fn begin_top(&mut self, simd: impl Simd) {
         let WorldRay { o, d, .. } = self.world;
-        let reciprocal = safe_reciprocal(d);
-        let pad = TOP_PAD * o.largest();
-        let ray = BoxRay { o, reciprocal, around: reciprocal.map(|r| pad * r.abs()) };
+        let ray = simd.box_ray(o, d, TOP_PAD * o.largest());
         self.at = Level { ray, d, nodes: self.scene.top_nodes, instances: HostBytes::NONE };
+        self.keep_level();
+    }
+
+    #[inline(always)]
+    fn keep_level(&mut self) {
+        if let Some(level) = self.levels.get_mut(self.level) {
+            *level = self.at;
+        }
     }
 
     /// Back from a mesh to the level that it was entered from, or from an assembly or a chunk to the level above.
@@ -117,10 +157,8 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             self.level = self.level.saturating_sub(1);
         }
         self.in_mesh = false;
-        if self.level == 0 {
-            self.begin_top();
-        } else {
-            self.at = self.levels[self.level_index()];
+        if let Some(level) = self.levels.get(self.level) {
+            self.at = *level;
         }
     }
 }

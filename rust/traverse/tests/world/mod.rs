@@ -10,7 +10,7 @@ use oocpt_shader_abi::{
     GpuTriangle, Leaf, MESH_KEYS_SHIFT, MeshFlags, NO_ROW, Pass, Push, Ray, SPEC_MAX_LEVELS, SPEC_STACK_SIZE,
     ShadowRay, groups, hit_stride,
 };
-use oocpt_traverse::Special;
+use oocpt_traverse::{Instructions, Special};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -171,7 +171,13 @@ impl World {
         };
         let mesh = put(&gpu, "mesh", &[GpuMesh::zeroed()]);
         let world = Self {
-            special: Special { max_levels: 1, stack_size, features },
+            special: Special {
+                max_levels: 1,
+                stack_size,
+                features,
+                geometry_bytes: 0,
+                instructions: Instructions::Widest,
+            },
             passes,
             frame: put(&gpu, "frame", &[Frame::zeroed()]),
             mesh,
@@ -305,15 +311,22 @@ impl World {
         self.traced()
     }
 
-    /// By the host.
+    /// By the host: rays one after the other, and in turns by the instructions that every processor has.
     pub(crate) fn native(&self) -> Traced {
+        let traced = self.native_by(self.special);
+        let other = Special { instructions: Instructions::Portable, geometry_bytes: u64::MAX, ..self.special };
+        assert!(traced == self.native_by(other), "in turns, by portable instructions: other hits");
+        traced
+    }
+
+    fn native_by(&self, special: Special) -> Traced {
         self.clear();
         let written =
             [&self.rays, &self.shadow_rays, &self.hits, &self.radiance, &self.surfaces, &self.escaped, &self.counters];
         let view = self.gpu.host_view(&written).expect("host memory");
         let push = Push::wave(self.frame.address(), 0, self.count, 1);
-        oocpt_traverse::closest(&view, push, self.special).expect("the tables are there");
-        oocpt_traverse::shadow(&view, push, self.special).expect("the tables are there");
+        oocpt_traverse::closest(&view, push, special).expect("the tables are there");
+        oocpt_traverse::shadow(&view, push, special).expect("the tables are there");
         drop(view);
         self.traced()
     }
