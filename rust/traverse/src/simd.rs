@@ -9,9 +9,8 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx2::Avx2;
 
-use crate::leaf::triangle::Shear;
 use crate::node::{BoxRay, MeshChildren, Met};
-use crate::vector::{V3, safe_reciprocal};
+use crate::vector::{V3, dot3, safe_reciprocal};
 use bytemuck::cast;
 use oocpt_shader_abi::{ABSENT, GpuLevelNode, GpuMeshNode};
 use std::fmt::Debug;
@@ -60,9 +59,9 @@ pub(crate) trait Simd: Copy + Debug + Send + Sync {
     /// The ray from `o` along `d` against boxes that are padded by `pad`.
     fn box_ray(self, o: V3, d: V3, pad: f32) -> BoxRay;
 
-    /// The edge functions of a triangle, in the plane across the ray from `o`. Each corner has a fourth number, which
-    /// is nothing.
-    fn edges(self, corners: &[[f32; 4]; 3], o: V3, shear: &Shear) -> Edges;
+    /// The edge functions of a triangle as seen from `o`, in the plane whose two axes these rows give. Each corner has a
+    /// fourth number, which is nothing.
+    fn edges(self, corners: &[[f32; 4]; 3], o: V3, plane: [V3; 2]) -> Edges;
 }
 
 /// What every processor has.
@@ -127,8 +126,8 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn edges(self, corners: &[[f32; 4]; 3], o: V3, shear: &Shear) -> Edges {
-        let [p, q, r] = corners.map(|[x, y, z, _]| shear.apply(V3([x, y, z]) - o));
+    fn edges(self, corners: &[[f32; 4]; 3], o: V3, plane: [V3; 2]) -> Edges {
+        let [p, q, r] = corners.map(|[x, y, z, _]| plane.map(|axis| dot3(axis, V3([x, y, z]) - o)));
         let edge = |p: [f32; 2], q: [f32; 2]| p[0] * q[1] - p[1] * q[0];
         let w = [edge(q, r), edge(r, p), edge(p, q)];
         let is_outside = w.iter().any(|&w| w < 0.0) && w.iter().any(|&w| w > 0.0);
@@ -241,14 +240,15 @@ mod tests {
     fn triangles_have_the_same_edges() {
         let inside = Cell::new(0);
         each(|avx2, numbers, is_odd| {
-            let (o, shear) = (numbers.vector(is_odd), Shear::new(numbers.vector(is_odd)));
+            let o = numbers.vector(is_odd);
+            let plane = [numbers.vector(is_odd), numbers.vector(is_odd)];
             let corners = [(); 3].map(|()| {
                 let V3([x, y, z]) = numbers.vector(is_odd);
                 [x, y, z, f32::from_bits(numbers.bits())]
             });
-            let (a, b) = (Portable.edges(&corners, o, &shear), avx2.edges(&corners, o, &shear));
-            assert_eq!(a.is_outside, b.is_outside, "{corners:?} {o:?} {shear:?}");
-            assert!(a.w.iter().zip(b.w).all(|(&a, b)| same(a, b)), "{corners:?} {o:?} {shear:?}: {a:?} {b:?}");
+            let (a, b) = (Portable.edges(&corners, o, plane), avx2.edges(&corners, o, plane));
+            assert_eq!(a.is_outside, b.is_outside, "{corners:?} {o:?} {plane:?}");
+            assert!(a.w.iter().zip(b.w).all(|(&a, b)| same(a, b)), "{corners:?} {o:?} {plane:?}: {a:?} {b:?}");
             inside.set(inside.get() + u32::from(!is_odd && !a.is_outside));
         });
         assert!(Avx2::try_new().is_none() || inside.get() > 1000, "{inside:?}");

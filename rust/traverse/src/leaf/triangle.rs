@@ -10,8 +10,8 @@ const GRAZING: f32 = 1.0e-4;
 /// The plane across a ray (`make_shear`): along two axes, sheared along the third.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shear {
-    pub(crate) u: V3,
-    pub(crate) v: V3,
+    u: V3,
+    v: V3,
 }
 
 impl Shear {
@@ -27,12 +27,6 @@ impl Shear {
             Self { u: V3([1.0, 0.0, -x / z]), v: V3([0.0, 1.0, -y / z]) }
         }
     }
-
-    /// A point in the plane.
-    #[inline(always)]
-    pub(crate) fn apply(&self, p: V3) -> [f32; 2] {
-        [dot3(self.u, p), dot3(self.v, p)]
-    }
 }
 
 /// Distance, in units of `d`, and barycentrics, where the ray meets the triangle in front of its origin. Each corner
@@ -45,7 +39,7 @@ pub(crate) fn hit_triangle(
     d: V3,
     shear: &Shear,
 ) -> Option<(f32, [f32; 2])> {
-    let Edges { w: [wa, wb, wc], is_outside } = simd.edges(corners, o, shear);
+    let Edges { w: [wa, wb, wc], is_outside } = simd.edges(corners, o, [shear.u, shear.v]);
     let sum = wa + wb + wc;
     if is_outside || sum == 0.0 {
         return None;

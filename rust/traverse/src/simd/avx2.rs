@@ -3,7 +3,6 @@
 //! the last two are the same.
 
 use super::{Edges, Grid, SLAB_PAD, Simd};
-use crate::leaf::triangle::Shear;
 use crate::node::{BoxRay, Met};
 use crate::vector::{V3, tiny_component};
 use bytemuck::cast;
@@ -112,7 +111,7 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn edges(self, corners: &[[f32; 4]; 3], o: V3, shear: &Shear) -> Edges {
+    fn edges(self, corners: &[[f32; 4]; 3], o: V3, plane: [V3; 2]) -> Edges {
         let pulp::x86::V3 { sse, avx, .. } = self.0;
         let [a, b, c]: [__m128; 3] = corners.map(cast);
         // Lanes of the corners a, b, c, c.
@@ -126,7 +125,7 @@ impl Simd for Avx2 {
             let yz = sse._mm_add_ps(sse._mm_mul_ps(ry, y), sse._mm_mul_ps(rz, z));
             sse._mm_add_ps(sse._mm_mul_ps(rx, x), yz)
         };
-        let (u, v) = (apply(shear.u), apply(shear.v));
+        let [u, v] = plane.map(apply);
         // Of the corners q, r, p and r, p, q.
         let (u1, v1) = (avx._mm_permute_ps::<0b11_00_10_01>(u), avx._mm_permute_ps::<0b11_00_10_01>(v));
         let (u2, v2) = (avx._mm_permute_ps::<0b11_01_00_10>(u), avx._mm_permute_ps::<0b11_01_00_10>(v));

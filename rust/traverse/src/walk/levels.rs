@@ -12,7 +12,7 @@ use oocpt_gpu::HostBytes;
 use oocpt_shader_abi::{Features, GpuInstance, GpuLevelNode, LEAF, LISTED, RETURN, TARGET_ASSEMBLY};
 
 impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
-    /// From node to node of a level, until a mesh is entered, a level is behind the ray, the walk ends or its turn does.
+    /// From node to node of a level, until a mesh is entered, a level is behind the ray, the walk or its turn ends.
     #[inline(always)]
     pub(super) fn walk_levels(&mut self, simd: impl Simd, turn: &mut u32) {
         let mut next = self.next;
