@@ -59,8 +59,8 @@ pub(crate) trait Simd: Copy + Debug + Send + Sync {
     /// The ray from `o` along `d` against boxes that are padded by `pad`.
     fn box_ray(self, o: V3, d: V3, pad: f32) -> BoxRay;
 
-    /// The edge functions of a triangle as seen from `o`, in the plane whose two axes these rows give. Each corner has a
-    /// fourth number, which is nothing.
+    /// The edge functions of a triangle as seen from `o`, in the plane whose two axes these rows give. Each corner has
+    /// a fourth number, which is nothing.
     fn edges(self, corners: &[[f32; 4]; 3], o: V3, plane: [V3; 2]) -> Edges;
 }
 

@@ -34,7 +34,7 @@ const TOP_PAD: f32 = 1.8e-7;
 const MESH_PAD: f32 = 2.1e-6;
 /// Steps that a ray may take, a thousand times what rays of the largest scenes take.
 const MOST_STEPS: u32 = 1 << 24;
-/// Geometry of fewer bytes is taken to be in the caches: a ray goes on as long as [`LONG_TURN`] says. Of more every step
+/// Geometry of fewer bytes is taken to be in the caches: a ray goes on as long as [`LONG_TURN`] says. Of more each step
 /// may wait for memory: the ray asks for it, and others take their turns until it is there.
 const CACHED_BYTES: u64 = 16 << 20;
 /// Steps: nodes, leaves or instances.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! AVX2: where a ray enters and where it leaves four boxes are eight lanes; the corners of a triangle are four, of which
-//! the last two are the same.
+//! AVX2: where a ray enters and where it leaves four boxes are eight lanes; the corners of a triangle are four, of
+//! which the last two are the same.
 
 use super::{Edges, Grid, SLAB_PAD, Simd};
 use crate::node::{BoxRay, Met};
