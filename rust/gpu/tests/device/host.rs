@@ -4,7 +4,7 @@
 
 use std::time::Duration;
 
-use oocpt_gpu::{Buffer, Gpu, GpuError, Heap, HostView, Usage};
+use oocpt_gpu::{Buffer, Gpu, GpuError, Heap, HostSpan, HostView, Usage};
 
 use crate::support::{self, LONG, affine, affine_push, finish, read_words, spin, spin_push};
 
@@ -61,8 +61,10 @@ fn a_view_reads_and_writes_inside_of_buffers_only() {
     let gpu = support::open();
     let read = Buffer::new(&gpu, "read", 64, Usage::Device).expect("memory");
     let written = Buffer::new(&gpu, "written", 64, Usage::Device).expect("memory");
+    let more = Buffer::new(&gpu, "more", 64, Usage::Device).expect("memory");
     let mut commands = gpu.commands("fill").expect("a command list");
     commands.fill(&read, 0, 64, 7);
+    commands.fill(&more, 0, 64, 0x0403_0201);
     commands.fill(&written, 0, 64, 0);
     finish(&commands.submit().expect("submitted"));
     let Some(view) = view(&gpu, &[&written]) else { return };
@@ -71,6 +73,21 @@ fn a_view_reads_and_writes_inside_of_buffers_only() {
     assert_eq!((bytes.get::<u32>(11), bytes.get::<u32>(12)), (Some(7), None), "to the last word");
     assert_eq!(bytes.get::<u32>(usize::MAX), None, "no index wraps");
     assert_eq!(bytes.get::<[u32; 4]>(usize::MAX / 16 + 1), None, "nor does a product");
+    assert_eq!((bytes.item::<[u32; 4]>(2), bytes.item::<[u32; 4]>(3)), (Some([7; 4]), None), "as by `get`");
+    assert_eq!((bytes.item::<u32>(12), bytes.item::<[u32; 4]>(u32::MAX)), (None, None), "nothing behind the end");
+    let mut near = HostSpan::NONE;
+    let (first, other) = (read.address(), more.address());
+    for address in [first + 16, first, 0, first + 60, other, other + 8, u64::MAX, first + 63, other + 63, other + 64] {
+        let (found, expected) = (view.bytes_near(address, &mut near), view.bytes(address));
+        assert_eq!((found.at_byte::<u8>(0), found.is_empty()), (expected.at_byte::<u8>(0), expected.is_empty()));
+        for at in [1, 3, 4, 47, 48, 63, 64] {
+            assert_eq!(found.at_byte::<u8>(at), expected.at_byte(at), "byte {at} from {address:#x}");
+        }
+    }
+    let behind = read.address() + 64;
+    assert_eq!(view.bytes_near(behind, &mut near).is_empty(), view.bytes(behind).is_empty(), "the buffer has ended");
+    assert!(view.bytes_near(written.address(), &mut near).is_empty(), "what is written is not read here either");
+    assert!(!view.bytes_near(read.address(), &mut near).is_empty(), "and is not remembered");
     for (index, count) in [(usize::MAX, 1), (0, usize::MAX), (5, 2), (0, 6), (0, 0)] {
         bytes.prefetch::<u64>(index, count);
     }
@@ -83,6 +100,11 @@ fn a_view_reads_and_writes_inside_of_buffers_only() {
     assert!(words.store(14, 5) && !words.store(15, 5), "15 words are left");
     assert_eq!((words.add(14, 2), words.or(14, 8), words.load(14)), (Some(5), Some(7), 15), "one after the other");
     assert_eq!((words.load(15), words.add(usize::MAX, 1)), (0, None), "nothing is there");
+    assert_eq!((words.load_all(13), words.load_all(14)), ([0, 15], [0, 0]), "all of them or none");
+    assert_eq!(words.load_all::<2>(usize::MAX), [0, 0], "no index wraps");
+    for (index, count) in [(usize::MAX, 1), (0, usize::MAX), (14, 1), (14, 2), (0, 0)] {
+        words.prefetch(index, count);
+    }
     assert!(view.words(written.address() + 2).add(0, 1).is_none(), "words are aligned");
 }
 

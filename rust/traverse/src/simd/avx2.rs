@@ -9,12 +9,12 @@ use bytemuck::cast;
 use oocpt_shader_abi::ABSENT;
 use std::arch::x86_64::{__m128, __m128i, __m256, _CMP_GT_OQ, _CMP_LE_OQ, _CMP_LT_OQ};
 
-/// A processor that has AVX2.
+/// A processor that has AVX2, and what else x86-64-v3 has.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Avx2(pulp::x86::V3);
 
 impl Avx2 {
-    /// None where the processor does not have it.
+    /// None where the processor does not have all of it.
     pub(crate) fn try_new() -> Option<Self> {
         pulp::x86::V3::try_new().map(Self)
     }
