@@ -8,8 +8,8 @@
 //!
 //! The way of a ray: `passes` (queues, rays, hit records) -> `walk` (trees) -> `node` (boxes) -> `leaf` (a test for
 //! each kind of item) -> `opacity` and `cutout` (-> `presence` -> `opacity_mask` or `texture`); `motion` gives the maps
-//! of what moves. Memory is reached through [`oocpt_gpu::HostView`], which checks every look. Any thread; the work is
-//! spread over rayon's pool.
+//! of what moves. What a walk does most, `simd` has by what instructions the processor has. Memory is reached through
+//! [`oocpt_gpu::HostView`], which checks every look. Any thread; the work is spread over rayon's pool.
 #![forbid(unsafe_code)]
 
 mod asking;
