@@ -122,8 +122,7 @@ pub(crate) struct Walk<'s, 'v, const ANY_HIT: bool> {
     /// The last key of the list that the ray came back with, if there was more behind it.
     resumed: Option<(f32, u32)>,
     pub(crate) mesh: GpuMesh,
-    pub(crate) triangles: HostBytes<'v>,
-    /// With what of it moves.
+    /// Its items, with what of them moves.
     pub(crate) pose: Pose<'v>,
     shear: Shear,
     /// Records from the chunk to here, and the innermost one.
@@ -159,7 +158,6 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
             in_mesh: false,
             resumed: None,
             mesh: bytemuck::Zeroable::zeroed(),
-            triangles: HostBytes::NONE,
             pose: Pose::NONE,
             shear: Shear::default(),
             chain: [0; MOST_LEVELS],
@@ -282,9 +280,9 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
             (true, true) => self.at.nodes.prefetch::<GpuMeshNode>(number, 1),
             (true, false) => self.at.nodes.prefetch::<GpuLevelNode>(number, 1),
             (false, true) if self.pose.of_points => {
-                self.triangles.prefetch::<GpuPoint>(number, triangles_of(reference) as usize);
+                self.pose.triangles.prefetch::<GpuPoint>(number, triangles_of(reference) as usize);
             }
-            (false, true) => self.triangles.prefetch::<GpuTriangle>(number, triangles_of(reference) as usize),
+            (false, true) => self.pose.triangles.prefetch::<GpuTriangle>(number, triangles_of(reference) as usize),
             (false, false) if self.level > 0 => self.at.instances.prefetch::<GpuInstance>(number, 1),
             (false, false) => self.scene.prefetch_chunk_instance(number),
         }

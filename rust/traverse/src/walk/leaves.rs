@@ -15,7 +15,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     #[inline(always)]
     pub(super) fn visit_triangles(&mut self, simd: impl Simd, begin: u32, end: u32) -> bool {
         for index in begin..end {
-            let Some(triangle) = self.triangles.get::<GpuTriangle>(index as usize) else { return false };
+            let Some(triangle) = self.pose.triangles.get::<GpuTriangle>(index as usize) else { return false };
             let mut corners: [[f32; 4]; 3] = bytemuck::cast(triangle);
             if self.pose.moves {
                 let vertices = [V3(triangle.v0), V3(triangle.v1), V3(triangle.v2)];

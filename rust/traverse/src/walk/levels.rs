@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The part of a walk that changes frames: into chunks, assemblies and meshes, and back.
+//! The part of a walk outside of meshes: nodes of the top level, chunks and assemblies, and the changes of frame into
+//! them, into meshes and back.
 
 use super::stack::Key;
 use super::{Level, MESH_PAD, TOP_PAD, Walk, WorldRay};
@@ -116,7 +117,6 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             self.at.d = d;
             self.at.nodes = self.scene.view.bytes_near(mesh.nodes, &mut self.near.mesh_nodes);
             self.pose = self.scene.pose_of(&mesh, self.world.time, &mut self.near.items);
-            self.triangles = self.pose.triangles;
             self.shear = Shear::new(d);
             self.mesh = mesh;
         }
