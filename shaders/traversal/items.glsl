@@ -22,7 +22,7 @@ uint points_near(uint begin, uint end) {
     return near & all;
 }
 
-// Tests the items of a leaf; true stops the walk: at its end, or with cutouts at a candidate (candidate.end != 0).
+// Tests the items of a leaf; true stops the walk: at its end, or with ASKS_CUTOUTS at a candidate (candidate.end != 0).
 bool visit_triangles(uint begin, uint end) {
     const Shear shear = make_shear(walk.d);
     const bool are_points = HAS_POINTS && walk.pose.radii != 0ul;
@@ -49,9 +49,14 @@ bool visit_triangles(uint begin, uint end) {
         if (!is_closest(t, triangle)) continue;
 #endif
         if (HAS_OPACITY && !is_opaque(triangle, uv)) continue;
-        if (HAS_CUTOUTS) {
+        if (ASKS_CUTOUTS) {
             candidate = Candidate(t, uv, triangle, end);
             return true;
+        }
+        if (DEFERS_CUTOUTS) {
+            const uint presence = masked_presence(triangle, v0, v1, v2, uv, t);
+            if (presence == PRESENCE_UNKNOWN) walk.unsure = min(walk.unsure, t);
+            if (presence != PRESENCE_ALWAYS) continue;
         }
         accept(triangle, uv, t);
 #if ANY_HIT

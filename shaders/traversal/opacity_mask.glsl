@@ -20,19 +20,24 @@ float inside_image(float s, uint wrap) {
     return wrap == WRAP_CLAMP ? clamp(s, 0.0, 1.0) : -1.0;
 }
 
-// What a lookup at st says, as wide as `width` texels.
-uint known_presence(uint64_t mask, vec2 st, float width) {
-    const uvec2 head = ConstUVec2s(mask).v[0];
+// What a lookup at st says, as wide as `width` texels. `head`: the first two words of the mask.
+uint presence_in_mask(uint64_t mask, uvec2 head, vec2 st, float width) {
     st = vec2(inside_image(st.x, head.y & 3u), inside_image(st.y, (head.y >> 2) & 3u));
     float share;
-    const uint pair = select_level(head.y >> 16, width, share);
+    const uint pair = select_level((head.y >> 16) & 0xffu, width, share);
     const uint first = (head.y >> 8) & 0xffu;
     if (!(min(st.x, st.y) >= 0.0) || pair < first) return PRESENCE_UNKNOWN;
     const uvec2 begin = ConstUVec2s(mask).v[1u + pair - first];
-    const vec2 texels = vec2(max(uvec2(head.x & 0xffffu, head.x >> 16) >> pair, uvec2(1u)));
-    const uvec2 at = uvec2(floor(st * texels + 0.5));
-    const uint cell = begin.x + at.y * begin.y + at.x;
+    const uint fine = (begin.y >> 16) & 0xffu;
+    const uvec2 sides = max(uvec2(head.x & 0xffffu, head.x >> 16) >> pair, uvec2(1u)) << fine;
+    const uvec2 at = uvec2(floor(st * vec2(sides) + (fine == 0u ? 0.5 : 0.0)));
+    const uint bin = uint(share * float(1u << (begin.y >> 24)));
+    const uint cell = begin.x + (bin * (sides.y + 1u) + at.y) * (begin.y & 0xffffu) + at.x;
     return (ConstUints(mask).v[cell >> 4] >> ((cell & 15u) * 2u)) & 3u;
+}
+
+uint known_presence(uint64_t mask, vec2 st, float width) {
+    return presence_in_mask(mask, ConstUVec2s(mask).v[0], st, width);
 }
 
 #endif

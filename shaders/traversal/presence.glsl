@@ -86,7 +86,7 @@ Presence presence_of(Pose pose, uint mesh, int prim_id, uint triangle, vec2 uv, 
         p.texture = i.texture;
         p.st = map_place(i, st);
         p.width = lookup_width(i.texture, p.st, footprint, cone, i.row_s, i.row_t);
-        if (HAS_OPACITY_MASKS) p.mask = materials.v[material].opacity_mask;
+        if (HAS_OPACITY_MASKS) p.mask = materials.v[material].cutout.mask;
         p.scale = i.value[p.channel];
         p.bias = i.bias[p.channel];
     }

@@ -67,9 +67,9 @@ void trace_rays(uint count) {
                 reference = descend(reference);
                 if (threads_that(reference < LEAF) < keep_descending) break;
             }
-            const bool asks = HAS_CUTOUTS && reference == ASK;
+            const bool asks = ASKS_CUTOUTS && reference == ASK;
             if (reference >= LEAF && reference != DONE && !asks) reference = visit(reference);
-            if (HAS_CUTOUTS && is_asking_time() && reference == ASK) reference = answer_candidate();
+            if (ASKS_CUTOUTS && is_asking_time() && reference == ASK) reference = answer_candidate();
         } while (threads_that(reference != DONE) >= (visits < PATIENCE ? 1u : more ? keep_walking : last_walking));
         const bool shares = !more && shares_walks();
         bool helped = false;

@@ -72,6 +72,7 @@ void hand_in() {
         handing &= handing - 1u;
         const uint to = subgroupShuffle(owner, from);
         const bool hit = subgroupShuffle(walk.hit, from);
+        const float unsure = DEFERS_CUTOUTS ? subgroupShuffle(walk.unsure, from) : LARGEST;
         Found other;
 #if !ANY_HIT
         other.t = subgroupShuffle(found.t, from);
@@ -80,7 +81,10 @@ void hand_in() {
         other.chunk_instance = subgroupShuffle(found.chunk_instance, from);
         for (uint i = 0u; i < MAX_LEVELS; ++i) other_chain[i] = subgroupShuffle(found_chain[i], from);
 #endif
-        if (gl_SubgroupInvocationID == to) merge(hit, other);
+        if (gl_SubgroupInvocationID == to) {
+            if (DEFERS_CUTOUTS) walk.unsure = min(walk.unsure, unsure);
+            merge(hit, other);
+        }
         if (gl_SubgroupInvocationID == from) {
             end_walk();
             own_walk();
@@ -181,7 +185,8 @@ void share_walks(bool idle) {
     walk.hit_before = false;
     walk.entry = entry;
     walk.level = level;
-    if (HAS_CUTOUTS) candidate.end = 0u;
+    walk.unsure = LARGEST;
+    if (ASKS_CUTOUTS) candidate.end = 0u;
     clear_stack();
     come_back();
     reference = entry > limit ? DONE : begin;

@@ -2,7 +2,8 @@
 // Walk of a ray through the top level, chunks, nested assemblies and meshes: one
 // stack, near child first. traversal/rays.glsl has the loop.
 //
-// Before including, define ANY_HIT as 1 to stop at the first hit, else 0. A surface of opacity a is met with
+// Before including, define ANY_HIT as 1 to stop at the first hit, else 0; and SETTLES as 1 to look cutouts up where
+// DEFERRED_CUTOUTS leaves those out that no mask knows. A surface of opacity a is met with
 // probability a, decided by a hash of seed, instances and triangle; for AOVs (PUSH_AOVS) it is met if a > 0.
 // begin_walk(), then descend() and visit() until `reference` is DONE, then end_walk(): `found` is the closest hit
 // nearer than t_max if walk.hit; at equal distance the hit with the lower (chunk instance, records, triangle) wins, so
@@ -19,6 +20,10 @@
 // what was visited before, since a box is left out only when everything in it is farther.
 #ifndef OOCPT_TRAVERSE_GLSL
 #define OOCPT_TRAVERSE_GLSL
+
+#ifndef SETTLES
+#define SETTLES 0
+#endif
 
 #include "include/affine.glsl"
 #include "include/attribute.glsl"
@@ -38,6 +43,10 @@
 const float CULL_PAD = 1.0000038;
 // A little more than 1 / CULL_PAD.
 const float ENTRY_SCALE = 0.9999964;
+
+// Whether candidates that no mask knows are left out, and remembered, or looked up (0058).
+const bool DEFERS_CUTOUTS = HAS_DEFERRED_CUTOUTS && SETTLES == 0;
+const bool ASKS_CUTOUTS = HAS_CUTOUTS && !DEFERS_CUTOUTS;
 
 struct Found {
     float t;
@@ -82,6 +91,7 @@ struct Walk {
     bool resumed; // the ray has waited, and everything not behind the last of its list is done
     bool hit_before;
     bool hit;
+    float unsure; // distance of the nearest candidate that no mask knows; with DEFERS_CUTOUTS only
 };
 
 // Whether the last walks of a pass are shared by threads (sharing.glsl). Any hit through one level of instances is
@@ -180,6 +190,7 @@ void accept(uint triangle, vec2 uv, float t) {
 #endif
 }
 
+#include "traversal/masked_presence.glsl"
 #include "traversal/items.glsl"
 
 // Makes (o, d) the ray of the walk, and remembers it and the arrays for coming back.
@@ -319,7 +330,7 @@ uint visit(uint at) {
     } else if (!walk.in_mesh) {
         return walk.level == 0u ? enter_chunk(at) : enter(first);
     } else if (visit_triangles(first, first + ((at >> 28) & 7u) + 1u)) {
-        return HAS_CUTOUTS && candidate.end != 0u ? ASK : DONE;
+        return ASKS_CUTOUTS && candidate.end != 0u ? ASK : DONE;
     }
     return pop();
 }
@@ -329,6 +340,7 @@ void no_walk(uint path) {
     walk.path = path;
     walk.hit_before = false;
     walk.hit = false;
+    walk.unsure = LARGEST;
     walk.visits = 0u;
     pending_count = 0u;
     stack_overflow = false;
@@ -353,7 +365,8 @@ void begin_walk(uint64_t ray, uint path, float t_max, uint seed, uint flags) {
     walk.other = false;
     walk.resumed = false;
     walk.hit = false;
-    if (HAS_CUTOUTS) candidate.end = 0u;
+    walk.unsure = LARGEST;
+    if (ASKS_CUTOUTS) candidate.end = 0u;
     begin_top();
     clear_stack();
     reference = 0u;

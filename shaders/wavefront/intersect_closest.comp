@@ -3,76 +3,14 @@
 // some.
 // Reads: ray_queue[round & 1], rays, the scene. Writes: hits of the rays that hit; pushes the path to surface_queue or
 // escaped_queue. With streaming also: rays (flags), pending, progress; pushes to deferred, and to the other two queues
-// only when the path's shadow ray has finished too.
+// only when the path's shadow ray has finished too. With DEFERRED_CUTOUTS also: pushes the paths whose hit depends on a
+// cutout's texture to settle_queue[0] instead.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
 #define ANY_HIT 0
 #define NEXT ray_next
-#include "traversal/rays.glsl"
-#include "include/hit.glsl"
-#include "include/opacity_seed.glsl"
-
-void store_hit(uint path) {
-    uvec3 first = uvec3(found_chain[0], 0u, 0u);
-    if (MAX_LEVELS > 1u) first.y = found_chain[1u % MAX_LEVELS];
-    if (MAX_LEVELS > 2u) first.z = found_chain[2u % MAX_LEVELS];
-    store_hit_header(path, HitHeader(found.uv, found.triangle, found.chunk_instance, found.t), first);
-    for (uint level = 3u; level < MAX_LEVELS; ++level) store_hit_level(path, level, found_chain[level]);
-}
-
-void load_hit(uint path) {
-    const HitHeader hit = load_hit_header(path);
-    found = Found(hit.t, hit.uv, hit.triangle, hit.chunk_instance);
-    for (uint level = 0u; level < MAX_LEVELS; ++level) found_chain[level] = load_hit_level(path, level);
-}
-
-// Whether there is none to find: the path ends.
-bool is_path_ended(uint path) {
-    return HAS_ROULETTE && (ray_flags(ray_address(path)) & RAY_ENDED) != 0u;
-}
-
-void begin_ray(uint at) {
-    const uint path = ConstUints(FRAME.ray_queue[push.round & 1u]).v[at];
-    if (is_path_ended(path)) {
-        no_walk(path);
-        return;
-    }
-    const uint64_t ray = ray_address(path);
-    const uint flags = HAS_STREAMING ? ray_flags(ray) : 0u;
-    if (HAS_STREAMING && (flags & RAY_HIT) != 0u) load_hit(path);
-    begin_walk(ray, path, ray_t_max(ray), opacity_seed(path, 2u * ray_bounce(ray)), flags);
-}
-
-// Pushes finished paths and rays that wait.
-void store_progress(uint path, bool ended) {
-    const bool hit = walk.hit || walk.hit_before;
-    const bool waits = ended && pending_count > 0u;
-    uint bits = CLOSEST_DONE;
-    if (ended) {
-        bits |= is_path_ended(path) ? PATH_ENDS : hit ? CLOSEST_HIT : 0u;
-        const uint flags = (hit ? RAY_HIT : 0u) | (walk.hit ? RAY_CHANGED : 0u);
-        set_ray_flags(ray_address(path), flags | pending_flags());
-    }
-    if (waits) store_pending(path);
-    push_deferred(path, waits);
-    push_finished(path, ended && !waits ? finish(path, bits) : 0u);
-    ADD_EACH(visits, ended ? walk.visits : 0u);
-}
-
-void end_ray(bool ended) {
-    const uint path = walk.path;
-    if (ended && walk.hit) store_hit(path);
-    if (HAS_STREAMING) {
-        store_progress(path, ended);
-        return;
-    }
-    uint to;
-    QUEUE_SLOT(to, surface_count, ended && walk.hit);
-    if (ended && walk.hit) Uints(FRAME.surface_queue).v[to] = path;
-    QUEUE_SLOT(to, escaped_count, ended && !walk.hit);
-    if (ended && !walk.hit) Uints(FRAME.escaped_queue).v[to] = path;
-}
+#include "traversal/closest_rays.glsl"
 
 void main() {
     trace_rays(COUNTERS.ray_count[push.round & 1u]);

@@ -4,6 +4,7 @@
 // arg0 = PREPARE_SHADE, round r: for shade_surface and shade_background of round r.
 // arg0 = PREPARE_DEMAND: for what reads the deferred rays, and for retire_paths.
 // arg0 = PREPARE_RESOLVE: for resolve_materials.
+// arg0 = PREPARE_SETTLE: for settle_closest and settle_shadow.
 // Reads and writes: Counters. Totals of rays are counted here, those of AOVs left out.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -58,6 +59,7 @@ void prepare_trace() {
     COUNTERS.shadow_rays += uint64_t(shadows);
     COUNTERS.surface_count = 0u;
     COUNTERS.escaped_count = 0u;
+    for (uint i = 0u; HAS_DEFERRED_CUTOUTS && i < 2u; ++i) COUNTERS.settle_count[i] = 0u;
 }
 
 void prepare_shade() {
@@ -67,6 +69,13 @@ void prepare_shade() {
     COUNTERS.shadow_count = 0u;
     if (HAS_STREAMING) add_totals();
     if (HAS_STREAMING && HAS_TEXTURES) COUNTERS.resolve_count = 0u;
+}
+
+void prepare_settle() {
+    for (uint i = 0u; i < 2u; ++i) {
+        COUNTERS.settle_args[i] = walkers(COUNTERS.settle_count[i], max(FRAME.most_walkers, 1u));
+        COUNTERS.settle_next[i] = threads(COUNTERS.settle_args[i]);
+    }
 }
 
 void prepare_demand() {
@@ -82,4 +91,5 @@ void main() {
     if (push.arg0 == PREPARE_SHADE) prepare_shade();
     if (push.arg0 == PREPARE_RESOLVE) COUNTERS.resolve_args = indirect(COUNTERS.resolve_count);
     if (push.arg0 == PREPARE_DEMAND) prepare_demand();
+    if (HAS_DEFERRED_CUTOUTS && push.arg0 == PREPARE_SETTLE) prepare_settle();
 }

@@ -364,7 +364,8 @@ impl Renderer {
         let most = if is_cpu(device) { 1 << 17 } else { MAX_WAVE };
         let wanted = paths(job).clamp(MIN_WAVE, most).next_power_of_two();
         let textures = features.contains(Features::TEXTURES);
-        let needs = PathNeeds { textures, light_paths, feedback: textures };
+        let deferred_cutouts = features.contains(Features::DEFERRED_CUTOUTS);
+        let needs = PathNeeds { textures, light_paths, feedback: textures, deferred_cutouts };
         let fits = |waves: &PathBuffers| waves.serves(view.max_levels, needs) && waves.asked >= wanted;
         if self.waves.as_ref().is_some_and(fits) {
             return Ok(());

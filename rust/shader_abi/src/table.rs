@@ -115,12 +115,19 @@ passes! {
     /// The closest hit of each ray of a round.
     IntersectClosest = INTERSECT_CLOSEST, When::ALWAYS, Indirect(Counters::TRACE_ARGS),
         "`ray_queue[r & 1]`, `rays`, scene; streaming: what waiting rays keep"
-        => "`hits`; pushes to `surface_queue` or `escaped_queue`; streaming: `progress`, pending lists, flags of rays, \
-            pushes to `deferred`";
+        => "`hits`; pushes to `surface_queue`, `escaped_queue` or `settle_queue[0]`; streaming: `progress`, pending \
+            lists, flags of rays, pushes to `deferred`";
     /// Whether something is in the way of each shadow ray.
     IntersectShadow = INTERSECT_SHADOW, When::ALWAYS, Indirect(Counters::SHADOW_ARGS),
         "`shadow_queue`, `shadow_rays`, scene; streaming: what waiting rays keep"
-        => "adds to `radiance`; streaming: as `intersect_closest`";
+        => "adds to `radiance`; pushes to `settle_queue[1]`; streaming: as `intersect_closest`";
+    /// The closest hit of the rays whose hit depends on a cutout's texture.
+    SettleClosest = SETTLE_CLOSEST, When::with(Features::DEFERRED_CUTOUTS), Indirect(Counters::SETTLE_CLOSEST_ARGS),
+        "`settle_queue[0]`, `rays`, scene, textures"
+        => "`hits`; pushes to `surface_queue` or `escaped_queue`; requests of tiles";
+    /// Whether something is in the way of the shadow rays that met nothing but what depends on a cutout's texture.
+    SettleShadow = SETTLE_SHADOW, When::with(Features::DEFERRED_CUTOUTS), Indirect(Counters::SETTLE_SHADOW_ARGS),
+        "`settle_queue[1]`, `shadow_rays`, scene, textures" => "adds to `radiance`; requests of tiles";
     /// Keeps the surfaces that rays met in this round.
     RecordSurfaces = RECORD_SURFACES, When::with(STREAMING), Indirect(Counters::RAY_ARGS),
         "`ray_queue[r & 1]`, `hits`, scene" => "`surfaces` of hits found in this round";
@@ -229,9 +236,11 @@ pub fn document() -> String {
     text
 }
 
-const INDIRECT: [(&str, u64); 8] = [
+const INDIRECT: [(&str, u64); 10] = [
     ("TRACE_ARGS", Counters::TRACE_ARGS),
     ("SHADOW_ARGS", Counters::SHADOW_ARGS),
+    ("SETTLE_CLOSEST_ARGS", Counters::SETTLE_CLOSEST_ARGS),
+    ("SETTLE_SHADOW_ARGS", Counters::SETTLE_SHADOW_ARGS),
     ("RAY_ARGS", Counters::RAY_ARGS),
     ("RESOLVE_ARGS", Counters::RESOLVE_ARGS),
     ("SURFACE_ARGS", Counters::SURFACE_ARGS),

@@ -33,13 +33,16 @@ fn inside_image(s: f32, wrap: u32) -> Option<f32> {
 pub(crate) fn known_presence(mask: HostBytes<'_>, st: [f32; 2], width: f32) -> Option<bool> {
     let [size, head] = mask.get::<[u32; 2]>(0)?;
     let st = [inside_image(st[0], head & 3)?, inside_image(st[1], (head >> 2) & 3)?];
-    let (pair, _) = select_level(head >> 16, width);
+    let (pair, share) = select_level((head >> 16) & 0xff, width);
     let behind_first = pair.checked_sub((head >> 8) & 0xff)?;
-    let [begin, columns] = mask.get::<[u32; 2]>(1 + behind_first as usize)?;
-    let side = |size: u32| size.checked_shr(pair).unwrap_or(0).max(1) as f32;
-    let texels = [side(size & 0xffff), side(size >> 16)];
-    let at = [0, 1].map(|i| (st[i] * texels[i] + 0.5).floor() as u32);
-    let cell = begin.wrapping_add(at[1].wrapping_mul(columns)).wrapping_add(at[0]);
+    let [begin, cut] = mask.get::<[u32; 2]>(1 + behind_first as usize)?;
+    let (columns, fine, bins) = (cut & 0xffff, (cut >> 16) & 0xff, (cut >> 24) & 7);
+    let side = |size: u32| size.checked_shr(pair).unwrap_or(0).max(1).checked_shl(fine).unwrap_or(0);
+    let sides = [side(size & 0xffff), side(size >> 16)];
+    let first = if fine == 0 { 0.5 } else { 0.0 };
+    let at = [0, 1].map(|i| (st[i] * sides[i] as f32 + first).floor() as u32);
+    let row = ((share * (1 << bins) as f32) as u32).wrapping_mul(sides[1].wrapping_add(1)).wrapping_add(at[1]);
+    let cell = begin.wrapping_add(row.wrapping_mul(columns)).wrapping_add(at[0]);
     match (mask.get::<u32>((cell >> 4) as usize)? >> ((cell & 15) * 2)) & 3 {
         NEVER => Some(false),
         ALWAYS => Some(true),

@@ -40,8 +40,8 @@ pub(crate) struct Presence {
 
 /// A member of a material in the table of them.
 macro_rules! member {
-    ($scene:expr, $material:expr, $member:ident) => {
-        $scene.of_material($material, offset_of!(GpuMaterial, $member))
+    ($scene:expr, $material:expr, $($member:ident).+) => {
+        $scene.of_material($material, offset_of!(GpuMaterial, $($member).+))
     };
 }
 
@@ -127,7 +127,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         let cone = scene.cone_width(self.world.path, if ANY_HIT { 0.0 } else { t });
         let d = self.direction();
         let width = scene.lookup_width(input.texture, st, footprint, cone * dot3(d, d).sqrt(), map);
-        let mask = if scene.has(Features::OPACITY_MASKS) { member!(scene, material, opacity_mask)? } else { 0 };
+        let mask = if scene.has(Features::OPACITY_MASKS) { member!(scene, material, cutout.mask)? } else { 0 };
         let lookup = Lookup { texture: input.texture, st, width, channel };
         let at = channel as usize & 3;
         Some(Opacity::Texel { lookup, scale: input.value[at], bias: input.bias[at], mask })

@@ -54,6 +54,7 @@ struct Frame {
     uint64_t shadow_queue;
     uint64_t surface_queue;
     uint64_t escaped_queue;
+    uint64_t settle_queue[2];
     uint64_t streaming;
     uint64_t counters;
     uint64_t film;

@@ -75,6 +75,9 @@ struct Counters {
     IndirectArgs retire_args;
     uint retired_from;
     uint retired_to;
+    uint settle_count[2];
+    uint settle_next[2];
+    IndirectArgs settle_args[2];
     uint pad;
 };
 

@@ -97,6 +97,16 @@ struct GpuInput {
     uint texture;
 };
 
+struct GpuCutout {
+    vec3 row_s;
+    uint set;
+    vec3 row_t;
+    uint size;
+    uint64_t mask;
+    uint modes;
+    uint is_even;
+};
+
 struct GpuMaterial {
     GpuInput inputs[19];
     uint flags;
@@ -106,8 +116,7 @@ struct GpuMaterial {
     uint program;
     uint program_sizes;
     vec4 primvar_fallback[2];
-    uint64_t opacity_mask;
-    uint64_t pad;
+    GpuCutout cutout;
 };
 
 struct GpuPrim {

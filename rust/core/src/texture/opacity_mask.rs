@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is known of a cutout without its texture: for every place and every pair of levels that a lookup can mix,
-//! whether all that the lookup could give means that the surface is there, or that it is not, or neither. After the
-//! states of opacity micromaps (Gruen, Benthin and Woop 2020, "Sub-Triangle Opacity Masks for Faster Ray Tracing of
-//! Transparent Objects"), but of the texture and by level, since a lookup here is as wide as its ray's cone.
+//! What is known of a cutout without its texture: for every place and every width of a lookup, whether all that the
+//! lookup could give means that the surface is there, or that it is not, or neither. After the states of opacity
+//! micromaps (Gruen, Benthin and Woop 2020, "Sub-Triangle Opacity Masks for Faster Ray Tracing of Transparent Objects"),
+//! but of the texture and by level, since a lookup here is as wide as its ray's cone.
 //!
 //! Words, u32: width | height << 16 of level 0; wrap modes of s and of t (two bits each) | first pair << 8 | last pair
-//! << 16; for each pair the number of its first cell and the cells of a row; cells, 16 to a word, lowest bits first.
-//! Pair k is of levels k and k + 1, the last one of the coarsest level alone. Its cell (i, j) is for places from texel
-//! centre i - 1 to i and j - 1 to j of level k, so it has one more than the level has texels along either side.
+//! << 16; for each pair the number of its first cell, and the cells of a row | [`Fineness::cells`] << 16 |
+//! [`Fineness::bins`] << 24; cells, 16 to a word, lowest bits first. Pair k is of levels k and k + 1, the last one of
+//! the coarsest level alone. Its cells are by the share of the coarser level (a bin is a part of 0 to 1), row, column.
+//! With one cell to a texel, cell i is for places from texel centre i - 1 to i of level k; with more, all begin at
+//! place 0. Either way there is one more than fit along a side.
+//!
+//! A width need be known to 1 / [`WIDTHS`] of itself only.
 //!
 //! Pure; any thread. `shaders/traversal/opacity_mask.glsl` reads it.
 
@@ -15,11 +19,16 @@ use super::{Layout, Wrap};
 
 /// Levels with a longer side have no mask.
 pub const MASK_SIDE: u32 = 512;
+/// How exactly the width of a lookup has to be known.
+pub(super) const WIDTHS: f64 = 64.0;
 /// Of what a lookup can give, on either side, as a share of what the texels around can: the shader may be off by less
 /// than that of a texel when it picks the cell.
 const PLACE_SLACK: f64 = 1.0 / 128.0;
 /// The same, as a share of the largest texel: rounding of the mean of eight.
 const ROUNDING: f64 = 1.0e-5;
+/// A level with a longer side has one cell to a texel.
+const FINE_SIDE: u32 = 128;
+
 /// How a material asks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OpacityQuery {
@@ -45,12 +54,14 @@ pub enum Presence {
 }
 
 /// See the module.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct OpacityMask {
     /// What the shaders read.
     pub words: Vec<u32>,
     /// The surface is there whatever the place and the width.
     pub is_opaque: bool,
+    /// Share of the cells that say nothing, the mean of all pairs.
+    pub unknown: f32,
 }
 
 /// The first pair of levels that a mask is made for.
@@ -58,6 +69,25 @@ pub struct OpacityMask {
 pub fn first_pair(layout: &Layout) -> u32 {
     let is_small = |level: &u32| layout.level_size(*level).iter().all(|side| *side <= MASK_SIDE);
     (0..layout.levels()).find(is_small).unwrap_or(0)
+}
+
+/// How finely a pair of levels is cut, as powers of two.
+#[derive(Clone, Copy, Debug)]
+struct Fineness {
+    /// Cells along a texel.
+    cells: u32,
+    /// Bins of the coarser level's share.
+    bins: u32,
+}
+
+impl Fineness {
+    /// Of a pair that begins with a level of this size.
+    fn of(size: [u32; 2], has_coarser: bool) -> Self {
+        let side = size[0].max(size[1]);
+        let cells = (0..4).find(|cells| side << cells >= FINE_SIDE).unwrap_or(4);
+        let bins = if !has_coarser || side > 2 * FINE_SIDE { 0 } else if side > FINE_SIDE { 1 } else { 2 };
+        Self { cells, bins }
+    }
 }
 
 impl OpacityMask {
@@ -68,7 +98,7 @@ impl OpacityMask {
         let last = layout.levels().checked_sub(1)?;
         let levels: Vec<Level<'_>> = (first..=last)
             .zip(values)
-            .map(|(level, values)| Level { size: layout.level_size(level), values })
+            .map(|(level, values)| Level { size: layout.level_size(level), values, wrap: query.wrap })
             .collect();
         let is_whole = levels.len() == (last - first + 1) as usize
             && levels.iter().all(|level| level.values.len() == level.size[0] as usize * level.size[1] as usize);
@@ -76,39 +106,26 @@ impl OpacityMask {
         if !is_whole || width > 0xffff || height > 0xffff {
             return None;
         }
-        let pairs = levels.len();
-        let mut cell = 16 * (2 + 2 * pairs);
         let mut words = vec![
             width | height << 16,
             wrap_bits(query.wrap[0]) | wrap_bits(query.wrap[1]) << 2 | first << 8 | last << 16,
         ];
-        for level in &levels {
-            let columns = level.size[0] + 1;
-            words.extend([u32::try_from(cell).ok()?, columns]);
-            cell += (columns as usize * (level.size[1] as usize + 1)).next_multiple_of(16);
-        }
-        // Cells at the rim have what lies beside the image.
+        words.resize(2 + 2 * levels.len(), 0);
         let mut is_opaque = first == 0;
-        for (at, level) in levels.iter().enumerate() {
-            let pair = Pair { finer: level, coarser: levels.get(at + 1), query };
-            let (columns, rows) = (level.size[0] + 1, level.size[1] + 1);
-            let mut word = 0;
-            let mut count = 0;
-            for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
-                let known = pair.at([column, row]);
-                is_opaque &= known == Presence::Always;
-                word |= (known as u32) << (2 * (count % 16));
-                count += 1;
-                if count % 16 == 0 {
-                    words.push(word);
-                    word = 0;
-                }
-            }
-            if count % 16 != 0 {
-                words.push(word);
-            }
+        let mut unknown = 0.0;
+        for at in 0..levels.len() {
+            let fineness = Fineness::of(levels[at].size, at + 1 < levels.len());
+            let cells = Pair { levels: &levels, at, fineness, query, is_first: at == 0 && first > 0 }.cells();
+            is_opaque &= cells.known.iter().all(|known| *known == Presence::Always);
+            let of_pair = cells.known.iter().filter(|known| **known == Presence::Unknown).count();
+            unknown += of_pair as f32 / (cells.known.len() * levels.len()) as f32;
+            words[2 + 2 * at] = u32::try_from(16 * words.len()).ok()?;
+            words[3 + 2 * at] = cells.columns | fineness.cells << 16 | fineness.bins << 24;
+            words.extend(cells.known.chunks(16).map(|of_word| {
+                of_word.iter().enumerate().fold(0, |word, (i, known)| word | (*known as u32) << (2 * i))
+            }));
         }
-        Some(Self { words, is_opaque })
+        Some(Self { words, is_opaque, unknown })
     }
 }
 
@@ -122,108 +139,16 @@ fn wrap_bits(wrap: Wrap) -> u32 {
     }
 }
 
-struct Level<'a> {
-    size: [u32; 2],
-    values: &'a [f32],
-}
-
-impl Level<'_> {
-    /// Texel `x` of an axis, wherever it is; `None` is transparent black.
-    fn wrapped(&self, axis: usize, x: i64, wrap: Wrap) -> Option<usize> {
-        let size = i64::from(self.size[axis]);
-        let x = match wrap {
-            _ if (0..size).contains(&x) => x,
-            Wrap::UseMetadata | Wrap::Black => return None,
-            Wrap::Clamp => x.clamp(0, size - 1),
-            Wrap::Repeat => x.rem_euclid(size),
-            Wrap::Mirror => {
-                let x = x.rem_euclid(2 * size);
-                x.min(2 * size - 1 - x)
-            }
-        };
-        usize::try_from(x).ok()
-    }
-
-    fn texel(&self, at: [i64; 2], wrap: [Wrap; 2]) -> f32 {
-        match (self.wrapped(0, at[0], wrap[0]), self.wrapped(1, at[1], wrap[1])) {
-            (Some(x), Some(y)) => self.values.get(y * self.size[0] as usize + x).copied().unwrap_or(f32::NAN),
-            _ => 0.0,
-        }
-    }
-}
-
-/// Smallest and largest of some texels.
-#[derive(Clone, Copy)]
-struct Hull {
-    low: f32,
-    high: f32,
-    is_finite: bool,
-}
-
-impl Hull {
-    const EMPTY: Self = Self { low: f32::INFINITY, high: f32::NEG_INFINITY, is_finite: true };
-
-    fn add(&mut self, value: f32) {
-        self.low = self.low.min(value);
-        self.high = self.high.max(value);
-        self.is_finite &= value.is_finite();
-    }
-}
-
-struct Pair<'a> {
-    finer: &'a Level<'a>,
-    coarser: Option<&'a Level<'a>>,
-    query: &'a OpacityQuery,
-}
-
-impl Pair<'_> {
-    fn at(&self, cell: [u32; 2]) -> Presence {
-        // Of the texels that a lookup in the cell mixes, and of one more around, which it may if it is at the edge.
-        let (mut near, mut around) = (Hull::EMPTY, Hull::EMPTY);
-        let fine = cell.map(|i| (i64::from(i) - 1, i64::from(i)));
-        self.add(self.finer, fine, &mut near, &mut around);
-        if let Some(coarser) = self.coarser {
-            let range = |axis: usize| {
-                let (from, to) = (self.finer.size[axis], coarser.size[axis]);
-                // In halves of texels of the finer level, from 0 to its whole side.
-                let ends = [2 * i64::from(cell[axis]) - 1, 2 * i64::from(cell[axis]) + 1];
-                // x * to / (2 from) - 1/2, rounded down.
-                let [low, high] = ends.map(|end| {
-                    let x = end.clamp(0, 2 * i64::from(from));
-                    (x * i64::from(to) - i64::from(from)).div_euclid(2 * i64::from(from))
-                });
-                (low, high + 1)
-            };
-            self.add(coarser, [range(0), range(1)], &mut near, &mut around);
-        }
-        self.query.decide(near, around)
-    }
-
-    fn add(
-        &self,
-        level: &Level<'_>,
-        [(left, right), (bottom, top)]: [(i64, i64); 2],
-        near: &mut Hull,
-        around: &mut Hull,
-    ) {
-        for (y, x) in (bottom - 1..=top + 1).flat_map(|y| (left - 1..=right + 1).map(move |x| (y, x))) {
-            let value = level.texel([x, y], self.query.wrap);
-            around.add(value);
-            if (left..=right).contains(&x) && (bottom..=top).contains(&y) {
-                near.add(value);
-            }
-        }
-    }
-}
-
 impl OpacityQuery {
+    /// What is known where a lookup gives `low` to `high` of texels from `least` to `most`.
     fn decide(&self, near: Hull, around: Hull) -> Presence {
         if !around.is_finite || !self.scale.is_finite() || !self.bias.is_finite() {
             return Presence::Unknown;
         }
-        if near.low == near.high && around.low == around.high {
+        if around.low == around.high {
             // The mean of equal texels is that texel, and the rest is worked out as the shaders do.
-            let opacity = near.low * self.scale + self.bias;
+            #[expect(clippy::cast_possible_truncation, reason = "a texel")]
+            let opacity = around.low as f32 * self.scale + self.bias;
             return match self.threshold > 0.0 {
                 true if opacity >= self.threshold => Presence::Always,
                 true if opacity < self.threshold => Presence::Never,
@@ -237,10 +162,9 @@ impl OpacityQuery {
             return Presence::Unknown;
         }
         let [scale, bias, threshold] = [self.scale, self.bias, self.threshold].map(f64::from);
-        let [low, high, least, most] = [near.low, near.high, around.low, around.high].map(f64::from);
-        let largest = least.abs().max(most.abs());
-        let slack = (most - least) * PLACE_SLACK + largest * ROUNDING;
-        let [a, b] = [low - slack, high + slack].map(|value| value * scale + bias);
+        let largest = around.low.abs().max(around.high.abs());
+        let slack = (around.high - around.low) * PLACE_SLACK + largest * ROUNDING;
+        let [a, b] = [near.low - slack, near.high + slack].map(|value| value * scale + bias);
         let rounding = (largest * scale.abs() + bias.abs()) * ROUNDING;
         if a.min(b) - rounding >= threshold {
             Presence::Always
@@ -251,6 +175,10 @@ impl OpacityQuery {
         }
     }
 }
+
+mod cells;
+
+use cells::{Hull, Level, Pair};
 
 #[cfg(test)]
 #[path = "opacity_mask_tests.rs"]

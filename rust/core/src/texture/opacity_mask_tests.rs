@@ -48,12 +48,14 @@ fn known(mask: &OpacityMask, layout: &Layout, st: [f32; 2], width: f64) -> Optio
     assert_eq!([size & 0xffff, size >> 16], layout.size());
     let (first, last) = (modes >> 8 & 0xff, modes >> 16);
     let pair = if width < 1.0 { 0 } else { (width.log2().floor() as u32).min(last) };
+    let share = if width < 1.0 || pair == last { 0.0 } else { width / f64::from(1 << pair) - 1.0 };
     let at = 2 + 2 * pair.checked_sub(first)? as usize;
-    let (begin, columns) = (mask.words[at], mask.words[at + 1]);
-    let size = layout.level_size(pair);
-    let [x, y] = [0, 1].map(|axis| (st[axis] * size[axis] as f32 + 0.5).floor() as u32);
-    assert!(x <= size[0] && y <= size[1], "a cell of the mask");
-    let cell = begin + y * columns + x;
+    let (begin, cut) = (mask.words[at], mask.words[at + 1]);
+    let (columns, fine, bins) = (cut & 0xffff, cut >> 16 & 0xff, cut >> 24);
+    let sides = layout.level_size(pair).map(|side| side << fine);
+    let [x, y] = [0, 1].map(|axis| (st[axis] * sides[axis] as f32 + if fine == 0 { 0.5 } else { 0.0 }).floor() as u32);
+    assert!(x < columns && x <= sides[0] && y <= sides[1], "a cell of the mask");
+    let cell = begin + ((share * f64::from(1 << bins)) as u32 * (sides[1] + 1) + y) * columns + x;
     Some(mask.words[cell as usize / 16] >> (2 * (cell % 16)) & 3)
 }
 
@@ -128,23 +130,58 @@ fn what_is_known_is_what_lookups_say() {
 #[test]
 fn what_is_known_at_the_rim() {
     let layout = Layout::new([4, 1], 1).expect("a layout");
-    let values = vec![vec![1.0, 1.0, 0.0, 0.0], vec![1.0, 0.0], vec![0.5]];
+    let values = vec![vec![1.0, 1.0, 0.0, 0.0], vec![1.0, 0.0], vec![0.9]];
+    // At the end, an eighth of a texel from it (half and half with what is beside), and well inside.
     for (wrap, first, last) in [
-        (Wrap::Clamp, 2, 1),
-        (Wrap::Mirror, 2, 1),
-        (Wrap::Repeat, 0, 0),
-        (Wrap::Black, 0, 1),
-        (Wrap::UseMetadata, 0, 1),
+        (Wrap::Clamp, [2, 2, 2], [1, 1, 1]),
+        (Wrap::Mirror, [2, 2, 2], [1, 1, 1]),
+        (Wrap::Repeat, [0, 2, 2], [0, 1, 1]),
+        (Wrap::Black, [0, 2, 2], [1, 1, 1]),
+        (Wrap::UseMetadata, [0, 2, 2], [1, 1, 1]),
     ] {
         let query = OpacityQuery { wrap: [wrap, Wrap::Clamp], scale: 1.0, bias: 0.0, threshold: 0.5 };
         let mask = OpacityMask::new(&layout, &values, &query).expect("a mask");
-        let at = |s: f32, width: f64| known(&mask, &layout, [s, 0.5], width);
-        assert_eq!([at(0.05, 0.5), at(0.95, 0.5)], [Some(first), Some(last)], "{wrap:?}");
-        assert_eq!(at(0.5, 0.5), Some(0), "{wrap:?}: between both");
-        // One texel all over, at the threshold: it is there.
-        let coarsest = if matches!(wrap, Wrap::Black | Wrap::UseMetadata) { 0 } else { 2 };
-        assert_eq!(at(0.3, 4.0), Some(coarsest), "{wrap:?}");
+        let at = |s: f32, width: f64| known(&mask, &layout, [s, 0.5], width).expect("a cell");
+        assert_eq!([0.0, 0.04, 0.1].map(|s| at(s, 0.5)), first, "{wrap:?}");
+        assert_eq!([1.0, 0.96, 0.9].map(|s| at(s, 0.5)), last, "{wrap:?}");
+        // Half and half between both: not known so near, but beside.
+        assert_eq!([0.5, 0.45, 0.55].map(|s| at(s, 0.5)), [0, 2, 1], "{wrap:?}");
+        // One texel all over, and a little of what is finer.
+        assert_eq!(at(0.3, 4.0), 2, "{wrap:?}");
     }
+}
+
+/// A width that is off by less than 1 / [`WIDTHS`] of itself finds a cell that knows no more than the right one's lookup
+/// says, also from one pair of levels to the next.
+#[test]
+fn what_is_known_holds_for_a_width_that_is_a_little_off() {
+    let mut random = Random(5);
+    let layout = Layout::new([32, 32], 4).expect("a layout");
+    let mut differ = 0;
+    for case in 0..40 {
+        // Levels that have nothing to do with each other.
+        let values = levels(&layout, |_, _, _| random.between(0.0, 1.0));
+        let query = OpacityQuery { wrap: [WRAPS[case % 4]; 2], scale: 1.0, bias: 0.0, threshold: 0.5 };
+        let mask = OpacityMask::new(&layout, &values, &query).expect("a mask");
+        let texel = |level: u32, x: u32, y: u32| {
+            [f64::from(values[level as usize][(y * layout.level_size(level)[0] + x) as usize]); 4]
+        };
+        let sampler = Sampler { layout, wrap: query.wrap, texel };
+        for _ in 0..4000 {
+            let st = [0, 1].map(|_| random.between(0.0, 1.0));
+            let level = 2.0_f64.powi(random.below(7) as i32);
+            let width = if random.below(2) == 0 { level } else { level * f64::from(random.between(1.0, 2.0)) };
+            let off = width * (1.0 + f64::from(random.between(-0.99, 0.99)) / WIDTHS);
+            let opacity = sampler.lookup(st.map(f64::from), width)[0];
+            match known(&mask, &layout, st, off) {
+                Some(1) => assert!(opacity < 0.5, "{st:?} {width} {off}: {opacity}"),
+                Some(2) => assert!(opacity >= 0.5, "{st:?} {width} {off}: {opacity}"),
+                _ => continue,
+            }
+            differ += u32::from(width.log2().floor() != off.log2().floor());
+        }
+    }
+    assert!(differ > 1000, "{differ} widths of the next pair");
 }
 
 #[test]

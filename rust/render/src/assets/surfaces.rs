@@ -3,12 +3,13 @@
 
 use super::source::rate_of;
 use crate::textures::OpacityMasks;
-use oocpt_core::material::{Input, Material, MaterialFlags, PTEX_SET_ID, UvSet};
+use bytemuck::Zeroable;
+use oocpt_core::material::{Input, InputName, Material, MaterialFlags, PTEX_SET_ID, UvSet};
 use oocpt_core::materialx::program::{Lookup, Program};
 use oocpt_core::mesh::{MeshSummary, PrimvarSummary};
 use oocpt_core::scene::{NO_MATERIAL, PrimRecord, SurfaceTables};
 use oocpt_shader_abi as abi;
-use oocpt_shader_abi::{GpuAttribute, GpuInput, GpuMaterial, GpuPrim};
+use oocpt_shader_abi::{GpuAttribute, GpuCutout, GpuInput, GpuMaterial, GpuPrim};
 
 /// The tables of a snapshot as the shaders read them.
 #[derive(Debug)]
@@ -38,8 +39,9 @@ impl SurfaceEntries {
     /// The same with masks of what is known of cutouts, which lie at `address`.
     pub(crate) fn with_masks(mut self, masks: &OpacityMasks, address: u64) -> Self {
         for (number, material) in self.materials.iter_mut().enumerate() {
-            let begin = masks.first_word(number);
-            material.opacity_mask = begin.map_or(0, |word| address + size_of::<u32>() as u64 * u64::from(word));
+            if let Some(word) = masks.first_word(number) {
+                material.cutout = cutout(material, masks, word, address);
+            }
         }
         for slot in self.slots.iter_mut().filter(|slot| **slot != NO_MATERIAL) {
             if masks.is_opaque((*slot & !abi::SLOT_PRESENCE) as usize) {
@@ -59,6 +61,37 @@ impl SurfaceEntries {
         ];
         let has_materials = !surfaces.materials.is_empty();
         sizes.into_iter().filter(move |_| has_materials)
+    }
+}
+
+/// How far from a similarity the map of an even cutout may be: the sum of the squares of its axes over twice their
+/// product. What rounds a footprint's direction may be off by so much more.
+const MOST_UNEVEN: f32 = 16.0;
+
+/// Whether a map from texture coordinates to texels, by rows, keeps the width of lookups as [`GpuCutout::is_even`] says.
+pub(crate) fn is_even([a, b]: [f32; 2], [c, d]: [f32; 2]) -> bool {
+    a * a + b * b + c * c + d * d <= 2.0 * MOST_UNEVEN * (a * d - b * c).abs()
+}
+
+/// Of a material whose mask begins at a word of those at `address`. Only what reads a texture at a set has a mask.
+fn cutout(material: &GpuMaterial, masks: &OpacityMasks, word: u32, address: u64) -> GpuCutout {
+    let GpuInput { row_s, row_t, kind, .. } = material.inputs[InputName::Opacity as usize];
+    let set = (kind >> abi::INPUT_SET_SHIFT & 1) as usize;
+    let at = word as usize;
+    let [size, modes] = [at, at + 1].map(|word| masks.words.get(word).copied().unwrap_or(0));
+    #[expect(clippy::cast_precision_loss, reason = "at most 65535 texels")]
+    let [[a, b], [c, d]] = [(row_s, size & 0xffff), (row_t, size >> 16)].map(|([x, y, _], side)| {
+        let side = side as f32;
+        [x * side, y * side]
+    });
+    GpuCutout {
+        row_s,
+        set: material.names[set],
+        row_t,
+        size,
+        mask: address + size_of::<u32>() as u64 * u64::from(word),
+        modes,
+        is_even: is_even([a, b], [c, d]).into(),
     }
 }
 
@@ -155,8 +188,7 @@ fn material(material: &Material, programs: &mut Vec<[u32; 4]>) -> GpuMaterial {
         program,
         program_sizes,
         primvar_fallback,
-        opacity_mask: 0,
-        pad: 0,
+        cutout: GpuCutout::zeroed(),
     }
 }
 

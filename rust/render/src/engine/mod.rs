@@ -20,7 +20,7 @@ use crate::device::Specialisation;
 use crate::error::RenderError;
 use crate::inventory::{self, Compiled};
 use crate::progress::Progress;
-use crate::setting::{Setting, maps_host};
+use crate::setting::{Setting, is_cpu, maps_host};
 use crate::shared::Gate;
 use crate::specialise;
 use crate::timings::Timings;
@@ -29,6 +29,7 @@ use crate::wavefront::{Backend, Kind, Native, Passes, PathBuffers, Recorder};
 use crate::{assets::SceneView, device::WAVE_TIMEOUT};
 use drive::{Outcome, run};
 use oocpt_core::inventory::Inventory;
+use oocpt_core::settings::TraversalKind;
 use oocpt_gpu::{Buffer, Commands, Submission, Usage};
 use oocpt_shader_abi::{Features, Frame};
 
@@ -76,6 +77,12 @@ impl Parts {
         needed.set(Features::CLIPPING, !setting.clip_planes.is_empty());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         needed.set(Features::STREAMING, streams);
+        // While streaming a ray waits for the texture of a cutout as it does for chunks.
+        let walks_natively = is_cpu(setting.device) && job.settings.traversal != TraversalKind::Compute;
+        let defers = !streams && !walks_natively && needed.contains(Features::OPACITY_MASKS);
+        if defers && view.masks_know_most {
+            needed.insert(Features::DEFERRED_CUTOUTS);
+        }
         let counts = !job.settings.chunk_report.is_empty() || maps_host(setting.device, &job.settings);
         needed.set(Features::CHUNK_COUNTS, streams && counts);
         needed.set(Features::ROULETTE, streams && job.settings.straggler_roulette);

@@ -104,7 +104,12 @@ impl StreamBuffers {
                 gpu,
                 capacity,
                 levels,
-                PathNeeds { textures: needs.textures, light_paths: needs.light_paths, feedback: false },
+                PathNeeds {
+                    textures: needs.textures,
+                    light_paths: needs.light_paths,
+                    feedback: false,
+                    deferred_cutouts: false,
+                },
             )?,
             ended,
             asked,

@@ -21,6 +21,10 @@ use std::sync::Arc;
 /// Of all masks of a scene: they are always resident.
 const MOST_BYTES: usize = 64 << 20;
 
+/// Share of what rays ask of cutouts that masks may not know, for the rest to be looked up in passes of its own: a ray
+/// that comes to it is walked twice.
+const MOST_UNKNOWN: f32 = 0.25;
+
 /// Image, channel, wrap modes, and the bits of scale, bias and threshold.
 type MaskKey = (u64, u8, [u32; 2], [u32; 3]);
 
@@ -38,6 +42,9 @@ pub(crate) struct OpacityMasks {
     are_opaque: Vec<bool>,
     /// Whether some material has to be asked.
     pub(crate) has_cutouts: bool,
+    /// Materials that have to be asked, and the sum of the shares of their cells that say nothing; 1 without a mask.
+    asked: u32,
+    unknown: f32,
     /// What of them only the shaders look up, in words.
     pub(crate) of_shaders: Option<&'static str>,
 }
@@ -46,6 +53,13 @@ impl OpacityMasks {
     /// The first word of a material's mask.
     pub(crate) fn first_word(&self, material: usize) -> Option<u32> {
         self.first_words.get(material).copied().flatten()
+    }
+
+    /// Whether masks know most of what rays ask, each material and each width taken as likely.
+    pub(crate) fn know_most(&self) -> bool {
+        #[expect(clippy::cast_precision_loss, reason = "a share")]
+        let asked = self.asked as f32;
+        !self.words.is_empty() && self.unknown <= MOST_UNKNOWN * asked
     }
 
     /// Whether a material's surfaces are there, whatever it says of opacity.
@@ -92,6 +106,10 @@ impl TextureCache {
             });
             let is_asked = material.flags.contains(MaterialFlags::PRESENCE) && !is_opaque;
             masks.has_cutouts |= is_asked;
+            if is_asked {
+                masks.asked += 1;
+                masks.unknown += mask.filter(|_| first.is_some()).map_or(1.0, |(_, mask)| mask.unknown);
+            }
             masks.of_shaders = masks.of_shaders.or(only_shaders(material, records).filter(|_| is_asked));
             masks.first_words.push(first);
             masks.are_opaque.push(is_opaque);

@@ -62,7 +62,9 @@ impl Backend {
 
     /// Whether the frame has a pipeline of `pass`.
     pub(crate) fn has(self, pass: Pass) -> bool {
-        !self.is_native || !matches!(pass, Pass::IntersectClosest | Pass::IntersectShadow)
+        let traces =
+            [Pass::IntersectClosest, Pass::IntersectShadow, Pass::SettleClosest, Pass::SettleShadow].contains(&pass);
+        !self.is_native || !traces
     }
 
     /// For the stats.

@@ -9,6 +9,8 @@ use std::sync::Arc;
 
 /// Bytes of a ray's cone.
 pub(crate) const CONE_BYTES: u64 = 8;
+/// Bytes of a path in the queues of rays and of shadow rays that depend on cutouts that no mask knows.
+const SETTLE_BYTES: u64 = 8;
 
 /// What only some scenes ask of paths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +21,8 @@ pub(crate) struct PathNeeds {
     pub(crate) light_paths: bool,
     /// A flag per path that lacks a texture tile: in core, tiles are loaded on demand.
     pub(crate) feedback: bool,
+    /// Queues of the rays that depend on cutouts that no mask knows.
+    pub(crate) deferred_cutouts: bool,
 }
 
 /// See the module.
@@ -41,6 +45,8 @@ pub(crate) struct PathBuffers {
     cones: Option<Buffer>,
     /// Only where lights ask for it.
     light_paths: Option<Buffer>,
+    /// Only where these have passes of their own; of rays, then of shadow rays.
+    settle_queue: Option<Buffer>,
     /// Only where texture tiles are loaded on demand.
     pub(crate) incomplete_paths: Option<Buffer>,
     /// One `Counters`; also the arguments of the indirect dispatches.
@@ -66,6 +72,7 @@ impl PathBuffers {
             escaped_queue: per_path("escaped_queue", 4)?,
             cones: needs.textures.then(|| per_path("cones", CONE_BYTES)).transpose()?,
             light_paths: needs.light_paths.then(|| per_path("light_paths", LIGHT_PATH_BYTES)).transpose()?,
+            settle_queue: needs.deferred_cutouts.then(|| per_path("settle_queue", SETTLE_BYTES)).transpose()?,
             incomplete_paths: needs.feedback.then(|| per_path("incomplete_paths", 4)).transpose()?,
             counters: Buffer::new(gpu, "counters", size_of::<Counters>() as u64, Usage::Device)?,
         })
@@ -86,6 +93,7 @@ impl PathBuffers {
         let optional = [
             ("cones", &self.cones, CONE_BYTES),
             ("light_paths", &self.light_paths, LIGHT_PATH_BYTES),
+            ("settle_queue", &self.settle_queue, SETTLE_BYTES),
             ("incomplete_paths", &self.incomplete_paths, 4),
         ];
         for (name, buffer, stride) in optional {
@@ -102,6 +110,7 @@ impl PathBuffers {
             textures: self.cones.is_some(),
             light_paths: self.light_paths.is_some(),
             feedback: self.incomplete_paths.is_some(),
+            deferred_cutouts: self.settle_queue.is_some(),
         };
         self.max_levels == levels && have == needs
     }
@@ -123,6 +132,9 @@ impl PathBuffers {
         frame.shadow_queue = self.shadow_queue.address();
         frame.surface_queue = self.surface_queue.address();
         frame.escaped_queue = self.escaped_queue.address();
+        if let Some(queue) = &self.settle_queue {
+            frame.settle_queue = [0, queue.size() / 2].map(|half| queue.address() + half);
+        }
         frame.cones = self.cones.as_ref().map_or(0, Buffer::address);
         frame.light_paths = self.light_paths.as_ref().map_or(0, Buffer::address);
         frame.counters = self.counters.address();

@@ -10,8 +10,8 @@ use crate::film::{Film, error_groups};
 use crate::wave::Wave;
 use oocpt_gpu::{Buffer, Commands};
 use oocpt_shader_abi::{
-    AOV_ESCAPED, AOV_SURFACES, Counters, Launch, PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, Pass, Push, PushFlags,
-    groups,
+    AOV_ESCAPED, AOV_SURFACES, Counters, Launch, PREPARE_RESOLVE, PREPARE_SETTLE, PREPARE_SHADE, PREPARE_TRACE, Pass,
+    Push, PushFlags, groups,
 };
 
 /// What paths are for.
@@ -85,6 +85,13 @@ impl Recorder<'_> {
                 self.indirect(c, Pass::IntersectShadow, q.with(round, 0));
             }
         });
+        if self.has(Pass::SettleClosest) {
+            self.direct(commands, Pass::PrepareDispatch, q.with(round, PREPARE_SETTLE), 1);
+            commands.concurrent(|c| {
+                self.indirect(c, Pass::SettleClosest, q.with(round, 0));
+                self.indirect(c, Pass::SettleShadow, q.with(round, 0));
+            });
+        }
     }
 
     /// Shades what the rays of a round met; with streaming those of earlier rounds too whose last ray is done now.

@@ -136,8 +136,11 @@ features! {
     MIXTURES: "mixtures by chance", [PATTERNS], Materials;
     /// The opacity of some material is worked out by a program.
     CUTOUT_PROGRAMS: "cutouts by programs", [CUTOUTS, PATTERNS], MaterialsInCore;
-    /// What textures say of some cutout is known in part without them: `GpuMaterial::opacity_mask` counts.
+    /// What textures say of some cutout is known in part without them: `GpuMaterial::cutout` counts.
     OPACITY_MASKS: "masks of what is known of cutouts", [CUTOUTS, TEXTURES], Never;
+    /// Trace passes ask masks only; rays whose hit depends on what these do not know have passes of their own:
+    /// `Frame::settle_queue` counts.
+    DEFERRED_CUTOUTS: "cutouts that no mask knows in passes of their own", [OPACITY_MASKS], Never;
     /// Some material emits light.
     EMISSION: "emission of surfaces", [MATERIALS], Materials;
     /// Some primvar has a value per instance: `primvars` of chunks and assemblies, and `Frame::placed_values`, count.

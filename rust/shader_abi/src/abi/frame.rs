@@ -40,6 +40,8 @@ pub const PREPARE_SHADE: u32 = 1;
 pub const PREPARE_DEMAND: u32 = 2;
 /// `arg0` of `prepare_dispatch`, streaming with textures: arguments for `resolve_materials`.
 pub const PREPARE_RESOLVE: u32 = 3;
+/// `arg0` of `prepare_dispatch`, deferred cutouts: arguments for `settle_closest` and `settle_shadow`.
+pub const PREPARE_SETTLE: u32 = 4;
 /// `arg0` of `sort_deferred_scan`: blocks of [`SCAN_BLOCK`] counts, each for itself.
 pub const SCAN_BLOCKS: u32 = 0;
 /// `arg0` of `sort_deferred_scan`: the sums of the blocks.
@@ -149,6 +151,9 @@ pub struct Frame {
     pub surface_queue: u64,
     /// Queue of the paths whose ray left the scene, wave size.
     pub escaped_queue: u64,
+    /// Queues of the paths whose ray, and whose shadow ray, depends on a cutout that no mask knows, wave size; 0 without
+    /// `Features::DEFERRED_CUTOUTS`.
+    pub settle_queue: [u64; 2],
     /// One [`crate::Streaming`]; 0 without `Features::STREAMING`.
     pub streaming: u64,
     /// One [`crate::Counters`].

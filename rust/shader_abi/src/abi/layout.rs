@@ -4,7 +4,7 @@
 //! Guarantees: the members are listed in full: a struct literal pattern without `..` fails to compile otherwise.
 
 use super::{
-    Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCameraKey,
+    Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCutout, GpuCameraKey,
     GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuClipPlane, GpuInfiniteLight, GpuInput, GpuInstance,
     GpuLevelNode, GpuLightKey, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
     GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuMotionKey,
@@ -92,6 +92,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         shadow_queue,
         surface_queue,
         escaped_queue,
+        settle_queue,
         streaming,
         counters,
         film,
@@ -226,9 +227,9 @@ pub const LAYOUTS: &[StructLayout] = &[
         program,
         program_sizes,
         primvar_fallback,
-        opacity_mask,
-        pad
+        cutout
     }),
+    layout!(GpuCutout { row_s, set, row_t, size, mask, modes, is_even }),
     layout!(GpuPrim { first_slot, slot_count, link_set, pad }),
     layout!(GpuAttribute { values, name, rate_and_width }),
     layout!(GpuSurfaceMaterial { uv, primvars, tangent, material, footprints, handedness, flags }),
@@ -379,6 +380,9 @@ pub const LAYOUTS: &[StructLayout] = &[
         retire_args,
         retired_from,
         retired_to,
+        settle_count,
+        settle_next,
+        settle_args,
         pad
     }),
     layout!(FilmPixel { sum, compensation, m2, samples, m2_compensation, pad0, earlier, pad1 }),

@@ -63,7 +63,7 @@ pub struct GpuInput {
     pub texture: u32,
 }
 
-/// A material, 1312 B.
+/// A material, 1344 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct GpuMaterial {
@@ -85,11 +85,28 @@ pub struct GpuMaterial {
     pub program_sizes: u32,
     /// What primvars are where a mesh does not have them, for the program.
     pub primvar_fallback: [[f32; 4]; 2],
-    /// What is known of its opacity without its texture (`oocpt_core::texture::OpacityMask`), 16-byte aligned; 0:
-    /// nothing.
-    pub opacity_mask: u64,
-    /// 0.
-    pub pad: u64,
+    /// What is known of its opacity without its texture.
+    pub cutout: GpuCutout,
+}
+
+/// What is known of a material's opacity without its texture, and what a walk needs to look it up, 48 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuCutout {
+    /// Rows of the map from its set of texture coordinates: as of the input.
+    pub row_s: [f32; 3],
+    /// Number of the name of that set.
+    pub set: u32,
+    /// See `row_s`.
+    pub row_t: [f32; 3],
+    /// Words 0 and 1 of the mask: size and modes.
+    pub size: u32,
+    /// `oocpt_core::texture::OpacityMask`, 16-byte aligned; 0: nothing is known.
+    pub mask: u64,
+    /// See `size`.
+    pub modes: u32,
+    /// 1: the map keeps angles and lengths well enough for the width of a lookup to be known to a hundredth.
+    pub is_even: u32,
 }
 
 /// What a prim looks like, 16 B; by prim id + 1.

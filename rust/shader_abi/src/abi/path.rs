@@ -193,6 +193,12 @@ pub struct Counters {
     pub retired_from: u32,
     /// It ends here.
     pub retired_to: u32,
+    /// Paths in `Frame::settle_queue[i]`.
+    pub settle_count: [u32; 2],
+    /// In those queues the first path that no thread has begun.
+    pub settle_next: [u32; 2],
+    /// For `settle_closest` and `settle_shadow`.
+    pub settle_args: [IndirectArgs; 2],
     /// 0.
     pub pad: u32,
 }
@@ -206,6 +212,10 @@ impl Counters {
     pub const DEFERRED_ARGS: u64 = offset_of!(Self, deferred_args) as u64;
     /// Byte offset of the indirect arguments of `intersect_closest`.
     pub const TRACE_ARGS: u64 = offset_of!(Self, trace_args) as u64;
+    /// Byte offset of the indirect arguments of `settle_closest`.
+    pub const SETTLE_CLOSEST_ARGS: u64 = offset_of!(Self, settle_args) as u64;
+    /// Byte offset of the indirect arguments of `settle_shadow`.
+    pub const SETTLE_SHADOW_ARGS: u64 = Self::SETTLE_CLOSEST_ARGS + size_of::<IndirectArgs>() as u64;
     /// Byte offset of the indirect arguments of `record_surfaces`.
     pub const RAY_ARGS: u64 = offset_of!(Self, ray_args) as u64;
     /// Byte offset of the indirect arguments of `shade_surface`.

@@ -44,7 +44,7 @@ impl World {
         let mut materials: Vec<GpuMaterial> = bytemuck::cast_slice(&words[..4 * size_of::<GpuMaterial>() / 4]).to_vec();
         for material in &mut materials {
             material.names = material.names.map(|name| if name > 8 { name } else { name & 3 });
-            material.opacity_mask = if random.below(2) == 0 { somewhere(random) } else { 0 };
+            material.cutout.mask = if random.below(2) == 0 { somewhere(random) } else { 0 };
             let input = &mut material.inputs[opacity.expect("an input")];
             (input.kind, input.texture) = (random.word(), small(random, 40));
         }

@@ -2,6 +2,7 @@
 //! What cones cover of textures, by the shaders, against singular values in f64: random ellipses, and such as are none.
 
 use super::bench::{open, unit};
+use crate::assets::is_even;
 use bytemuck::Zeroable;
 use glam::{DMat2, DVec2, DVec3};
 use oocpt_core::texture::{ellipse, filter_width};
@@ -26,8 +27,8 @@ const FRONT: Query = Query {
     cone: 1.0,
 };
 
-/// The packed ellipse and the filter's width of each.
-fn ask(queries: &[Query]) -> Vec<([u32; 2], f32)> {
+/// The packed ellipse and the filter's width of each, and the width that masks are asked with.
+fn ask(queries: &[Query]) -> Vec<([u32; 2], f32, f32)> {
     let gpu = open();
     let spec = (Features::MATERIALS | Features::TEXTURES).constants();
     let module = &checks::CHECK_FOOTPRINT;
@@ -60,7 +61,7 @@ fn ask(queries: &[Query]) -> Vec<([u32; 2], f32)> {
     let messages = gpu.take_validation_messages();
     assert!(messages.is_empty(), "Vulkan validation: {messages:?}");
     let words: Vec<[u32; 4]> = answers.map(|bytes| bytemuck::pod_collect_to_vec(bytes)).expect("mapped");
-    words.iter().map(|w| ([w[0], w[1]], f32::from_bits(w[2]))).collect()
+    words.iter().map(|w| ([w[0], w[1]], f32::from_bits(w[2]), f32::from_bits(w[3]))).collect()
 }
 
 fn expected(q: &Query) -> [f64; 2] {
@@ -101,7 +102,7 @@ fn widths_agree_with_singular_values_in_double_precision() {
     let queries: Vec<Query> = (0..20_000).map(random).collect();
     let answers = ask(&queries);
     let (mut packed, mut flat, mut thin) = (0.0_f64, 0, 0);
-    for (q, (_, width)) in queries.iter().zip(answers) {
+    for (q, (_, width, _)) in queries.iter().zip(answers) {
         let axes = expected(q);
         let want = filter_width(axes);
         thin += u32::from(axes[0] > 16.0 * axes[1]);
@@ -151,7 +152,7 @@ fn what_is_no_ellipse_has_a_width_all_the_same() {
         ("tiny", Query { vectors: FRONT.vectors.map(|v| v.map(|x| x * 1.0e-18)), ..FRONT }, 64.0e-18),
     ];
     let answers = ask(&cases.map(|(_, query, _)| query));
-    for ((name, _, width), (packed, got)) in cases.iter().zip(answers) {
+    for ((name, _, width), (packed, got, _)) in cases.iter().zip(answers) {
         let is_near = if width.is_finite() { (got - width).abs() <= 1e-3 * width } else { got > 1.0e30 };
         assert!(is_near, "{name}: {got}, not {width} ({packed:x?})");
     }
@@ -171,7 +172,62 @@ fn strips_keep_their_shorter_axis() {
     };
     let queries: Vec<Query> =
         (0..300).map(|i| strip(i, [[8192, 128], [1, 300], [128, 8192], [16_384, 16]][i as usize % 4])).collect();
-    for (q, (_, width)) in queries.iter().zip(ask(&queries)) {
+    for (q, (_, width, _)) in queries.iter().zip(ask(&queries)) {
         assert!((width - 3.0).abs() < 0.01, "{q:?}: {width} texels, not 3");
     }
+}
+
+/// Masks allow for 1/64; `GpuCutout::is_even` says for which maps they are asked.
+#[test]
+fn masks_are_asked_with_nearly_the_width() {
+    let queries: Vec<Query> = (0..40_000).map(random).collect();
+    let (mut told, mut usual, mut worst) = (0, 0, 0.0_f32);
+    for (q, (_, width, near)) in queries.iter().zip(ask(&queries)) {
+        let [a, b, c, d] = q.rows;
+        let [x, y] = q.size.map(|side| side as f32);
+        if !is_even([a * x, b * x], [c * y, d * y]) {
+            continue;
+        }
+        // Edges are as long as the normal.
+        let is_usual = q.vectors.iter().all(|v| (1e-3..1e3).contains(&glam::Vec3::from(*v).length()));
+        usual += u32::from(is_usual);
+        if near == -1.0 {
+            continue;
+        }
+        told += u32::from(is_usual);
+        let off = (near / width - 1.0).abs();
+        worst = worst.max(off);
+        assert!(off < 1.0 / 64.0, "{q:?}: {near}, not {width}");
+    }
+    assert!(usual > 1000 && 10 * told > 7 * usual, "most are told: {told} of {usual}");
+    assert!(worst > 1e-4, "as near as that is not by chance: {worst}");
+}
+
+#[test]
+fn masks_are_not_asked_with_a_width_of_what_is_no_ellipse() {
+    let (nan, inf) = (f32::NAN, f32::INFINITY);
+    let with = |k: usize, vector: [f32; 3]| {
+        let mut q = FRONT;
+        q.vectors[k] = vector;
+        q
+    };
+    let cases = [
+        ("along one line", with(1, [1.0, 0.0, 0.0])),
+        ("a point", Query { vectors: [[0.0; 3], [0.0; 3], FRONT.vectors[2], FRONT.vectors[3]], ..FRONT }),
+        ("edge on", with(3, [0.0, 1.0, 0.0])),
+        ("no direction", with(3, [0.0; 3])),
+        ("no normal", with(2, [0.0; 3])),
+        ("no number", with(0, [nan, 0.0, 0.0])),
+        ("no direction that is a number", with(3, [nan; 3])),
+        ("endless", with(0, [inf, 0.0, 0.0])),
+        ("huge", with(0, [3.0e38, 0.0, 0.0])),
+        ("tiny", Query { vectors: FRONT.vectors.map(|v| v.map(|x| x * 1.0e-18)), ..FRONT }),
+        ("a cone that is no number", Query { cone: nan, ..FRONT }),
+        ("a map to a line", Query { rows: [1.0, 0.0, 0.0, 0.0], ..FRONT }),
+    ];
+    for ((name, _), (.., near)) in cases.iter().zip(ask(&cases.map(|(_, query)| query))) {
+        assert!(near == -1.0, "{name}: {near}");
+    }
+    let [(_, width, near)] = ask(&[FRONT])[..] else { panic!("one answer") };
+    assert!((near - width).abs() < 0.1, "from in front: {near}, {width}");
 }

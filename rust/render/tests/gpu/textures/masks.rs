@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What masks say of cutouts is what lookups say: the same bits with masks and without, in core and streaming.
+//! What masks say of cutouts is what lookups say: the same bits with masks and without, in core, where lookups may have
+//! passes of their own, and streaming.
 
 use super::*;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::settings::TraversalKind;
+use oocpt_shader_abi::Features;
 
 /// Image, wrap modes, factor, summand, threshold (0: a probability).
 type Cut = (&'static str, [&'static str; 2], f32, f32, f32);
@@ -41,8 +43,30 @@ fn material_of(path: &str, (file, wraps, scale, bias, threshold): Cut) -> Materi
     desc
 }
 
-/// Leaves of all sizes, each kind cut in another way, whose coordinates leave the image on all sides.
+const AROUND: [[f32; 2]; 4] = [[-0.7, -1.2], [1.8, -0.9], [2.1, 1.6], [-1.3, 1.9]];
+
+/// Leaves of all sizes, each kind cut in another way, of which every other one has coordinates that leave the image on
+/// all sides.
 fn cut_in_many_ways(db: &mut SceneDb) {
+    cut_with(db, |kind| kind.is_multiple_of(2).then_some(AROUND));
+}
+
+/// The same with coordinates that no author means.
+fn cut_with_bad_coordinates(db: &mut SceneDb) {
+    let (nan, inf) = (f32::NAN, f32::INFINITY);
+    let bad = [
+        [[0.3, 0.6]; 4],
+        [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [-1.0, -1.0]],
+        [[nan, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]],
+        [[0.0, 0.0], [inf, 0.0], [1.0, 1.0], [0.0, 1.0]],
+        [[-1.0e30, 0.0], [1.0e30, 0.0], [1.0e30, 1.0], [-1.0e30, 1.0]],
+        [[0.2, 0.2], [0.2 + 1.0e-6, 0.2], [0.2 + 1.0e-6, 0.9], [0.2, 0.9]],
+        [[3.0e38, 3.0e38], [-3.0e38, 3.0e38], [-3.0e38, -3.0e38], [3.0e38, -3.0e38]],
+    ];
+    cut_with(db, |kind| Some(bad[kind as usize % bad.len()]));
+}
+
+fn cut_with(db: &mut SceneDb, coordinates: impl Fn(u32) -> Option<[[f32; 2]; 4]>) {
     let ground = DMat4::from_scale(DVec3::splat(20.0));
     db.upsert_mesh(square(prim("/ground", ground), 1, 0.5));
     db.upsert_light(dome([1.0; 3]));
@@ -65,9 +89,8 @@ fn cut_in_many_ways(db: &mut SceneDb) {
         let material = format!("{name}_material");
         desc.display_color = constant([0.2_f32, 0.5, 0.1]);
         desc = with_st(desc, 1.0, &material);
-        if kind % 2 == 0 {
-            let st = vec![[-0.7, -1.2], [1.8, -0.9], [2.1, 1.6], [-1.3, 1.9]];
-            desc.primvars[0].primvar.values = TypedArray::of(st);
+        if let Some(st) = coordinates(kind) {
+            desc.primvars[0].primvar.values = TypedArray::of(st.to_vec());
         }
         db.upsert_mesh(desc);
         db.upsert_material(material_of(&material, cut));
@@ -75,20 +98,31 @@ fn cut_in_many_ways(db: &mut SceneDb) {
 }
 
 fn with_masks(are_there: bool, budget: Option<u32>) -> Render {
-    masked(are_there, budget, small_chunks()).0
+    masked(cut_in_many_ways, (are_there, false), budget, small_chunks()).0
 }
 
-fn masked(are_there: bool, budget: Option<u32>, settings: Settings) -> (Render, Session) {
-    let faults = Faults { no_opacity_masks: !are_there, ..Faults::default() };
+/// Whether there are masks, and whether what they do not know has passes of its own.
+type Masks = (bool, bool);
+
+fn masked(
+    build: fn(&mut SceneDb),
+    (are_there, are_apart): Masks,
+    budget: Option<u32>,
+    settings: Settings,
+) -> (Render, Session) {
+    let more_features = if are_apart { Features::DEFERRED_CUTOUTS } else { Features::empty() };
+    let faults = Faults { no_opacity_masks: !are_there, more_features, ..Faults::default() };
     let force_streaming = budget.is_some();
     let settings = Settings { geometry_budget_kib: budget.unwrap_or(0), ..settings };
     let wanted = settings.traversal;
-    let session = session(settings, SessionOptions { faults, force_streaming, ..options() }, cut_in_many_ways);
+    let session = session(settings, SessionOptions { faults, force_streaming, ..options() }, build);
     render_with_messages(&session, &close());
-    let Inventory { features: listed, traversal: used, .. } = session.stats().inventory;
+    let Inventory { features: listed, traversal: used, passes, .. } = session.stats().inventory;
     assert!(wanted != TraversalKind::Native || used.backend == "native", "{used:?}");
-    let feature = listed.iter().find(|feature| feature.name == "OPACITY_MASKS").expect("a feature");
-    assert_eq!(feature.present, are_there, "masks are used where they are wanted");
+    let has = |name: &str| listed.iter().find(|feature| feature.name == name).expect("a feature").present;
+    assert_eq!(has("OPACITY_MASKS"), are_there, "masks are used where they are wanted");
+    let settles = passes.iter().filter(|pass| pass.name.starts_with("settle_") && pass.made).count();
+    assert_eq!((has("DEFERRED_CUTOUTS"), settles), (are_apart, if are_apart { 2 } else { 0 }), "passes of their own");
     let render = Render { images: read_all(&session, &close()), stats: session.stats().streaming };
     (render, session)
 }
@@ -99,6 +133,8 @@ fn masks_say_of_cutouts_what_their_textures_say() {
     let known = with_masks(true, None);
     assert!(known.images == asked.images, "the picture differs in core");
     assert!(known.stats.in_core, "all of it fits");
+    let (apart, _) = masked(cut_in_many_ways, (true, true), None, small_chunks());
+    assert!(apart.images == asked.images, "the picture differs where lookups have passes of their own");
     let without = with_masks(false, Some(600));
     assert!(without.images == asked.images, "the picture differs without masks");
     for budget in [600, 2 << 10] {
@@ -111,17 +147,26 @@ fn masks_say_of_cutouts_what_their_textures_say() {
     }
 }
 
+#[test]
+fn masks_stand_coordinates_that_are_none() {
+    let (asked, _) = masked(cut_with_bad_coordinates, (false, false), None, small_chunks());
+    for masks in [(true, false), (true, true)] {
+        let (known, _) = masked(cut_with_bad_coordinates, masks, None, small_chunks());
+        assert!(known.images == asked.images, "{masks:?}: the picture differs");
+    }
+}
+
 /// The host looks at masks and textures as the shaders do. On a device with memory of its own there is nothing to
 /// compare.
 #[test]
 fn cutouts_walked_natively_are_those_of_the_shaders() {
-    let (shaders, session) = masked(true, None, small_chunks());
+    let (shaders, session) = masked(cut_in_many_ways, (true, false), None, small_chunks());
     if !session.device_report().expect("a device").host_memory {
         return;
     }
     let native = Settings { traversal: TraversalKind::Native, ..small_chunks() };
     for (are_there, budget) in [(false, None), (true, None), (false, Some(600)), (true, Some(600))] {
-        let (host, _) = masked(are_there, budget, native.clone());
+        let (host, _) = masked(cut_in_many_ways, (are_there, false), budget, native.clone());
         assert!(host.images == shaders.images, "with masks: {are_there}, KiB: {budget:?}: the picture differs");
         assert!(budget.is_none() || host.stats.texture_loads > 0, "tiles were loaded: {:?}", host.stats);
     }

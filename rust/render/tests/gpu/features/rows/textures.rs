@@ -26,8 +26,9 @@ pub(crate) const ROWS: &[Row] = &[
     Row {
         what: "a cutout",
         build: |db| papered(db, "opacity", "r", &[("opacityThreshold", ParamValue::Float(0.5))]),
-        features: &["MATERIALS", "TEXTURES", "CUTOUTS", "OPACITY_MASKS"],
-        buffers: &[OF_MATERIALS, OF_TEXTURES, OF_TILES, OF_PRIMVARS, &["opacity masks"]],
+        features: &["MATERIALS", "TEXTURES", "CUTOUTS", "OPACITY_MASKS", "DEFERRED_CUTOUTS"],
+        buffers: &[OF_MATERIALS, OF_TEXTURES, OF_TILES, OF_PRIMVARS, &["opacity masks", "settle_queue"]],
+        passes: &[&["settle_closest", "settle_shadow"]],
         primvars: &["st"],
         ..BARE
     },

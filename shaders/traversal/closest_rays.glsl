@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// What intersect_closest and settle_closest do with a ray before and after its walk: they differ in the queue, and in
+// what is asked of cutouts. Before including, as for rays.glsl, with ANY_HIT as 0.
+#ifndef OOCPT_CLOSEST_RAYS_GLSL
+#define OOCPT_CLOSEST_RAYS_GLSL
+
+#include "traversal/rays.glsl"
+#include "include/hit.glsl"
+#include "include/opacity_seed.glsl"
+
+void store_hit(uint path) {
+    uvec3 first = uvec3(found_chain[0], 0u, 0u);
+    if (MAX_LEVELS > 1u) first.y = found_chain[1u % MAX_LEVELS];
+    if (MAX_LEVELS > 2u) first.z = found_chain[2u % MAX_LEVELS];
+    store_hit_header(path, HitHeader(found.uv, found.triangle, found.chunk_instance, found.t), first);
+    for (uint level = 3u; level < MAX_LEVELS; ++level) store_hit_level(path, level, found_chain[level]);
+}
+
+void load_hit(uint path) {
+    const HitHeader hit = load_hit_header(path);
+    found = Found(hit.t, hit.uv, hit.triangle, hit.chunk_instance);
+    for (uint level = 0u; level < MAX_LEVELS; ++level) found_chain[level] = load_hit_level(path, level);
+}
+
+// Whether there is none to find: the path ends.
+bool is_path_ended(uint path) {
+    return HAS_ROULETTE && (ray_flags(ray_address(path)) & RAY_ENDED) != 0u;
+}
+
+void begin_ray(uint at) {
+    const uint64_t queue = SETTLES == 1 ? FRAME.settle_queue[0] : FRAME.ray_queue[push.round & 1u];
+    const uint path = ConstUints(queue).v[at];
+    if (is_path_ended(path)) {
+        no_walk(path);
+        return;
+    }
+    const uint64_t ray = ray_address(path);
+    const uint flags = HAS_STREAMING ? ray_flags(ray) : 0u;
+    if (HAS_STREAMING && (flags & RAY_HIT) != 0u) load_hit(path);
+    begin_walk(ray, path, ray_t_max(ray), opacity_seed(path, 2u * ray_bounce(ray)), flags);
+}
+
+// Pushes finished paths and rays that wait.
+void store_progress(uint path, bool ended) {
+    const bool hit = walk.hit || walk.hit_before;
+    const bool waits = ended && pending_count > 0u;
+    uint bits = CLOSEST_DONE;
+    if (ended) {
+        bits |= is_path_ended(path) ? PATH_ENDS : hit ? CLOSEST_HIT : 0u;
+        const uint flags = (hit ? RAY_HIT : 0u) | (walk.hit ? RAY_CHANGED : 0u);
+        set_ray_flags(ray_address(path), flags | pending_flags());
+    }
+    if (waits) store_pending(path);
+    push_deferred(path, waits);
+    push_finished(path, ended && !waits ? finish(path, bits) : 0u);
+    ADD_EACH(visits, ended ? walk.visits : 0u);
+}
+
+void end_ray(bool ended) {
+    const uint path = walk.path;
+    if (DEFERS_CUTOUTS) {
+        // A ray without a hit has t_max there, which may be infinite.
+        const bool unsure = ended && walk.unsure < LARGEST && walk.unsure <= found.t;
+        uint to;
+        QUEUE_SLOT(to, settle_count[0], unsure);
+        if (unsure) Uints(FRAME.settle_queue[0]).v[to] = path;
+        ended = ended && !unsure;
+    }
+    if (ended && walk.hit) store_hit(path);
+    if (HAS_STREAMING) {
+        store_progress(path, ended);
+        return;
+    }
+    uint to;
+    QUEUE_SLOT(to, surface_count, ended && walk.hit);
+    if (ended && walk.hit) Uints(FRAME.surface_queue).v[to] = path;
+    QUEUE_SLOT(to, escaped_count, ended && !walk.hit);
+    if (ended && !walk.hit) Uints(FRAME.escaped_queue).v[to] = path;
+}
+
+#endif

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// What intersect_shadow and settle_shadow do with a ray before and after its walk: they differ in the queue, and in what
+// is asked of cutouts. Before including, as for rays.glsl, with ANY_HIT as 1.
+#ifndef OOCPT_SHADOW_RAYS_GLSL
+#define OOCPT_SHADOW_RAYS_GLSL
+
+#include "traversal/rays.glsl"
+#include "include/opacity_seed.glsl"
+
+// Whether roulette has ended it.
+bool is_ray_ended(uint path) {
+    return HAS_ROULETTE && (ray_flags(shadow_ray_address(path)) & RAY_ENDED) != 0u;
+}
+
+void begin_ray(uint at) {
+    const uint path = ConstUints(SETTLES == 1 ? FRAME.settle_queue[1] : FRAME.shadow_queue).v[at];
+    if (is_ray_ended(path)) {
+        no_walk(path);
+        return;
+    }
+    const uint64_t ray = shadow_ray_address(path);
+    const uint linked = ray_bounce(ray);
+    walk.shadow_link = shadow_link(linked);
+    const uint flags = HAS_STREAMING ? ray_flags(ray) : 0u;
+    begin_walk(ray, path, ray_t_max(ray), opacity_seed(path, 2u * shadow_bounce(linked) + 1u), flags);
+}
+
+// What the light brings if nothing is in its way, or of a shadow the share that its colour tells.
+void add_light(uint path) {
+    const uint64_t ray = shadow_ray_address(path);
+    const uint shadow_color = shadow_in_shadow(ray);
+    const bool waits = HAS_STREAMING && (pending_count > 0u || is_ray_ended(path));
+    if (walk.hit ? shadow_color == 0u : waits) return;
+    vec3 contribution = shadow_contribution(ray);
+    if (walk.hit) contribution *= unpack_color(shadow_color);
+    const vec4 before = ConstVec4s(FRAME.radiance).v[path];
+    Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
+}
+
+// Pushes paths that wait for their shadow ray only, and rays that wait.
+void store_progress(uint path, bool ended) {
+    const bool waits = ended && !walk.hit && pending_count > 0u;
+    if (waits) {
+        set_ray_flags(shadow_ray_address(path), pending_flags());
+        store_pending(path);
+    }
+    push_deferred(path | SHADOW_BIT, waits);
+    push_finished(path, ended && !waits ? finish(path, SHADOW_DONE) : 0u);
+    ADD_EACH(visits, ended ? walk.visits : 0u);
+}
+
+void end_ray(bool ended) {
+    const uint path = walk.path;
+    if (DEFERS_CUTOUTS) {
+        const bool unsure = ended && !walk.hit && walk.unsure < LARGEST;
+        uint to;
+        QUEUE_SLOT(to, settle_count[1], unsure);
+        if (unsure) Uints(FRAME.settle_queue[1]).v[to] = path;
+        ended = ended && !unsure;
+    }
+    if (ended) add_light(path);
+    if (HAS_STREAMING) store_progress(path, ended);
+}
+
+#endif

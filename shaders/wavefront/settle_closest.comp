@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// Closest hit of the rays of a round whose hit depends on a cutout's texture: Counters::settle_args[0]. Walks them from
+// the start.
+// Reads: settle_queue[0], rays, the scene. Writes: hits of the rays that hit; pushes the path to surface_queue or
+// escaped_queue; requests of texture tiles.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/wavefront.glsl"
+#define ANY_HIT 0
+#define SETTLES 1
+#define NEXT settle_next[0]
+#include "traversal/closest_rays.glsl"
+
+void main() {
+    trace_rays(COUNTERS.settle_count[0]);
+}

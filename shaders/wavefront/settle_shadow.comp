@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// As intersect_shadow, of the shadow rays that met nothing but what depends on a cutout's texture:
+// Counters::settle_args[1]. Walks them from the start.
+// Reads: settle_queue[1], shadow_rays, the scene. Writes: radiance of the ray's path; requests of texture tiles.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/wavefront.glsl"
+#define ANY_HIT 1
+#define SETTLES 1
+#define NEXT settle_next[1]
+#include "traversal/shadow_rays.glsl"
+
+void main() {
+    trace_rays(COUNTERS.settle_count[1]);
+}
