@@ -85,7 +85,13 @@ impl Fineness {
     fn of(size: [u32; 2], has_coarser: bool) -> Self {
         let side = size[0].max(size[1]);
         let cells = (0..4).find(|cells| side << cells >= FINE_SIDE).unwrap_or(4);
-        let bins = if !has_coarser || side > 2 * FINE_SIDE { 0 } else if side > FINE_SIDE { 1 } else { 2 };
+        let bins = if !has_coarser || side > 2 * FINE_SIDE {
+            0
+        } else if side > FINE_SIDE {
+            1
+        } else {
+            2
+        };
         Self { cells, bins }
     }
 }

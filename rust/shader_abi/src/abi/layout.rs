@@ -4,9 +4,9 @@
 //! Guarantees: the members are listed in full: a struct literal pattern without `..` fails to compile otherwise.
 
 use super::{
-    Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCutout, GpuCameraKey,
-    GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuClipPlane, GpuInfiniteLight, GpuInput, GpuInstance,
-    GpuLevelNode, GpuLightKey, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
+    Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCameraKey,
+    GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuClipPlane, GpuCutout, GpuInfiniteLight, GpuInput,
+    GpuInstance, GpuLevelNode, GpuLightKey, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
     GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuMotionKey,
     GpuPoint, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, Lighting, PathState,
     Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming, TextureFeedback, UnitDemand,
