@@ -45,7 +45,7 @@ Double3 placed_at(HitHeader hit, vec3 kept, float time) {
 
 // After surface_of_hit(path).
 vec3 motion_over_image(uint path) {
-    const HitHeader hit = load_hit_header(path);
+    const HitHeader hit = load_hit_header(FRAME.hits, path);
     vec3 kept = vec3(0.0);
     if (HAS_LEAF_KINDS) {
         uint mesh, instance_id;

@@ -9,9 +9,9 @@
 #include "include/cone.glsl"
 
 Surface surface_of_hit(uint path) {
-    const HitHeader hit = load_hit_header(path);
+    const HitHeader hit = load_hit_header(FRAME.hits, path);
     if (HAS_TIME) surface_time = path_time(path);
-    for (uint level = 0u; level < MAX_LEVELS; ++level) surface_chain[level] = load_hit_level(path, level);
+    for (uint level = 0u; level < MAX_LEVELS; ++level) surface_chain[level] = load_hit_level(FRAME.hits, path, level);
     Surface s = make_surface(hit.chunk_instance, hit.triangle, hit.uv, load_ray(ray_address(path)), hit.t);
     if (HAS_TEXTURES) s.cone = cone_width(path, hit.t);
     return s;

@@ -5,21 +5,20 @@
 #define OOCPT_CLOSEST_RAYS_GLSL
 
 #include "traversal/rays.glsl"
-#include "include/hit.glsl"
 #include "include/opacity_seed.glsl"
 
 void store_hit(uint path) {
     uvec3 first = uvec3(found_chain[0], 0u, 0u);
     if (MAX_LEVELS > 1u) first.y = found_chain[1u % MAX_LEVELS];
     if (MAX_LEVELS > 2u) first.z = found_chain[2u % MAX_LEVELS];
-    store_hit_header(path, HitHeader(found.uv, found.triangle, found.chunk_instance, found.t), first);
-    for (uint level = 3u; level < MAX_LEVELS; ++level) store_hit_level(path, level, found_chain[level]);
+    store_hit_header(FRAME.hits, path, HitHeader(found.uv, found.triangle, found.chunk_instance, found.t), first);
+    for (uint level = 3u; level < MAX_LEVELS; ++level) store_hit_level(FRAME.hits, path, level, found_chain[level]);
 }
 
 void load_hit(uint path) {
-    const HitHeader hit = load_hit_header(path);
+    const HitHeader hit = load_hit_header(FRAME.hits, path);
     found = Found(hit.t, hit.uv, hit.triangle, hit.chunk_instance);
-    for (uint level = 0u; level < MAX_LEVELS; ++level) found_chain[level] = load_hit_level(path, level);
+    for (uint level = 0u; level < MAX_LEVELS; ++level) found_chain[level] = load_hit_level(FRAME.hits, path, level);
 }
 
 // Whether there is none to find: the path ends.
@@ -29,7 +28,8 @@ bool is_path_ended(uint path) {
 
 void begin_ray(uint at) {
     const uint64_t queue = SETTLES == 1 ? FRAME.settle_queue[0] : FRAME.ray_queue[push.round & 1u];
-    const uint path = ConstUints(queue).v[at];
+    const uint entry = ConstUints(queue).v[at];
+    const uint path = SETTLES == 1 ? entry & SETTLE_PATH : entry;
     if (is_path_ended(path)) {
         no_walk(path);
         return;
@@ -38,6 +38,13 @@ void begin_ray(uint at) {
     const uint flags = HAS_STREAMING ? ray_flags(ray) : 0u;
     if (HAS_STREAMING && (flags & RAY_HIT) != 0u) load_hit(path);
     begin_walk(ray, path, ray_t_max(ray), opacity_seed(path, 2u * ray_bounce(ray)), flags);
+    if (SETTLES == 1 && (entry & SETTLE_KEPT) != 0u) {
+        if ((entry & SETTLE_HIT) != 0u) {
+            load_hit(path);
+            walk.hit = true;
+        }
+        stand_at_kept(0u, at);
+    }
 }
 
 // Pushes finished paths and rays that wait.
@@ -59,11 +66,9 @@ void store_progress(uint path, bool ended) {
 void end_ray(bool ended) {
     const uint path = walk.path;
     if (DEFERS_CUTOUTS) {
-        // A ray without a hit has t_max there, which may be infinite.
         const bool unsure = ended && walk.unsure < LARGEST && walk.unsure <= found.t;
-        uint to;
-        QUEUE_SLOT(to, settle_count[0], unsure);
-        if (unsure) Uints(FRAME.settle_queue[0]).v[to] = path;
+        PUSH_UNSURE(0u, unsure, found.t);
+        if (unsure && walk.hit) store_hit(path);
         ended = ended && !unsure;
     }
     if (ended && walk.hit) store_hit(path);

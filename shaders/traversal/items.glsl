@@ -55,7 +55,7 @@ bool visit_triangles(uint begin, uint end) {
         }
         if (DEFERS_CUTOUTS) {
             const uint presence = masked_presence(triangle, v0, v1, v2, uv, t);
-            if (presence == PRESENCE_UNKNOWN) walk.unsure = min(walk.unsure, t);
+            if (presence == PRESENCE_UNKNOWN) keep_candidate(triangle, uv, t);
             if (presence != PRESENCE_ALWAYS) continue;
         }
         accept(triangle, uv, t);

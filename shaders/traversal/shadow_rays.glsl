@@ -13,7 +13,8 @@ bool is_ray_ended(uint path) {
 }
 
 void begin_ray(uint at) {
-    const uint path = ConstUints(SETTLES == 1 ? FRAME.settle_queue[1] : FRAME.shadow_queue).v[at];
+    const uint entry = ConstUints(SETTLES == 1 ? FRAME.settle_queue[1] : FRAME.shadow_queue).v[at];
+    const uint path = SETTLES == 1 ? entry & SETTLE_PATH : entry;
     if (is_ray_ended(path)) {
         no_walk(path);
         return;
@@ -23,6 +24,7 @@ void begin_ray(uint at) {
     walk.shadow_link = shadow_link(linked);
     const uint flags = HAS_STREAMING ? ray_flags(ray) : 0u;
     begin_walk(ray, path, ray_t_max(ray), opacity_seed(path, 2u * shadow_bounce(linked) + 1u), flags);
+    if (SETTLES == 1 && (entry & SETTLE_KEPT) != 0u) stand_at_kept(1u, at);
 }
 
 // What the light brings if nothing is in its way, or of a shadow the share that its colour tells.
@@ -53,9 +55,7 @@ void end_ray(bool ended) {
     const uint path = walk.path;
     if (DEFERS_CUTOUTS) {
         const bool unsure = ended && !walk.hit && walk.unsure < LARGEST;
-        uint to;
-        QUEUE_SLOT(to, settle_count[1], unsure);
-        if (unsure) Uints(FRAME.settle_queue[1]).v[to] = path;
+        PUSH_UNSURE(1u, unsure, ray_t_max(shadow_ray_address(path)));
         ended = ended && !unsure;
     }
     if (ended) add_light(path);

@@ -82,7 +82,7 @@ void hand_in() {
         for (uint i = 0u; i < MAX_LEVELS; ++i) other_chain[i] = subgroupShuffle(found_chain[i], from);
 #endif
         if (gl_SubgroupInvocationID == to) {
-            if (DEFERS_CUTOUTS) walk.unsure = min(walk.unsure, unsure);
+            if (DEFERS_CUTOUTS) merge_unsure(unsure);
             merge(hit, other);
         }
         if (gl_SubgroupInvocationID == from) {
@@ -185,7 +185,7 @@ void share_walks(bool idle) {
     walk.hit_before = false;
     walk.entry = entry;
     walk.level = level;
-    walk.unsure = LARGEST;
+    begin_unsure();
     if (ASKS_CUTOUTS) candidate.end = 0u;
     clear_stack();
     come_back();

@@ -7,12 +7,21 @@
 
 // References: an inner node, or LEAF | (count - 1) << 28 | first, or one of ASK, RETURN and DONE.
 
+#ifndef SETTLES
+#define SETTLES 0
+#endif
+// Whether candidates that no mask knows are left out and the nearest is kept (deferral.glsl), or all are looked up.
+const bool DEFERS_CUTOUTS = HAS_DEFERRED_CUTOUTS && SETTLES == 0;
+const bool ASKS_CUTOUTS = HAS_CUTOUTS && !DEFERS_CUTOUTS;
+// Words of the kept candidate, above the stack: in registers they would be there all the time.
+const uint KEPT_WORDS = DEFERS_CUTOUTS ? 4u + MAX_LEVELS : 0u;
+
 #if ANY_HIT
 const uint ENTRIES = HAS_STREAMING ? STACK_SIZE : 1u;
-uint stack[STACK_SIZE];
+uint stack[STACK_SIZE + KEPT_WORDS];
 float stack_entry[ENTRIES];
 #else
-uvec2 stack[STACK_SIZE];
+uvec2 stack[STACK_SIZE + KEPT_WORDS];
 #endif
 uint stack_top;
 // Where DONE stands: entries below were given to other threads (sharing.glsl).
@@ -58,6 +67,22 @@ uint pop_reference(float limit, out float entry) {
         entry = uintBitsToFloat(top.y);
     } while (entry > limit);
     return top.x;
+#endif
+}
+
+void keep_word(uint i, uint word) {
+#if ANY_HIT
+    stack[STACK_SIZE + i] = word;
+#else
+    stack[STACK_SIZE + i].x = word;
+#endif
+}
+
+uint kept_word(uint i) {
+#if ANY_HIT
+    return stack[STACK_SIZE + i];
+#else
+    return stack[STACK_SIZE + i].x;
 #endif
 }
 

@@ -21,10 +21,6 @@
 #ifndef OOCPT_TRAVERSE_GLSL
 #define OOCPT_TRAVERSE_GLSL
 
-#ifndef SETTLES
-#define SETTLES 0
-#endif
-
 #include "include/affine.glsl"
 #include "include/attribute.glsl"
 #include "include/light_links.glsl"
@@ -43,10 +39,6 @@
 const float CULL_PAD = 1.0000038;
 // A little more than 1 / CULL_PAD.
 const float ENTRY_SCALE = 0.9999964;
-
-// Whether candidates that no mask knows are left out, and remembered, or looked up (0058).
-const bool DEFERS_CUTOUTS = HAS_DEFERRED_CUTOUTS && SETTLES == 0;
-const bool ASKS_CUTOUTS = HAS_CUTOUTS && !DEFERS_CUTOUTS;
 
 struct Found {
     float t;
@@ -91,7 +83,9 @@ struct Walk {
     bool resumed; // the ray has waited, and everything not behind the last of its list is done
     bool hit_before;
     bool hit;
-    float unsure; // distance of the nearest candidate that no mask knows; with DEFERS_CUTOUTS only
+    // Distances of the nearest candidate that no mask knows, and of the next one; with DEFERS_CUTOUTS only.
+    float unsure;
+    float next_unsure;
 };
 
 // Whether the last walks of a pass are shared by threads (sharing.glsl). Any hit through one level of instances is
@@ -190,6 +184,7 @@ void accept(uint triangle, vec2 uv, float t) {
 #endif
 }
 
+#include "traversal/deferral.glsl"
 #include "traversal/masked_presence.glsl"
 #include "traversal/items.glsl"
 
@@ -340,7 +335,7 @@ void no_walk(uint path) {
     walk.path = path;
     walk.hit_before = false;
     walk.hit = false;
-    walk.unsure = LARGEST;
+    begin_unsure();
     walk.visits = 0u;
     pending_count = 0u;
     stack_overflow = false;
@@ -365,7 +360,7 @@ void begin_walk(uint64_t ray, uint path, float t_max, uint seed, uint flags) {
     walk.other = false;
     walk.resumed = false;
     walk.hit = false;
-    walk.unsure = LARGEST;
+    begin_unsure();
     if (ASKS_CUTOUTS) candidate.end = 0u;
     begin_top();
     clear_stack();

@@ -55,6 +55,7 @@ struct Frame {
     uint64_t surface_queue;
     uint64_t escaped_queue;
     uint64_t settle_queue[2];
+    uint64_t settle_hits[2];
     uint64_t streaming;
     uint64_t counters;
     uint64_t film;

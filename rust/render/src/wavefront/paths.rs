@@ -9,8 +9,9 @@ use std::sync::Arc;
 
 /// Bytes of a ray's cone.
 pub(crate) const CONE_BYTES: u64 = 8;
-/// Bytes of a path in the queues of rays and of shadow rays that depend on cutouts that no mask knows.
-const SETTLE_BYTES: u64 = 8;
+/// Of so many paths one can keep the candidate that its ray depends on, and one that of its shadow ray; others are
+/// walked again.
+const PATHS_TO_KEPT: u32 = 8;
 
 /// What only some scenes ask of paths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +24,39 @@ pub(crate) struct PathNeeds {
     pub(crate) feedback: bool,
     /// Queues of the rays that depend on cutouts that no mask knows.
     pub(crate) deferred_cutouts: bool,
+}
+
+/// What cutouts need that no mask knows: for rays, then as much for shadow rays.
+#[derive(Debug)]
+struct Settle {
+    queue: Buffer,
+    hits: Buffer,
+}
+
+impl Settle {
+    fn new(gpu: &Arc<Gpu>, capacity: u32, max_levels: u32) -> Result<Self, GpuError> {
+        let [queue, hits] = Self::bytes(capacity, max_levels);
+        Ok(Self {
+            queue: Buffer::new(gpu, "settle_queue", queue, Usage::Device)?,
+            hits: Buffer::new(gpu, "settle_hits", hits, Usage::Device)?,
+        })
+    }
+
+    fn bytes(capacity: u32, max_levels: u32) -> [u64; 2] {
+        let kept = u64::from(capacity.div_ceil(PATHS_TO_KEPT)) * u64::from(hit_stride(max_levels));
+        [8 * u64::from(capacity), 2 * kept]
+    }
+
+    /// Lists it, or what is left out without it.
+    fn list(settle: Option<&Self>, (capacity, max_levels): (u32, u32), inventory: &mut Inventory) {
+        let names = ["settle_queue", "settle_hits"];
+        for (name, bytes) in names.into_iter().zip(Self::bytes(capacity, max_levels)) {
+            match settle {
+                Some(_) => inventory.add(name, bytes),
+                None => inventory.leave_out(name, bytes),
+            }
+        }
+    }
 }
 
 /// See the module.
@@ -46,7 +80,7 @@ pub(crate) struct PathBuffers {
     /// Only where lights ask for it.
     light_paths: Option<Buffer>,
     /// Only where these have passes of their own; of rays, then of shadow rays.
-    settle_queue: Option<Buffer>,
+    settle: Option<Settle>,
     /// Only where texture tiles are loaded on demand.
     pub(crate) incomplete_paths: Option<Buffer>,
     /// One `Counters`; also the arguments of the indirect dispatches.
@@ -72,7 +106,7 @@ impl PathBuffers {
             escaped_queue: per_path("escaped_queue", 4)?,
             cones: needs.textures.then(|| per_path("cones", CONE_BYTES)).transpose()?,
             light_paths: needs.light_paths.then(|| per_path("light_paths", LIGHT_PATH_BYTES)).transpose()?,
-            settle_queue: needs.deferred_cutouts.then(|| per_path("settle_queue", SETTLE_BYTES)).transpose()?,
+            settle: needs.deferred_cutouts.then(|| Settle::new(gpu, capacity, max_levels)).transpose()?,
             incomplete_paths: needs.feedback.then(|| per_path("incomplete_paths", 4)).transpose()?,
             counters: Buffer::new(gpu, "counters", size_of::<Counters>() as u64, Usage::Device)?,
         })
@@ -93,9 +127,9 @@ impl PathBuffers {
         let optional = [
             ("cones", &self.cones, CONE_BYTES),
             ("light_paths", &self.light_paths, LIGHT_PATH_BYTES),
-            ("settle_queue", &self.settle_queue, SETTLE_BYTES),
             ("incomplete_paths", &self.incomplete_paths, 4),
         ];
+        Settle::list(self.settle.as_ref(), (self.capacity, self.max_levels), inventory);
         for (name, buffer, stride) in optional {
             match buffer {
                 Some(buffer) => inventory.add(name, buffer.size()),
@@ -110,7 +144,7 @@ impl PathBuffers {
             textures: self.cones.is_some(),
             light_paths: self.light_paths.is_some(),
             feedback: self.incomplete_paths.is_some(),
-            deferred_cutouts: self.settle_queue.is_some(),
+            deferred_cutouts: self.settle.is_some(),
         };
         self.max_levels == levels && have == needs
     }
@@ -132,8 +166,9 @@ impl PathBuffers {
         frame.shadow_queue = self.shadow_queue.address();
         frame.surface_queue = self.surface_queue.address();
         frame.escaped_queue = self.escaped_queue.address();
-        if let Some(queue) = &self.settle_queue {
-            frame.settle_queue = [0, queue.size() / 2].map(|half| queue.address() + half);
+        if let Some(Settle { queue, hits }) = &self.settle {
+            let halves = |of: &Buffer| [0, of.size() / 2].map(|at| of.address() + at);
+            (frame.settle_queue, frame.settle_hits) = (halves(queue), halves(hits));
         }
         frame.cones = self.cones.as_ref().map_or(0, Buffer::address);
         frame.light_paths = self.light_paths.as_ref().map_or(0, Buffer::address);

@@ -93,6 +93,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         surface_queue,
         escaped_queue,
         settle_queue,
+        settle_hits,
         streaming,
         counters,
         film,

@@ -27,7 +27,7 @@ pub(crate) const ROWS: &[Row] = &[
         what: "a cutout",
         build: |db| papered(db, "opacity", "r", &[("opacityThreshold", ParamValue::Float(0.5))]),
         features: &["MATERIALS", "TEXTURES", "CUTOUTS", "OPACITY_MASKS", "DEFERRED_CUTOUTS"],
-        buffers: &[OF_MATERIALS, OF_TEXTURES, OF_TILES, OF_PRIMVARS, &["opacity masks", "settle_queue"]],
+        buffers: &[OF_MATERIALS, OF_TEXTURES, OF_TILES, OF_PRIMVARS, &["opacity masks", "settle_queue", "settle_hits"]],
         passes: &[&["settle_closest", "settle_shadow"]],
         primvars: &["st"],
         ..BARE
