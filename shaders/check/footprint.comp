@@ -2,8 +2,8 @@
 // No pass of a render: footprints of cones and the widths of filters, for tests. One thread per query.
 // Reads: at Frame::rays five vec4 a query: u and the cone's width, v and the image's width, n and the image's height,
 // d, the map's rows.
-// Writes: at Frame::radiance uvec4 (the footprint, as bits the filter's width, and what near_lookup_width says of it for
-// a triangle in the plane).
+// Writes: at Frame::radiance uvec4 (the footprint, as bits the filter's width, and what near_lookup_width says of it
+// for a triangle in the plane).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -11,7 +11,8 @@
 
 float near_width(vec3 u, vec3 v, vec3 n, vec3 d, vec4 rows, vec2 size, float cone) {
     const vec3 a = abs(n);
-    const vec3 axis = a.x <= min(a.y, a.z) ? vec3(1.0, 0.0, 0.0) : a.y <= a.z ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0);
+    const vec3 axis = a.x <= min(a.y, a.z) ? vec3(1.0, 0.0, 0.0)
+        : a.y <= a.z ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0);
     const vec3 e = cross3(n, axis);
     const vec3 f = cross3(n, e) / sqrt(dot3(n, n)) + 0.3 * e;
     const vec2 s = vec2(dot3(u, e), dot3(v, e));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The width of a texture lookup to a hundredth, in few instructions: for masks, which allow for that (0058). What is
-// looked up has the exact one (include/footprint.glsl).
+// The width of a texture lookup, less than 1/256 of it off, in few instructions: for masks, which allow for that
+// (0058). What is looked up has the exact one (include/footprint.glsl).
 #ifndef OOCPT_NEAR_WIDTH_GLSL
 #define OOCPT_NEAR_WIDTH_GLSL
 
@@ -26,13 +26,13 @@ vec3 fused_cross(vec3 a, vec3 b) {
     return fma(a.yzx, b.zxy, -(a.zxy * b.yzx));
 }
 
-// How wide a lookup is, in texels: what footprint_width says of make_footprint, but for a hundredth. e, f: edges of the
-// triangle; at_e, at_f: what the place in the texture grows by along them, in texels; cone: width of the ray's cone over
-// the length of d.
+// How wide a lookup is, in texels: what footprint_width says of make_footprint, but for less than 1/256 of it. e, f:
+// edges of the triangle; at_e, at_f: what the place in the texture grows by along them, in texels; cone: width of the
+// ray's cone over the length of d.
 //
 // The gradient g on the cone's cross section of a coordinate that grows by a along e and b along f has g.e = a, g.f = b
-// and g.d = 0, so it is (a (f x d) - b (e x d)) / (e . (f x d)). Of both gradients the ellipse has the larger eigenvalue
-// as its longer axis, and the product of both axes is |at_e x at_f| |d| / |e . (f x d)|.
+// and g.d = 0, so it is (a (f x d) - b (e x d)) / (e . (f x d)). The ellipse's longer axis is the square root of the
+// larger eigenvalue of their products; the product of both axes is |at_e x at_f| |d| / |e . (f x d)|.
 float near_lookup_width(vec3 e, vec3 f, vec2 at_e, vec2 at_f, vec3 d, float cone) {
     const vec3 p = fused_cross(e, d);
     const vec3 q = fused_cross(f, d);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What intersect_shadow and settle_shadow do with a ray before and after its walk: they differ in the queue, and in what
-// is asked of cutouts. Before including, as for rays.glsl, with ANY_HIT as 1.
+// What intersect_shadow and settle_shadow do with a ray before and after its walk: they differ in the queue, and in
+// what is asked of cutouts. Before including, as for rays.glsl, with ANY_HIT as 1.
 #ifndef OOCPT_SHADOW_RAYS_GLSL
 #define OOCPT_SHADOW_RAYS_GLSL
 

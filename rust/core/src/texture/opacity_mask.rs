@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What is known of a cutout without its texture: for every place and every width of a lookup, whether all that the
 //! lookup could give means that the surface is there, or that it is not, or neither. After the states of opacity
-//! micromaps (Gruen, Benthin and Woop 2020, "Sub-Triangle Opacity Masks for Faster Ray Tracing of Transparent Objects"),
-//! but of the texture and by level, since a lookup here is as wide as its ray's cone.
+//! micromaps (Gruen, Benthin and Woop 2020, "Sub-Triangle Opacity Masks for Faster Ray Tracing of Transparent
+//! Objects"), but of the texture and by level, since a lookup here is as wide as its ray's cone.
 //!
 //! Words, u32: width | height << 16 of level 0; wrap modes of s and of t (two bits each) | first pair << 8 | last pair
 //! << 16; for each pair the number of its first cell, and the cells of a row | [`Fineness::cells`] << 16 |
@@ -20,7 +20,7 @@ use super::{Layout, Wrap};
 /// Levels with a longer side have no mask.
 pub const MASK_SIDE: u32 = 512;
 /// How exactly the width of a lookup has to be known.
-pub(super) const WIDTHS: f64 = 64.0;
+pub(super) const WIDTHS: f64 = 256.0;
 /// Of what a lookup can give, on either side, as a share of what the texels around can: the shader may be off by less
 /// than that of a texel when it picks the cell.
 const PLACE_SLACK: f64 = 1.0 / 128.0;
@@ -85,12 +85,15 @@ impl Fineness {
     fn of(size: [u32; 2], has_coarser: bool) -> Self {
         let side = size[0].max(size[1]);
         let cells = (0..4).find(|cells| side << cells >= FINE_SIDE).unwrap_or(4);
-        let bins = if !has_coarser || side > 2 * FINE_SIDE {
-            0
-        } else if side > FINE_SIDE {
-            1
-        } else {
-            2
+        // The coarser the levels, the more they differ; and the fewer cells they have.
+        let bins = match side {
+            _ if !has_coarser => 0,
+            0..=2 => 5,
+            3..=8 => 4,
+            9..=32 => 3,
+            33..=128 => 2,
+            129..=256 => 1,
+            _ => 0,
         };
         Self { cells, bins }
     }

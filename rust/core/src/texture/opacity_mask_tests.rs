@@ -151,8 +151,8 @@ fn what_is_known_at_the_rim() {
     }
 }
 
-/// A width that is off by less than 1 / [`WIDTHS`] of itself finds a cell that knows no more than the right one's lookup
-/// says, also from one pair of levels to the next.
+/// A width that is off by less than 1 / [`WIDTHS`] of itself finds a cell that knows no more than the lookup says, also
+/// from one pair of levels to the next.
 #[test]
 fn what_is_known_holds_for_a_width_that_is_a_little_off() {
     let mut random = Random(5);

@@ -66,9 +66,9 @@ impl SurfaceEntries {
 
 /// How far from a similarity the map of an even cutout may be: the sum of the squares of its axes over twice their
 /// product. What rounds a footprint's direction may be off by so much more.
-const MOST_UNEVEN: f32 = 16.0;
+const MOST_UNEVEN: f32 = 2.5;
 
-/// Whether a map from texture coordinates to texels, by rows, keeps the width of lookups as [`GpuCutout::is_even`] says.
+/// What [`GpuCutout::is_even`] says of a map from texture coordinates to texels, by rows.
 pub(crate) fn is_even([a, b]: [f32; 2], [c, d]: [f32; 2]) -> bool {
     a * a + b * b + c * c + d * d <= 2.0 * MOST_UNEVEN * (a * d - b * c).abs()
 }

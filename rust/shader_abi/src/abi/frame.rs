@@ -151,8 +151,8 @@ pub struct Frame {
     pub surface_queue: u64,
     /// Queue of the paths whose ray left the scene, wave size.
     pub escaped_queue: u64,
-    /// Queues of the paths whose ray, and whose shadow ray, depends on a cutout that no mask knows, wave size; 0 without
-    /// `Features::DEFERRED_CUTOUTS`.
+    /// Queues of the paths whose ray, and whose shadow ray, depends on a cutout that no mask knows, wave size; 0
+    /// without `Features::DEFERRED_CUTOUTS`.
     pub settle_queue: [u64; 2],
     /// Hit records of the candidate that such a path depends on, by its place in the queue; 16-byte aligned.
     pub settle_hits: [u64; 2],

@@ -105,7 +105,7 @@ pub struct GpuCutout {
     pub mask: u64,
     /// See `size`.
     pub modes: u32,
-    /// 1: the map keeps angles and lengths well enough for the width of a lookup to be known to a hundredth.
+    /// 1: the map keeps angles and lengths well enough for the width of a lookup to be known to less than 1/256 of it.
     pub is_even: u32,
 }
 

@@ -179,24 +179,31 @@ impl Pair<'_> {
         let coarse_values = coarser.map(|level| level.at([&xs, &ys]));
         let around = self.around([&columns, &rows]);
         let bins = 1_usize << self.fineness.bins;
+        // What the two levels give at the places of a cell.
+        let mut pairs = Vec::new();
         let mut known = vec![Presence::Unknown; bins * rows.len() * columns.len()];
         for (y, row) in rows.iter().enumerate() {
             for (x, column) in columns.iter().enumerate() {
                 let cell = y * columns.len() + x;
-                let places = row.places.clone().flat_map(|y| column.places.clone().map(move |x| (y, x)));
-                let places = places.map(|(y, x)| y * xs.len() + x);
+                pairs.clear();
+                for at in row.places.clone().map(|y| y * xs.len()) {
+                    let coarse = |x: usize| coarse_values.as_ref().map_or(0.0, |values| values[at + x]);
+                    pairs.extend(column.places.clone().map(|x| (values[at + x], coarse(x))));
+                }
+                let near =
+                    |[from, to]: [f64; 2]| Hull::of(pairs.iter().flat_map(|&(a, b)| [mix(a, b, from), mix(a, b, to)]));
+                // Most cells know the same of all bins.
+                let of_all = self.decide(near([0.0, 1.0]), &around, cell, [true; 2]);
                 for bin in 0..bins {
                     // A width that is a little off may be one of the finer pair.
                     if bin == 0 && self.is_first {
                         continue;
                     }
-                    let shares = self.shares(bin, bins);
-                    let near = Hull::of(places.clone().flat_map(|at| {
-                        let (fine, coarse) = (values[at], coarse_values.as_ref().map_or(0.0, |values| values[at]));
-                        shares.map(|share| mix(fine, coarse, share))
-                    }));
                     let ends = [bin == 0, bin + 1 == bins];
-                    known[bin * rows.len() * columns.len() + cell] = self.decide(near, &around, cell, ends);
+                    known[bin * rows.len() * columns.len() + cell] = match of_all {
+                        Presence::Unknown => self.decide(near(self.shares(bin, bins)), &around, cell, ends),
+                        of_all => of_all,
+                    };
                 }
             }
         }
@@ -209,7 +216,7 @@ impl Pair<'_> {
         if self.at + 1 >= self.levels.len() {
             return [0.0; 2];
         }
-        #[expect(clippy::cast_precision_loss, reason = "at most four")]
+        #[expect(clippy::cast_precision_loss, reason = "at most 32")]
         let ends = [bin, bin + 1].map(|bin| bin as f64 / bins as f64);
         [(ends[0] - 2.0 / WIDTHS).max(0.0), (ends[1] + 2.0 / WIDTHS).min(1.0)]
     }
