@@ -23,7 +23,7 @@ pub const MASK_SIDE: u32 = 512;
 pub(super) const WIDTHS: f64 = 256.0;
 /// Of what a lookup can give, on either side, as a share of what the texels around can: the shader may be off by less
 /// than that of a texel when it picks the cell.
-const PLACE_SLACK: f64 = 1.0 / 128.0;
+const PLACE_SLACK: f64 = 1.0 / 1024.0;
 /// The same, as a share of the largest texel: rounding of the mean of eight.
 const ROUNDING: f64 = 1.0e-5;
 /// A level with a longer side has one cell to a texel.

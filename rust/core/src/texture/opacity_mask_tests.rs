@@ -151,39 +151,6 @@ fn what_is_known_at_the_rim() {
     }
 }
 
-/// A width that is off by less than 1 / [`WIDTHS`] of itself finds a cell that knows no more than the lookup says, also
-/// from one pair of levels to the next.
-#[test]
-fn what_is_known_holds_for_a_width_that_is_a_little_off() {
-    let mut random = Random(5);
-    let layout = Layout::new([32, 32], 4).expect("a layout");
-    let mut differ = 0;
-    for case in 0..40 {
-        // Levels that have nothing to do with each other.
-        let values = levels(&layout, |_, _, _| random.between(0.0, 1.0));
-        let query = OpacityQuery { wrap: [WRAPS[case % 4]; 2], scale: 1.0, bias: 0.0, threshold: 0.5 };
-        let mask = OpacityMask::new(&layout, &values, &query).expect("a mask");
-        let texel = |level: u32, x: u32, y: u32| {
-            [f64::from(values[level as usize][(y * layout.level_size(level)[0] + x) as usize]); 4]
-        };
-        let sampler = Sampler { layout, wrap: query.wrap, texel };
-        for _ in 0..4000 {
-            let st = [0, 1].map(|_| random.between(0.0, 1.0));
-            let level = 2.0_f64.powi(random.below(7) as i32);
-            let width = if random.below(2) == 0 { level } else { level * f64::from(random.between(1.0, 2.0)) };
-            let off = width * (1.0 + f64::from(random.between(-0.99, 0.99)) / WIDTHS);
-            let opacity = sampler.lookup(st.map(f64::from), width)[0];
-            match known(&mask, &layout, st, off) {
-                Some(1) => assert!(opacity < 0.5, "{st:?} {width} {off}: {opacity}"),
-                Some(2) => assert!(opacity >= 0.5, "{st:?} {width} {off}: {opacity}"),
-                _ => continue,
-            }
-            differ += u32::from(width.log2().floor() != off.log2().floor());
-        }
-    }
-    assert!(differ > 1000, "{differ} widths of the next pair");
-}
-
 #[test]
 fn one_value_everywhere_needs_no_mask() {
     let layout = Layout::new([32, 8], 1).expect("a layout");
@@ -207,4 +174,49 @@ fn one_value_everywhere_needs_no_mask() {
     broken[1][3] = f32::NAN;
     assert!(!is_opaque(&query, &broken), "no number");
     assert!(OpacityMask::new(&layout, &ones[1..], &query).is_none(), "levels are missing");
+}
+
+/// A texel of the coarser level lies within a cell: what is known there is more than what is at the cell's corners.
+#[test]
+fn what_is_known_minds_texels_inside_a_cell() {
+    let layout = Layout::new([128, 128], 4).expect("a layout");
+    let values = levels(&layout, |level, x, y| if level == 1 && x % 4 == 2 && y % 4 == 2 { 0.0 } else { 1.0 });
+    let query = OpacityQuery { wrap: [Wrap::Clamp; 2], scale: 1.0, bias: 0.0, threshold: 0.3 };
+    let mask = OpacityMask::new(&layout, &values, &query).expect("a mask");
+    let known = |at: [f32; 2]| known(&mask, &layout, at.map(|x| x / 64.0), 1.99).expect("a cell");
+    // Half of a texel of the finer level, from the coarser one's centre, is 0.4375 of the way.
+    assert_eq!([known([2.5, 6.5]), known([2.7, 6.3])], [0; 2], "some of the cell is not there");
+    assert_eq!([known([4.5, 6.5]), known([4.4, 4.6])], [2; 2], "all of it is");
+}
+
+/// Levels of one value each, so that only the width says what is known: where it crosses the threshold within a pair of
+/// levels at the end of a bin, and from one pair to the next.
+#[test]
+fn what_is_known_minds_a_width_that_is_a_little_off() {
+    let mut random = Random(6);
+    let layout = Layout::new([64, 64], 4).expect("a layout");
+    for (cycle, threshold) in
+        [(&[1.0, 0.0][..], 0.497), (&[1.0, 0.499, 0.0, 0.499], 0.5), (&[0.0, 0.501, 1.0, 0.501], 0.5)]
+    {
+        let values = levels(&layout, |level, _, _| cycle[level as usize % cycle.len()]);
+        let query = OpacityQuery { wrap: [Wrap::Repeat; 2], scale: 1.0, bias: 0.0, threshold };
+        let mask = OpacityMask::new(&layout, &values, &query).expect("a mask");
+        let texel = |level: u32, _, _| [f64::from(cycle[level as usize % cycle.len()]); 4];
+        let sampler = Sampler { layout, wrap: query.wrap, texel };
+        let mut told = 0;
+        for _ in 0..4000 {
+            let at = random.one_of([1.0, 1.25, 1.5, 1.75]) * 2.0_f64.powi(random.below(7) as i32);
+            let mut near = |width: f64| width * (1.0 + f64::from(random.between(-0.99, 0.99)) / WIDTHS);
+            let width = near(at);
+            let off = near(width);
+            let opacity = sampler.lookup([0.3, 0.6], width)[0];
+            match known(&mask, &layout, [0.3, 0.6], off) {
+                Some(1) => assert!(opacity < f64::from(threshold), "{cycle:?}, {width} {off}: {opacity}"),
+                Some(2) => assert!(opacity >= f64::from(threshold), "{cycle:?}, {width} {off}: {opacity}"),
+                _ => continue,
+            }
+            told += 1;
+        }
+        assert!(told > 1000, "{cycle:?}: {told}");
+    }
 }
