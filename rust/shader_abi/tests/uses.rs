@@ -69,8 +69,10 @@ fn a_pass_reads_what_it_is_for() {
     assert!(reads("intersect_shadow", Features::LIGHT_LINKS) && !reads("intersect_closest", Features::LIGHT_LINKS));
     assert!(reads("shade_background", Features::DOME) && !reads("accumulate", Features::DOME));
     let levels: Vec<&str> = ALL.iter().filter(|module| module.reads_levels).map(|module| module.name).collect();
-    let expected = ["intersect_closest", "intersect_shadow", "record_surfaces", "shade_aovs", "shade_surface"];
+    let trace = ["intersect_closest", "intersect_shadow", "settle_closest", "settle_shadow"];
+    let mut expected = [&trace[..], &["record_surfaces", "shade_aovs", "shade_surface"]].concat();
+    expected.sort_unstable();
     assert_eq!(levels, expected);
     let stacks: Vec<&str> = ALL.iter().filter(|module| module.reads_stack).map(|module| module.name).collect();
-    assert_eq!(stacks, ["intersect_closest", "intersect_shadow"]);
+    assert_eq!(stacks, trace);
 }

@@ -29,7 +29,6 @@ pub(crate) use host_heap::{HostHeapFiller, bytes_with_holes};
 pub(crate) use level::motion_key;
 pub(crate) use source::leaf_of;
 pub(crate) use store::{Patience, Store};
-pub(crate) use surfaces::SurfaceEntries;
 #[cfg(test)]
-pub(crate) use surfaces::is_even;
+pub(crate) use surfaces::{SurfaceEntries, is_even};
 pub(crate) use tables::{Entries, Tables};
