@@ -5,7 +5,7 @@
 // a time).
 // With streaming also: shadow_rays (flags), shadow_pending, progress; pushes to deferred, and finished paths to
 // surface_queue or escaped_queue. With DEFERRED_CUTOUTS also: pushes the paths whose ray meets nothing but what depends
-// on a cutout's texture to settle_queue[1] instead.
+// on a cutout's texture to settle_queue[1] instead, with the candidate in settle_hits[1].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"

@@ -123,11 +123,12 @@ passes! {
         => "adds to `radiance`; pushes to `settle_queue[1]`; streaming: as `intersect_closest`";
     /// The closest hit of the rays whose hit depends on a cutout's texture.
     SettleClosest = SETTLE_CLOSEST, When::with(Features::DEFERRED_CUTOUTS), Indirect(Counters::SETTLE_CLOSEST_ARGS),
-        "`settle_queue[0]`, `rays`, scene, textures"
+        "`settle_queue[0]`, `settle_hits[0]`, `hits`, `rays`, scene, textures"
         => "`hits`; pushes to `surface_queue` or `escaped_queue`; requests of tiles";
     /// Whether something is in the way of the shadow rays that met nothing but what depends on a cutout's texture.
     SettleShadow = SETTLE_SHADOW, When::with(Features::DEFERRED_CUTOUTS), Indirect(Counters::SETTLE_SHADOW_ARGS),
-        "`settle_queue[1]`, `shadow_rays`, scene, textures" => "adds to `radiance`; requests of tiles";
+        "`settle_queue[1]`, `settle_hits[1]`, `shadow_rays`, scene, textures"
+        => "adds to `radiance`; requests of tiles";
     /// Keeps the surfaces that rays met in this round.
     RecordSurfaces = RECORD_SURFACES, When::with(STREAMING), Indirect(Counters::RAY_ARGS),
         "`ray_queue[r & 1]`, `hits`, scene" => "`surfaces` of hits found in this round";

@@ -22,7 +22,7 @@ use std::sync::Arc;
 const MOST_BYTES: usize = 64 << 20;
 
 /// Share of what rays ask of cutouts that masks may not know, for the rest to be looked up in passes of its own: a ray
-/// that comes to it is walked twice.
+/// that comes to it twice is walked again.
 const MOST_UNKNOWN: f32 = 0.25;
 
 /// Image, channel, wrap modes, and the bits of scale, bias and threshold.
