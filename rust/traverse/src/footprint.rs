@@ -6,7 +6,7 @@ use crate::vector::{V3, cross3, dot3};
 
 const MOST_ANISOTROPY: f32 = 16.0;
 const SLANT_MOST: f32 = 1.0e4;
-const LONGEST_FOOTPRINT: f32 = 3.0e38;
+const LONGEST_FOOTPRINT: f32 = 8.0e37;
 /// Of a step of a direction, worked out as the shaders' compiler does.
 #[expect(clippy::cast_possible_truncation, reason = "rounded once")]
 const STEP: f32 = (1.0 / 32767.0_f64) as f32;

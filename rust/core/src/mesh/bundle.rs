@@ -33,7 +33,7 @@ pub(super) fn build_bundles(boxes: &[Aabb]) -> (Bvh4, Vec<u32>) {
         }
         _ => build_box_order(&bounds),
     };
-    let (bvh, order) = compress(&bvh, &order);
+    let (bvh, order) = compress(&bvh, &order, true);
     let mut ordered = Vec::with_capacity(boxes.len());
     ordered.extend(order.iter().filter_map(|&bundle| bundles.get(bundle as usize)).copied().flatten());
     (bvh, ordered)

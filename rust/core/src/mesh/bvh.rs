@@ -18,9 +18,9 @@ pub const MAX_LEAF_TRIANGLES: u32 = 3;
 /// Deepest hierarchy that is given out; deeper ones (adversarial meshes) are built again, balanced.
 pub const MAX_DEPTH: u32 = 64;
 /// Cost of a node step in triangle tests, for collapsing leaves.
-const TRAVERSAL_COST: f32 = 3.0;
-/// Share of the nodes that reinsertion looks at.
-const REINSERTION: f32 = 0.05;
+const TRAVERSAL_COST: f32 = 1.0;
+/// Share of the nodes that reinsertion looks at, with single items in leaves and once more with several.
+const REINSERTION: f32 = 0.1;
 
 /// An inner node with the boxes of both children, 64 bytes.
 #[repr(C)]
@@ -164,7 +164,7 @@ impl Layout {
         optimizer.run(&mut tree, REINSERTION, None);
         if max_leaf > 1 {
             collapse(&mut tree, max_leaf, TRAVERSAL_COST);
-            optimizer.run(&mut tree, 2.0 * REINSERTION, None);
+            optimizer.run(&mut tree, REINSERTION, None);
         }
         let mut layout = Self::default();
         layout.add_tree(&tree);

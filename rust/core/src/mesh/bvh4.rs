@@ -3,14 +3,14 @@
 //! own (after Ylitie, Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
 //! BVHs").
 //!
-//! Made from a [`Bvh2`]: a node takes up its grandchildren, those of its largest child first. Planes are rounded
-//! outwards, so a box holds what is in it. Over the triangles of a mesh ([`Bvh4`]) the children lie one after the
+//! Made from a [`Bvh2`] ([`super::collapse`]). Planes are rounded outwards, so a box holds what is in it. Over the triangles of a mesh ([`Bvh4`]) the children lie one after the
 //! other; over boxes ([`LevelNode`]) each is named. Pure; one thread per build.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::bundle::build_bundles;
 use super::bvh::{Bvh2, build_item_bvh};
+use super::collapse::{Collapse, Part};
 use super::{Aabb, LeafKind, Triangle};
 
 /// Children of a node.
@@ -147,13 +147,14 @@ pub(super) fn build_bvh4_over(boxes: &[Aabb], kind: LeafKind) -> (Bvh4, Vec<u32>
         return build_bundles(boxes);
     }
     let (bvh, order) = build_item_bvh(boxes);
-    compress(&bvh, &order)
+    compress(&bvh, &order, false)
 }
 
-/// The hierarchy of `bvh`, whose leaves are of the items `order`, and these in its own order.
-pub(super) fn compress(bvh: &Bvh2, order: &[u32]) -> (Bvh4, Vec<u32>) {
+/// The hierarchy of `bvh`, whose leaves are of the items `order`, and these in its own order. With `in_order` the first
+/// leaf of the root remains the first one of all.
+pub(super) fn compress(bvh: &Bvh2, order: &[u32], in_order: bool) -> (Bvh4, Vec<u32>) {
     let mut places = Vec::with_capacity(order.len());
-    let (nodes, stack) = widen(bvh, |parts, inner, first_child| {
+    let (nodes, stack) = widen(bvh, in_order, |parts, inner, first_child| {
         let Grid { origin, cell, lower, upper } = Grid::new(parts.iter().map(|part| &part.bounds), 0.0);
         let mut node = Bvh4Node { origin, cell_and_counts: cell, lower, upper, ..Bvh4Node::default() };
         node.first_child = index(inner) << INNER_SHIFT | first_child;
@@ -175,7 +176,7 @@ pub(super) fn compress(bvh: &Bvh2, order: &[u32]) -> (Bvh4, Vec<u32>) {
 /// walk. Without boxes one node without children.
 #[must_use]
 pub fn level_nodes(bvh: &Bvh2) -> (Vec<LevelNode>, u32) {
-    widen(bvh, |parts, inner, first_child| {
+    widen(bvh, false, |parts, inner, first_child| {
         let mut child = [ABSENT; WIDTH];
         for ((slot, part), at) in child.iter_mut().zip(parts).zip(0..) {
             *slot = if (at as usize) < inner { first_child + at } else { LEAF | part.child };
@@ -184,22 +185,18 @@ pub fn level_nodes(bvh: &Bvh2) -> (Vec<LevelNode>, u32) {
     })
 }
 
-/// A child of a node of the binary hierarchy.
-#[derive(Clone, Copy)]
-struct Part {
-    bounds: Aabb,
-    child: u32,
-    /// Triangles of a leaf.
-    count: u32,
-}
-
 /// The nodes that `emit` makes of the parts of a node, how many of them are inner and where these will be; and the
 /// stack entries that suffice for a walk.
-fn widen<N: Copy + Default>(bvh: &Bvh2, mut emit: impl FnMut(&[Part], usize, u32) -> N) -> (Vec<N>, u32) {
+fn widen<N: Copy + Default>(
+    bvh: &Bvh2,
+    in_order: bool,
+    mut emit: impl FnMut(&[Part], usize, u32) -> N,
+) -> (Vec<N>, u32) {
     let (mut nodes, mut stack) = (vec![N::default()], 0);
+    let collapse = Collapse::new(bvh);
     let mut open = vec![(0_u32, 0_usize, 0_u32)];
     while let Some((node, slot, waiting)) = open.pop() {
-        let parts = parts_of(bvh, node);
+        let parts = collapse.children(node, in_order);
         let inner = parts.iter().take_while(|part| part.count == 0).count();
         let first_child = nodes.len();
         nodes.resize(first_child + inner, N::default());
@@ -217,27 +214,8 @@ fn index(of: usize) -> u32 {
     u32::try_from(of).unwrap_or(u32::MAX)
 }
 
-/// At most four descendants of a node that hold all that is below it, inner ones first.
-fn parts_of(bvh: &Bvh2, node: u32) -> Vec<Part> {
-    let children = |node: u32| {
-        let node = bvh.nodes.get(node as usize);
-        let sides = node.into_iter().flat_map(|node| (0..2).map(move |side| (node, side)));
-        let parts = sides.map(|(n, side)| Part { bounds: n.bounds(side), child: n.child[side], count: n.count[side] });
-        parts.filter(|part| part.count > 0 || !part.bounds.is_empty())
-    };
-    let mut parts: Vec<Part> = children(node).collect();
-    while parts.len() < WIDTH {
-        let inner = parts.iter().enumerate().filter(|(_, part)| part.count == 0);
-        let largest = inner.max_by(|(_, a), (_, b)| half_area(&a.bounds).total_cmp(&half_area(&b.bounds)));
-        let Some((at, &part)) = largest else { break };
-        parts.splice(at..=at, children(part.child));
-    }
-    parts.sort_by_key(|part| part.count > 0);
-    parts
-}
-
 /// Half the surface of a box, which single precision may not hold.
-fn half_area(b: &Aabb) -> f64 {
+pub(super) fn half_area(b: &Aabb) -> f64 {
     let [x, y, z] = [0, 1, 2].map(|k| f64::from(b.max[k]) - f64::from(b.min[k]));
     x * y + y * z + z * x
 }

@@ -143,21 +143,23 @@ impl Bounds {
 /// the stack entries of a walk.
 fn emit(items: &mut [Item], mut scratch: &mut [Item], nodes: &mut [LevelNode], base: u32, sah_levels: u32) -> u32 {
     let Some((root, mut rest)) = nodes.split_first_mut() else { return 0 };
-    let mut children = children(items, scratch, sah_levels > 0);
+    let mut children = children(items, scratch, sah_levels > 0).map(|part| (Bounds::of(part), part));
+    // As in meshes, rays that may take any child first take what is large (`super::collapse`).
+    let unit = children.iter().fold(Bounds::EMPTY, |all, (b, _)| all.with(b.min, b.max)).unit();
+    children.sort_by(|(a, _), (b, _)| b.half_area(unit).total_cmp(&a.half_area(unit)));
     let mut child = [ABSENT; WIDTH];
     let mut bounds = [Aabb::EMPTY; WIDTH];
     let mut jobs: [Option<Job<'_>>; WIDTH] = [const { None }; WIDTH];
     let mut next = base + 1;
     let mut there = 0;
-    for (at, part) in children.iter_mut().enumerate() {
-        let part = std::mem::take(part);
+    for (at, (around, part)) in children.into_iter().enumerate() {
         if part.is_empty() {
             continue;
         }
         there += 1;
         let (own_scratch, others) = scratch.split_at_mut(part.len());
         scratch = others;
-        bounds[at] = Bounds::of(part).plain();
+        bounds[at] = around.plain();
         if let [item] = part {
             child[at] = LEAF | item.number;
             continue;

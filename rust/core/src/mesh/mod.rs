@@ -14,6 +14,7 @@ pub mod bvh;
 pub mod bvh4;
 mod cage;
 mod check;
+mod collapse;
 mod creases;
 mod cut_values;
 mod deform;

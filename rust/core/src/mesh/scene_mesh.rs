@@ -19,7 +19,7 @@ use crate::texture::{HeightFiles, Heights};
 
 /// Raised whenever a description is built to other bits than before, or they are stored otherwise: entries of other
 /// versions are not found.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// Why the asset of a mesh cannot be had.
 #[derive(Clone, Debug, thiserror::Error)]

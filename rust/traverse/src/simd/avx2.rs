@@ -113,19 +113,22 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn edges(self, corners: &[[f32; 4]; 3], o: V3, plane: [V3; 2]) -> Edges {
         let pulp::x86::V3 { sse, avx, .. } = self.0;
-        let [a, b, c]: [__m128; 3] = corners.map(cast);
+        let [a, b, c] = *corners;
+        let [a, b, c]: [__m128; 3] = [cast(a), cast(b), cast(c)];
         // Lanes of the corners a, b, c, c.
         let (ab_xy, ab_z) = (sse._mm_unpacklo_ps(a, b), sse._mm_unpackhi_ps(a, b));
         let axis = |lanes: __m128, o: f32| sse._mm_sub_ps(lanes, sse._mm_set1_ps(o));
         let x = axis(sse._mm_shuffle_ps::<0b00_00_01_00>(ab_xy, c), o[0]);
         let y = axis(sse._mm_shuffle_ps::<0b01_01_11_10>(ab_xy, c), o[1]);
         let z = axis(sse._mm_shuffle_ps::<0b10_10_01_00>(ab_z, c), o[2]);
-        let apply = |row: V3| {
-            let [rx, ry, rz] = row.0.map(|number| sse._mm_set1_ps(number));
-            let yz = sse._mm_add_ps(sse._mm_mul_ps(ry, y), sse._mm_mul_ps(rz, z));
-            sse._mm_add_ps(sse._mm_mul_ps(rx, x), yz)
+        // No `map` of arrays here: it stays a call, around which all lanes are kept in memory.
+        let times = |number: f32, lanes: __m128| sse._mm_mul_ps(sse._mm_set1_ps(number), lanes);
+        let apply = |V3([rx, ry, rz]): V3| {
+            let yz = sse._mm_add_ps(times(ry, y), times(rz, z));
+            sse._mm_add_ps(times(rx, x), yz)
         };
-        let [u, v] = plane.map(apply);
+        let [u, v] = plane;
+        let (u, v) = (apply(u), apply(v));
         // Of the corners q, r, p and r, p, q.
         let (u1, v1) = (avx._mm_permute_ps::<0b11_00_10_01>(u), avx._mm_permute_ps::<0b11_00_10_01>(v));
         let (u2, v2) = (avx._mm_permute_ps::<0b11_01_00_10>(u), avx._mm_permute_ps::<0b11_01_00_10>(v));

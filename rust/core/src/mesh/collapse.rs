@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Which subtrees of a binary hierarchy become the children of the nodes of a wide one: those with which the surfaces
+//! of all its nodes have the least sum, which is what rays pay for nodes (Ylitie, Karras and Laine 2017, "Efficient
+//! Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 3.1; leaves stay as they are). Pure; takes time and
+//! memory in proportion to the nodes.
+
+use super::Aabb;
+use super::bvh::{Bvh2, BvhNode};
+use super::bvh4::{WIDTH, half_area};
+
+/// Most trees that a side of a binary node may bring into a wide one.
+const MOST: usize = WIDTH - 1;
+
+/// A child of a wide node.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Part {
+    pub(super) bounds: Aabb,
+    /// A node of the binary hierarchy, or what its leaf says.
+    pub(super) child: u32,
+    /// Items of a leaf; 0 for a node.
+    pub(super) count: u32,
+}
+
+/// Of what is below a binary node, as a forest of at most so many trees.
+#[derive(Clone, Copy, Debug, Default)]
+struct Choice {
+    /// Least sums of surfaces, of at most one tree, two, three.
+    cost: [f64; MOST],
+    /// The trees that these take.
+    used: [usize; MOST],
+    /// Cut into two, three, four trees, those that the first side gets.
+    first: [usize; MOST],
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Collapse<'b> {
+    bvh: &'b Bvh2,
+    /// By node.
+    choices: Vec<Choice>,
+}
+
+impl<'b> Collapse<'b> {
+    /// Weighs all ways to collapse `bvh`, whose parents come before their children. Where surfaces are no numbers, any
+    /// way may be taken.
+    pub(super) fn new(bvh: &'b Bvh2) -> Self {
+        let mut choices = vec![Choice::default(); bvh.nodes.len()];
+        for (at, node) in bvh.nodes.iter().enumerate().rev() {
+            let cost = [0, 1].map(|side| {
+                let below = inner(node, side).and_then(|child| choices.get(child));
+                below.map_or([0.0; MOST], |below| below.cost)
+            });
+            choices[at] = Choice::new(&node.bounds(0).union(&node.bounds(1)), cost);
+        }
+        Self { bvh, choices }
+    }
+
+    /// The children of the wide node that begins at `node`, four at most: nodes first, and of each kind the largest
+    /// first. With `in_order` leaves are as in the binary hierarchy.
+    ///
+    /// Rays that begin in several children, or that any hit ends, take them about in this order: what is large is hit
+    /// more likely.
+    pub(super) fn children(&self, node: u32, in_order: bool) -> Vec<Part> {
+        let mut parts = Vec::with_capacity(WIDTH);
+        let mut open = vec![(node, WIDTH)];
+        while let Some((at, trees)) = open.pop() {
+            let (Some(node), Some(choice)) = (self.bvh.nodes.get(at as usize), self.choices.get(at as usize)) else {
+                continue;
+            };
+            let first = choice.first[trees - 2];
+            for (side, trees) in [(0, first), (1, trees - first)] {
+                let below = inner(node, side).and_then(|child| self.choices.get(child));
+                match below.map_or(1, |below| below.used[trees - 1]) {
+                    1 if below.is_some() || node.count[side] > 0 => parts.push(part(node, side)),
+                    1 => {}
+                    used => open.push((node.child[side], used)),
+                }
+            }
+        }
+        let area = |part: &Part| if in_order && part.count > 0 { 0.0 } else { half_area(&part.bounds) };
+        let is_leaf = |part: &Part| part.count > 0;
+        parts.sort_by(|a, b| is_leaf(a).cmp(&is_leaf(b)).then(area(b).total_cmp(&area(a))));
+        parts
+    }
+}
+
+/// The node on a side, if there is one.
+fn inner(node: &BvhNode, side: usize) -> Option<usize> {
+    (node.count[side] == 0 && !node.bounds(side).is_empty()).then_some(node.child[side] as usize)
+}
+
+fn part(node: &BvhNode, side: usize) -> Part {
+    Part { bounds: node.bounds(side), child: node.child[side], count: node.count[side] }
+}
+
+impl Choice {
+    /// Of a node with these `bounds`, from the costs of its sides.
+    fn new(bounds: &Aabb, [a, b]: [[f64; MOST]; 2]) -> Self {
+        let mut best = Self { used: [1; MOST], first: [1; MOST], ..Self::default() };
+        let mut cut = [f64::INFINITY; MOST];
+        for trees in 2..=WIDTH {
+            for first in 1..trees {
+                let sum = a[first - 1] + b[trees - first - 1];
+                if sum < cut[trees - 2] {
+                    (cut[trees - 2], best.first[trees - 2]) = (sum, first);
+                }
+            }
+        }
+        best.cost[0] = half_area(bounds) + cut[MOST - 1];
+        for trees in 2..WIDTH {
+            let (fewer, apart) = (best.cost[trees - 2], cut[trees - 2]);
+            (best.cost[trees - 1], best.used[trees - 1]) =
+                if apart < fewer { (apart, trees) } else { (fewer, best.used[trees - 2]) };
+        }
+        best
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::build_box_bvh;
+
+    /// The sum of the surfaces of the wide nodes that begin at the nodes `roots` (a bit each) of `bvh`; none if one of
+    /// them has more than four children.
+    fn cost_of(bvh: &Bvh2, roots: u32) -> Option<f64> {
+        let mut sum = 0.0;
+        for root in (0..bvh.nodes.len()).filter(|at| roots >> at & 1 != 0) {
+            let node = &bvh.nodes[root];
+            sum += half_area(&node.bounds(0).union(&node.bounds(1)));
+            let (mut open, mut children) = (vec![root], 0);
+            while let Some(at) = open.pop() {
+                for side in 0..2 {
+                    match inner(&bvh.nodes[at], side) {
+                        Some(child) if roots >> child & 1 == 0 => open.push(child),
+                        _ => children += 1,
+                    }
+                }
+            }
+            if children > WIDTH {
+                return None;
+            }
+        }
+        Some(sum)
+    }
+
+    #[test]
+    fn no_other_way_has_smaller_surfaces() {
+        let mut state = 7_u32;
+        let mut number = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        let mut is_better = 0;
+        for round in 0..200 {
+            let boxes: Vec<Aabb> = (0..5 + round % 6)
+                .map(|_| {
+                    let min = [number(), number(), 0.1 * number()];
+                    let size = [number().powi(4), number().powi(4), 0.1 * number()];
+                    Aabb { min, max: [0, 1, 2].map(|k| min[k] + size[k]) }
+                })
+                .collect();
+            let bvh = build_box_bvh(&boxes);
+            let collapse = Collapse::new(&bvh);
+            let (mut roots, mut leaves, mut open) = (0_u32, 0, vec![0_u32]);
+            while let Some(at) = open.pop() {
+                roots |= 1 << at;
+                let parts = collapse.children(at, false);
+                let places = parts.iter().map(|part| (part.count > 0, -half_area(&part.bounds)));
+                assert!(parts.len() <= WIDTH && places.is_sorted(), "nodes first, the largest first: {parts:?}");
+                leaves += parts.iter().filter(|part| part.count > 0).count();
+                open.extend(parts.iter().filter(|part| part.count == 0).map(|part| part.child));
+            }
+            assert_eq!(leaves, boxes.len());
+            let all = (1_u32..1 << bvh.nodes.len()).filter(|roots| roots & 1 != 0);
+            let costs: Vec<f64> = all.filter_map(|roots| cost_of(&bvh, roots)).collect();
+            let least = costs.iter().copied().fold(f64::INFINITY, f64::min);
+            let got = cost_of(&bvh, roots).expect("four children at most");
+            assert!(got <= least * (1.0 + 1e-12), "{got}, not {least}: {roots:b} of {bvh:?}");
+            is_better += u32::from(costs.iter().any(|cost| *cost > 1.01 * least));
+        }
+        assert!(is_better > 150, "there was something to choose: {is_better}");
+    }
+
+    #[test]
+    fn one_box_and_no_box_have_that_many_children() {
+        let unit = Aabb { min: [0.0; 3], max: [1.0; 3] };
+        for count in [0, 1, 2] {
+            let bvh = build_box_bvh(&vec![unit; count]);
+            assert_eq!(Collapse::new(&bvh).children(0, false).len(), count);
+        }
+    }
+}
