@@ -3,8 +3,9 @@
 //! own (after Ylitie, Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
 //! BVHs").
 //!
-//! Made from a [`Bvh2`] ([`super::collapse`]). Planes are rounded outwards, so a box holds what is in it. Over the triangles of a mesh ([`Bvh4`]) the children lie one after the
-//! other; over boxes ([`LevelNode`]) each is named. Pure; one thread per build.
+//! Made from a [`Bvh2`] (`collapse.rs`). Planes are rounded outwards, so a box holds what is in it. Over the
+//! triangles of a mesh ([`Bvh4`]) the children lie one after the other; over boxes ([`LevelNode`]) each is named. Pure;
+//! one thread per build.
 
 use bytemuck::{Pod, Zeroable};
 
