@@ -27,9 +27,9 @@ struct Choice {
     /// Least sums of surfaces, of at most one tree, two, three.
     cost: [f64; MOST],
     /// The trees that these take.
-    used: [usize; MOST],
+    used: [u8; MOST],
     /// Cut into two, three, four trees, those that the first side gets.
-    first: [usize; MOST],
+    first: [u8; MOST],
 }
 
 /// See the module.
@@ -67,10 +67,10 @@ impl<'b> Collapse<'b> {
             let (Some(node), Some(choice)) = (self.bvh.nodes.get(at as usize), self.choices.get(at as usize)) else {
                 continue;
             };
-            let first = choice.first[trees - 2];
+            let first = usize::from(choice.first[trees - 2]);
             for (side, trees) in [(0, first), (1, trees - first)] {
                 let below = inner(node, side).and_then(|child| self.choices.get(child));
-                match below.map_or(1, |below| below.used[trees - 1]) {
+                match below.map_or(1, |below| usize::from(below.used[trees - 1])) {
                     1 if below.is_some() || node.count[side] > 0 => parts.push(part(node, side)),
                     1 => {}
                     used => open.push((node.child[side], used)),
@@ -99,18 +99,18 @@ impl Choice {
         let mut best = Self { used: [1; MOST], first: [1; MOST], ..Self::default() };
         let mut cut = [f64::INFINITY; MOST];
         for trees in 2..=WIDTH {
-            for first in 1..trees {
+            for (first, number) in (1..trees).zip(1..) {
                 let sum = a[first - 1] + b[trees - first - 1];
                 if sum < cut[trees - 2] {
-                    (cut[trees - 2], best.first[trees - 2]) = (sum, first);
+                    (cut[trees - 2], best.first[trees - 2]) = (sum, number);
                 }
             }
         }
         best.cost[0] = half_area(bounds) + cut[MOST - 1];
-        for trees in 2..WIDTH {
+        for (trees, number) in (2..WIDTH).zip(2..) {
             let (fewer, apart) = (best.cost[trees - 2], cut[trees - 2]);
             (best.cost[trees - 1], best.used[trees - 1]) =
-                if apart < fewer { (apart, trees) } else { (fewer, best.used[trees - 2]) };
+                if apart < fewer { (apart, number) } else { (fewer, best.used[trees - 2]) };
         }
         best
     }
