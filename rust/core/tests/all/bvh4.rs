@@ -193,6 +193,19 @@ proptest! {
 }
 
 #[test]
+fn the_largest_child_comes_first() {
+    let cube = |(at, size): (u8, f32)| {
+        let x = 10.0 * f32::from(at);
+        Aabb { min: [x, 0.0, 0.0], max: [x + size, size, size] }
+    };
+    let boxes: Vec<Aabb> = (0..).zip([1.0, 4.0, 2.0, 3.0]).map(cube).collect();
+    let largest_first = [1, 3, 2, 0].map(|number| LEAF | number);
+    assert_eq!(build_level(&boxes).nodes[0].child, largest_first);
+    let (nodes, _) = level_nodes(&build_box_bvh(&boxes));
+    assert_eq!(nodes[0].child, largest_first);
+}
+
+#[test]
 fn clusters_far_apart_are_parted_at_the_root() {
     // The distance between neighbours in a cluster is as much of the scene as single precision can tell, or far more.
     for (scale, far) in [(1.0, 1e3), (1e-18, 1e3), (1e18, 1e3), (1e-3, 1e6)] {
