@@ -4,8 +4,8 @@
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 use oocpt_core::TypedArray;
 use oocpt_core::scene::{
-    InstancedBy, Interpolation, LightDesc, LightKind, MaterialDesc, MeshDesc, NodeDesc, ParamDesc, ParamValue,
-    PrimDesc, Primvar, SceneDb,
+    ConnectionDesc, InstancedBy, Interpolation, LightDesc, LightKind, MaterialDesc, MeshDesc, NodeDesc, ParamDesc,
+    ParamValue, PrimDesc, Primvar, SceneDb,
 };
 
 use crate::tracer::{Sun, Tracer};
@@ -211,14 +211,23 @@ pub(crate) fn dome(radiance: f32) -> LightDesc {
     LightDesc { prim: prim("/dome", DMat4::IDENTITY), intensity: radiance, ..LightDesc::default() }
 }
 
+/// A node: its values, and by which output of which node of the network its inputs are fed.
+pub(crate) fn node(kind: &str, values: &[(&str, ParamValue)], inputs: &[(&str, usize, &str)]) -> NodeDesc {
+    let params = values.iter().map(|(name, value)| ParamDesc { name: (*name).into(), value: value.clone() }).collect();
+    let connections = inputs.iter().map(|(input, node, output)| ConnectionDesc {
+        input: (*input).into(),
+        node: *node,
+        output: (*output).into(),
+    });
+    NodeDesc { path: format!("/{kind}").into(), kind: kind.into(), params, connections: connections.collect() }
+}
+
+/// A material of a network whose first node is the surface.
+pub(crate) fn network(path: &str, nodes: Vec<NodeDesc>) -> MaterialDesc {
+    MaterialDesc { path: path.into(), nodes, surface: Some(0), ..MaterialDesc::default() }
+}
+
 /// A `UsdPreviewSurface`.
 pub(crate) fn material(path: &str, values: &[(&str, ParamValue)]) -> MaterialDesc {
-    let params = values.iter().map(|(name, value)| ParamDesc { name: (*name).into(), value: value.clone() }).collect();
-    let node = NodeDesc {
-        path: format!("{path}/surface").into(),
-        kind: "UsdPreviewSurface".into(),
-        params,
-        connections: Vec::new(),
-    };
-    MaterialDesc { path: path.into(), nodes: vec![node], surface: Some(0), ..MaterialDesc::default() }
+    network(path, vec![node("UsdPreviewSurface", values, &[])])
 }

@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::SceneDb;
-use oocpt_core::settings::Settings;
+use oocpt_core::settings::{Settings, TraversalKind};
+use oocpt_render::textures::ImageLibrary;
 use oocpt_render::{AovKind, AovRequest, LightFiles, RenderRequest, Session, SessionOptions, Severity};
 
 /// Longest wait for one render; what takes longer hangs.
@@ -38,6 +39,17 @@ pub(crate) struct Bench {
     pub(crate) validation: bool,
 }
 
+/// How a stage renders, besides what [`Way`] says.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Engine {
+    /// The scene streams, with this many KiB for its geometry.
+    pub(crate) streaming_kib: Option<u32>,
+    /// Who walks the rays.
+    pub(crate) traversal: TraversalKind,
+    /// Where textures come from.
+    pub(crate) images: Option<Arc<dyn ImageLibrary>>,
+}
+
 /// Images, bottom row first.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shot {
@@ -54,6 +66,8 @@ pub(crate) struct Shot {
     /// Pixels that are not finite, and samples that were dropped for it.
     pub(crate) nonfinite: u64,
     pub(crate) device: String,
+    /// The device's memory is the host's, so that the host can walk its rays.
+    pub(crate) host_memory: bool,
 }
 
 /// A session to render with; the scene may be edited between renders.
@@ -63,11 +77,29 @@ pub(crate) struct Stage {
 
 impl Bench {
     pub(crate) fn stage(&self, build: impl FnOnce(&mut SceneDb)) -> Stage {
+        self.stage_by(Engine::default(), build)
+    }
+
+    pub(crate) fn stage_by(&self, engine: Engine, build: impl FnOnce(&mut SceneDb)) -> Stage {
         // Subdivision surfaces stay cages: smooth normals on facets are what some cases are about.
-        let settings =
-            Settings { device: self.device.clone(), interactive: false, dicing_rate: 0.0, ..Settings::default() };
-        let options = SessionOptions { validation: self.validation, ..SessionOptions::default() };
+        let settings = Settings {
+            device: self.device.clone(),
+            interactive: false,
+            dicing_rate: 0.0,
+            traversal: engine.traversal,
+            geometry_budget_kib: engine.streaming_kib.unwrap_or(0),
+            ..Settings::default()
+        };
+        let options = SessionOptions {
+            validation: self.validation,
+            force_streaming: engine.streaming_kib.is_some(),
+            ..SessionOptions::default()
+        };
         let session = Session::with_options(settings, options);
+        let session = match engine.images {
+            Some(images) => session.with_images(images),
+            None => session,
+        };
         session.with_scene(build);
         Stage { session }
     }
@@ -106,7 +138,9 @@ impl Stage {
             let to = if message.severity == Severity::Error { &mut shot.errors } else { &mut shot.warnings };
             to.push(message.text);
         }
-        shot.device = self.session.device_report().map(|report| report.name).unwrap_or_default();
+        let report = self.session.device_report();
+        shot.host_memory = report.as_ref().is_some_and(|report| report.host_memory);
+        shot.device = report.map(|report| report.name).unwrap_or_default();
         shot.nonfinite = self.session.stats().nonfinite_samples;
         self.read(&request, way, &mut shot);
         shot

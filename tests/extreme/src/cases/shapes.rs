@@ -17,7 +17,7 @@ use crate::shot::Way;
 use crate::tracer::camera::Eye;
 
 /// A view of four by four units, `scale` times as large.
-fn eye(scale: f64) -> Eye {
+pub(super) fn eye(scale: f64) -> Eye {
     let eye = Eye::parallel(DVec3::Z * 10.0 * scale, DVec3::ZERO, 4.0 * scale, [32, 32]);
     Eye { planes: [0.1 * scale, 1000.0 * scale], ..eye }
 }
@@ -32,20 +32,20 @@ fn width(value: f64) -> Option<Primvar> {
     Some(Primvar { interpolation: Interpolation::Constant, values, indices: None })
 }
 
-fn shape(shape: Shape, points: &[DVec3], wide: f64) -> MeshDesc {
+pub(super) fn shape(shape: Shape, points: &[DVec3], wide: f64) -> MeshDesc {
     let points = TypedArray::of(points.iter().copied().map(narrow).collect::<Vec<_>>());
     let black = Body { points: Vec::new(), faces: Vec::new(), albedo: 0.0 };
     let mesh = black.mesh(prim("/shape", DMat4::IDENTITY), 1);
     MeshDesc { shape, points, widths: width(wide), face_vertex_counts: TypedArray::of(Vec::<i32>::new()), ..mesh }
 }
 
-fn curve(basis: CurveBasis, points: &[DVec3], wide: f64) -> MeshDesc {
+pub(super) fn curve(basis: CurveBasis, points: &[DVec3], wide: f64) -> MeshDesc {
     let counts = TypedArray::of(vec![i32::try_from(points.len()).unwrap_or(0)]);
     shape(Shape::Curves(CurvesDesc { basis, wrap: CurveWrap::Nonperiodic, counts, indices: None }), points, wide)
 }
 
 /// From one side of the view to beyond the other, `count` points.
-fn straight(count: u32, scale: f64) -> Vec<DVec3> {
+pub(super) fn straight(count: u32, scale: f64) -> Vec<DVec3> {
     (0..count).map(|i| DVec3::X * scale * (6.0 * f64::from(i) / f64::from(count - 1) - 3.0)).collect()
 }
 
