@@ -8,7 +8,9 @@
 #include "scene/tokens.h"
 
 #include <algorithm>
+#include <iterator>
 #include <string>
+#include <utility>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -63,23 +65,6 @@ void _ReadPlacement(const HdOocPTPrimSource& source, HdOocPTInstancerState* stat
     state->transforms = primvar(tokens.instanceTransforms, HdOocPTArrayRole::Matrices);
 }
 
-/// Links of lights to single instances need a set of links per instance, which the renderer does not have.
-void _WarnOfInstanceCategories(const HdOocPTPrimSource& source)
-{
-    const auto& tokens = *HdOocPTSceneTokens;
-    const HdVectorDataSourceHandle instances = HdVectorDataSource::Cast(
-        HdOocPTFind(source.container, { tokens.instanceCategories, tokens.categoriesValues }));
-    const size_t count = instances ? instances->GetNumElements() : 0;
-    for (size_t i = 0; i < count; ++i) {
-        const HdContainerDataSourceHandle categories = HdContainerDataSource::Cast(instances->GetElement(i));
-        if (categories && !categories->GetNames().empty()) {
-            source.warnings->Add(source.path,
-                "light links name single instances, which is not supported yet; all instances are lit alike");
-            return;
-        }
-    }
-}
-
 } // namespace
 
 void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState* state)
@@ -108,9 +93,6 @@ void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState
             { tokens.instanceTranslations, tokens.instanceRotations, tokens.instanceScales, tokens.instanceTransforms,
                 tokens.velocities, tokens.accelerations, tokens.angularVelocities });
     }
-    if (source.dirtyBits & HdOocPTDirtyCategories) {
-        _WarnOfInstanceCategories(source);
-    }
 }
 
 oocpt::InstancerDesc HdOocPTDescribeInstancer(const SdfPath& path, const HdOocPTInstancerState& state)
@@ -128,6 +110,15 @@ oocpt::InstancerDesc HdOocPTDescribeInstancer(const SdfPath& path, const HdOocPT
     desc.transforms = HdOocPTHoldArray(state.transforms);
     desc.motion = HdOocPTDescribeInstancerMotion(state.motion);
     desc.primvars = HdOocPTDescribePrimvars(state.primvars);
+    for (const TfTokenVector& set : state.links.sets) {
+        oocpt::LinkSetDesc categories;
+        for (const TfToken& category : set) {
+            categories.categories.push_back(rust::String::lossy(category.GetString()));
+        }
+        desc.link_sets.push_back(std::move(categories));
+    }
+    desc.links.reserve(state.links.of.size());
+    std::copy(state.links.of.begin(), state.links.of.end(), std::back_inserter(desc.links));
     return desc;
 }
 

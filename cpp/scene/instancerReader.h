@@ -4,6 +4,7 @@
 
 #include "pxr/base/vt/value.h"
 #include "pxr/pxr.h"
+#include "scene/links.h"
 #include "scene/primReader.h"
 #include "scene/primvarReader.h"
 
@@ -30,6 +31,8 @@ struct HdOocPTInstancerState
     HdOocPTInstancerMotionState motion;
     /// All others with a value per instance.
     HdOocPTNamedPrimvars primvars;
+    /// Set by whoever knows the lights.
+    HdOocPTInstanceLinks links;
 };
 
 /// Reads the dirty parts of an instancer.

@@ -6,6 +6,7 @@
 #include "pxr/base/vt/array.h"
 #include "pxr/usd/sdf/predicateLibrary.h"
 #include "scene/dataSource.h"
+#include "scene/sceneObserver.h"
 #include "scene/tokens.h"
 
 #include <algorithm>
@@ -45,7 +46,10 @@ bool _Holds(const _Eval& eval, const SdfPath& path)
 HdOocPTLightLinks HdOocPTLinks::Read(const HdOocPTPrimSource& light)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    return { _ReadCollection(light, tokens.lightLink), _ReadCollection(light, tokens.shadowLink) };
+    HdOocPTLightLinks links { _ReadCollection(light, tokens.lightLink), _ReadCollection(light, tokens.shadowLink) };
+    HdOocPTConvert(HdOocPTRead(light.container, { tokens.light, tokens.lightLink }), &links.names.first);
+    HdOocPTConvert(HdOocPTRead(light.container, { tokens.light, tokens.shadowLink }), &links.names.second);
+    return links;
 }
 
 bool HdOocPTLinks::Set(const SdfPath& light, const HdOocPTLightLinks& links, HdOocPTWarnings* warnings)
@@ -69,18 +73,21 @@ bool HdOocPTLinks::Set(const SdfPath& light, const HdOocPTLightLinks& links, HdO
         return std::make_optional(_Link { category, *expression, std::move(eval) });
     };
     const auto& tokens = *HdOocPTSceneTokens;
-    _Pair pair { link(links.light, tokens.lightLink), link(links.shadow, tokens.shadowLink) };
+    _Light read { link(links.light, tokens.lightLink), link(links.shadow, tokens.shadowLink), links.names };
     const auto same = [](const std::optional<_Link>& a, const std::optional<_Link>& b) {
         return a.has_value() == b.has_value() && (!a || a->expression == b->expression);
     };
+    const bool isNamed = !read.names.first.IsEmpty() || !read.names.second.IsEmpty();
     const auto known = _lights.find(light);
-    if (!pair.first && !pair.second) {
+    if (!read.light && !read.shadow && !isNamed) {
         return known != _lights.end() && (_lights.erase(known), true);
     }
-    if (known != _lights.end() && same(known->second.first, pair.first) && same(known->second.second, pair.second)) {
+    // What is in a collection that has only a name is not known here.
+    if (!isNamed && known != _lights.end() && same(known->second.light, read.light)
+        && same(known->second.shadow, read.shadow) && known->second.names == read.names) {
         return false;
     }
-    _lights.insert_or_assign(light, std::move(pair));
+    _lights.insert_or_assign(light, std::move(read));
     return true;
 }
 
@@ -94,50 +101,143 @@ std::pair<TfToken, TfToken> HdOocPTLinks::GetCategories(const SdfPath& light) co
     const auto category = [](const std::optional<_Link>& link) { return link ? link->category : TfToken(); };
     const auto known = _lights.find(light);
     return known == _lights.end() ? std::pair<TfToken, TfToken>()
-                                  : std::make_pair(category(known->second.first), category(known->second.second));
+                                  : std::make_pair(category(known->second.light), category(known->second.shadow));
 }
 
-TfTokenVector HdOocPTLinks::Match(const SdfPath& path, const SdfPathVector& instances, HdOocPTWarnings* warnings) const
+TfTokenVector HdOocPTLinks::Match(const SdfPath& path) const
 {
     TfTokenVector categories;
-    const auto add = [&](const SdfPath& light, const std::optional<_Link>& link) {
-        if (!link) {
-            return;
+    for (const auto& [light, read] : _lights) {
+        for (const std::optional<_Link>* link : { &read.light, &read.shadow }) {
+            if (*link && _Holds((*link)->eval, path)) {
+                categories.push_back((*link)->category);
+            }
         }
-        const auto count = std::count_if(
-            instances.begin(), instances.end(), [&](const SdfPath& instance) { return _Holds(link->eval, instance); });
-        const bool isPart = count > 0 && static_cast<size_t>(count) < instances.size();
-        if (isPart) {
-            warnings->Add(light,
-                "is linked to single instances of " + path.GetString()
-                    + ", which is not supported yet; to the light it is in none of its collections");
-        }
-        if (!isPart && (count > 0 || _Holds(link->eval, path))) {
-            categories.push_back(link->category);
-        }
-    };
-    for (const auto& [light, pair] : _lights) {
-        add(light, pair.first);
-        add(light, pair.second);
     }
+    std::sort(categories.begin(), categories.end());
     return categories;
 }
+
+namespace {
+
+using _InstancedBy = std::vector<std::pair<SdfPath, SdfPath>>;
+
+bool _HasLocations(const HdContainerDataSourceHandle& instancer)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    return !HdOocPTRead(instancer, { tokens.instancerTopology, tokens.instanceLocations })
+                .GetWithDefault<VtArray<SdfPath>>()
+                .empty();
+}
+
+/// The path without the elements that UsdImaging puts in for the prototypes of point instancers.
+SdfPath _WithoutInsertions(const SdfPath& path)
+{
+    SdfPath clean = SdfPath::AbsoluteRootPath();
+    for (const SdfPath& prefix : path.GetPrefixes()) {
+        if (prefix.GetName().rfind("ForInstancer", 0) != 0) {
+            clean = clean.AppendChild(prefix.GetNameToken());
+        }
+    }
+    return clean;
+}
+
+/// Where collections look for a prim, or for a native instance, that these instancers place; nothing if it is a native
+/// instance further out that decides.
+std::optional<SdfPath> _StagePath(
+    const HdSceneIndexBase& scene, const SdfPath& path, const _InstancedBy& instancedBy, int depth = 0)
+{
+    // More levels than the renderer goes down.
+    constexpr int mostLevels = 64;
+    if (instancedBy.empty() || depth >= mostLevels) {
+        return path;
+    }
+    const SdfPath& instancer = instancedBy.front().first;
+    const HdContainerDataSourceHandle container = scene.GetPrim(instancer).dataSource;
+    if (_HasLocations(container)) {
+        return std::nullopt;
+    }
+    HdOocPTPrimState state;
+    HdOocPTReadPrim({ instancer, container, HdOocPTDirtyInstancedBy, nullptr }, &state);
+    const std::optional<SdfPath> above = _StagePath(scene, instancer, state.instancedBy, depth + 1);
+    const SdfPath own = _WithoutInsertions(path);
+    return above && own.HasPrefix(*above) ? own : above;
+}
+
+/// Numbers sets of collections.
+class _Sets
+{
+public:
+    explicit _Sets(HdOocPTInstanceLinks* links)
+        : _links(links)
+    {
+    }
+
+    void Add(const TfTokenVector& categories)
+    {
+        const auto [known, isNew] = _numbers.emplace(categories, static_cast<uint32_t>(_links->sets.size()));
+        if (isNew) {
+            _links->sets.push_back(categories);
+        }
+        _links->of.push_back(known->second);
+    }
+
+private:
+    HdOocPTInstanceLinks* _links;
+    std::map<TfTokenVector, uint32_t> _numbers;
+};
+
+/// What a scene delegate says of the instances, which it does itself for all levels of native instances.
+HdOocPTInstanceLinks _ReadNamedLinks(const HdOocPTPrimSource& source)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    HdOocPTInstanceLinks links;
+    const HdVectorDataSourceHandle values = HdVectorDataSource::Cast(
+        HdOocPTFind(source.container, { tokens.instanceCategories, tokens.categoriesValues }));
+    const size_t count = values ? values->GetNumElements() : 0;
+    if (count == 0) {
+        links.sets.push_back(HdOocPTReadCategories(source.container));
+        return links;
+    }
+    _Sets sets(&links);
+    for (size_t i = 0; i < count; ++i) {
+        sets.Add(HdOocPTCategoriesOf(HdContainerDataSource::Cast(values->GetElement(i))));
+    }
+    return links;
+}
+
+} // namespace
 
 void HdOocPTAddCategories(
     const HdSceneIndexBase& scene, const HdOocPTLinks& links, const HdOocPTPrimSource& source, HdOocPTMeshState* mesh)
 {
+    if (const std::optional<SdfPath> path = _StagePath(scene, source.path, mesh->prim.instancedBy)) {
+        const TfTokenVector found = links.Match(*path);
+        mesh->categories.insert(mesh->categories.end(), found.begin(), found.end());
+        std::sort(mesh->categories.begin(), mesh->categories.end());
+    }
+}
+
+HdOocPTInstanceLinks HdOocPTReadInstanceLinks(const HdSceneIndexBase& scene, const HdOocPTLinks& links,
+    const HdOocPTPrimSource& source, const HdOocPTPrimState& prim)
+{
     const auto& tokens = *HdOocPTSceneTokens;
-    SdfPathVector instances;
-    for (const auto& [instancer, root] : mesh->prim.instancedBy) {
-        const VtArray<SdfPath> locations
-            = HdOocPTRead(scene.GetPrim(instancer).dataSource, { tokens.instancerTopology, tokens.instanceLocations })
-                  .GetWithDefault<VtArray<SdfPath>>();
-        instances.insert(instances.end(), locations.begin(), locations.end());
+    HdOocPTInstanceLinks read;
+    if (HdOocPTFind(source.container, { tokens.sceneDelegate })) {
+        return prim.instancedBy.empty() ? _ReadNamedLinks(source) : read;
     }
-    for (const TfToken& category : links.Match(source.path, instances, source.warnings)) {
-        mesh->categories.push_back(category);
+    const VtArray<SdfPath> locations
+        = HdOocPTRead(source.container, { tokens.instancerTopology, tokens.instanceLocations })
+              .GetWithDefault<VtArray<SdfPath>>();
+    _Sets sets(&read);
+    for (const SdfPath& location : locations) {
+        const std::optional<SdfPath> path = _StagePath(scene, location, prim.instancedBy);
+        if (!path) {
+            return {};
+        }
+        sets.Add(links.Match(*path));
     }
-    std::sort(mesh->categories.begin(), mesh->categories.end());
+    return read;
 }
 
 void HdOocPTSetCategories(const std::pair<TfToken, TfToken>& categories, oocpt::LightDesc* light)

@@ -11,9 +11,11 @@
 #include "scene/meshReader.h"
 #include "scene/primReader.h"
 
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <utility>
+#include <vector>
 
 namespace oocpt {
 struct LightDesc;
@@ -21,12 +23,21 @@ struct LightDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// The collections that a light and its shadows are linked to, where the front end hands out collections: expressions
-/// over paths. Collections of everything are none.
+/// The collections that a light and its shadows are linked to: expressions over paths where the front end hands out
+/// collections, else what it calls them. Collections of everything are none.
 struct HdOocPTLightLinks
 {
     std::optional<SdfPathExpression> light;
     std::optional<SdfPathExpression> shadow;
+    std::pair<TfToken, TfToken> names {};
+};
+
+/// The collections that the instances of an instancer are in: a set of `sets` for each, or the first for all where `of`
+/// is empty.
+struct HdOocPTInstanceLinks
+{
+    std::vector<TfTokenVector> sets;
+    std::vector<uint32_t> of;
 };
 
 /// Which prims the lights of a scene are linked to.
@@ -34,6 +45,10 @@ struct HdOocPTLightLinks
 /// Only UsdImaging's scene delegate says itself in which collections a prim is ("categories"); the new front end hands
 /// out the collections, and this works out the rest. Hydra has a scene index for it, HdsiLightLinkingSceneIndex, which
 /// in OpenUSD 25.08 copies a freed expression when a collection is edited.
+///
+/// What is instanced is in the collections of its outermost instancer: of a native instance by its path on the stage,
+/// of a point instancer by the instancer's, or, where the expressions are here to be asked, by the prototype's own if
+/// that is below the instancer.
 ///
 /// Threads: Match() from several at once, between calls of the others.
 class HdOocPTLinks
@@ -52,9 +67,8 @@ public:
 
     bool IsEmpty() const { return _lights.empty(); }
 
-    /// The categories of a prim: those whose collections hold its path or, where it is the prototype of native
-    /// instances, the paths of all of them.
-    TfTokenVector Match(const SdfPath& path, const SdfPathVector& instances, HdOocPTWarnings* warnings) const;
+    /// The categories of a path on the stage: those whose collections hold it. None where the front end says it itself.
+    TfTokenVector Match(const SdfPath& path) const;
 
 private:
     struct _Link
@@ -63,14 +77,23 @@ private:
         SdfPathExpression expression;
         SdfPathExpressionEval<const SdfPath&> eval;
     };
-    using _Pair = std::pair<std::optional<_Link>, std::optional<_Link>>;
+    struct _Light
+    {
+        std::optional<_Link> light;
+        std::optional<_Link> shadow;
+        std::pair<TfToken, TfToken> names;
+    };
 
-    std::map<SdfPath, _Pair> _lights;
+    std::map<SdfPath, _Light> _lights;
 };
 
-/// Adds the categories of the collections that a mesh, or the native instances of it, are in.
+/// Adds the categories of the collections that a mesh is in, and not by its native instances.
 void HdOocPTAddCategories(
     const HdSceneIndexBase& scene, const HdOocPTLinks& links, const HdOocPTPrimSource& source, HdOocPTMeshState* mesh);
+
+/// The collections that the instances of an instancer are in, beside what it shows. `prim`: as last read.
+HdOocPTInstanceLinks HdOocPTReadInstanceLinks(const HdSceneIndexBase& scene, const HdOocPTLinks& links,
+    const HdOocPTPrimSource& source, const HdOocPTPrimState& prim);
 
 /// Where the front end has named categories itself, those stay.
 void HdOocPTSetCategories(const std::pair<TfToken, TfToken>& categories, oocpt::LightDesc* light);

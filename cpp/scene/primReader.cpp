@@ -80,17 +80,20 @@ void HdOocPTFillPrim(const SdfPath& path, const HdOocPTPrimState& state, oocpt::
 
 TfTokenVector HdOocPTReadCategories(const HdContainerDataSourceHandle& container)
 {
-    TfTokenVector categories;
-    if (const auto found = HdOocPTFindContainer(container, { HdOocPTSceneTokens->categories })) {
-        for (const TfToken& name : found->GetNames()) {
-            bool isMember = false;
-            if (HdOocPTConvert(HdOocPTSample(found->Get(name)), &isMember) && isMember) {
-                categories.push_back(name);
-            }
+    return HdOocPTCategoriesOf(HdOocPTFindContainer(container, { HdOocPTSceneTokens->categories }));
+}
+
+TfTokenVector HdOocPTCategoriesOf(const HdContainerDataSourceHandle& categories)
+{
+    TfTokenVector members;
+    for (const TfToken& name : categories ? categories->GetNames() : TfTokenVector()) {
+        bool isMember = false;
+        if (HdOocPTConvert(HdOocPTSample(categories->Get(name)), &isMember) && isMember) {
+            members.push_back(name);
         }
     }
-    std::sort(categories.begin(), categories.end());
-    return categories;
+    std::sort(members.begin(), members.end());
+    return members;
 }
 
 VtValue HdOocPTReadArray(const HdOocPTPrimSource& source, std::initializer_list<TfToken> names, HdOocPTArrayRole role)

@@ -58,6 +58,9 @@ VtValue HdOocPTReadArray(const HdOocPTPrimSource& source, std::initializer_list<
 /// The collections that the prim is in, of those that lights and shadows are linked to; sorted.
 TfTokenVector HdOocPTReadCategories(const HdContainerDataSourceHandle& container);
 
+/// The names that a container of categories has as members, sorted; none where it is null.
+TfTokenVector HdOocPTCategoriesOf(const HdContainerDataSourceHandle& categories);
+
 /// The name under which Rust knows a purpose: "default", "render", "proxy", "guide".
 TfToken HdOocPTPurposeOfTag(const TfToken& tag);
 

@@ -238,9 +238,9 @@ void HdOocPTSceneReader::_ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings
         changed |= _links.Set(path, links, warnings);
     }
     if (changed) {
-        // Any mesh may be in the collection, or no longer be.
+        // Any mesh or instance may be in the collection, or no longer be.
         for (const auto& [path, record] : _records) {
-            if (record && record->kind == HdOocPTPrimKind::Mesh) {
+            if (record && (record->kind == HdOocPTPrimKind::Mesh || record->kind == HdOocPTPrimKind::Instancer)) {
                 (*dirty)[path] |= HdOocPTDirtyCategories;
             }
         }
@@ -327,6 +327,11 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
             source.dirtyBits = HdOocPTDirtyAll;
         }
         HdOocPTReadInstancer(source, record.instancer.get());
+        if (source.dirtyBits & (HdOocPTDirtyCategories | HdOocPTDirtyInstances | HdOocPTDirtyInstancedBy)) {
+            record.instancer->links = _links.IsEmpty()
+                ? HdOocPTInstanceLinks()
+                : HdOocPTReadInstanceLinks(*_scene, _links, source, record.instancer->prim);
+        }
         job->instancer = HdOocPTDescribeInstancer(job->path, *record.instancer);
         break;
     case HdOocPTPrimKind::Light:

@@ -19,4 +19,12 @@ uint prim_link_set(int prim_id) {
     return index < LIGHTING.prim_count ? ConstUints(LIGHTING.prim_sets).v[index] : 0u;
 }
 
+// The prim id that the host knows: a prim below instances that are linked in other ways has several of its own.
+int shown_prim_id(int prim_id) {
+    if (!HAS_LIGHT_LINKS) return prim_id;
+    const uint index = uint(prim_id + 1);
+    if (index >= LIGHTING.prim_count) return prim_id;
+    return int(ConstUints(LIGHTING.prim_sets).v[LIGHTING.prim_count + index]);
+}
+
 #endif

@@ -7,6 +7,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
 #include "include/progress.glsl"
+#include "include/light_links.glsl"
 #include "include/path_surface.glsl"
 #include "include/material.glsl"
 #include "include/motion_vector.glsl"
@@ -22,7 +23,7 @@ AovClear aovs_of(uint path, Surface surface) {
     const vec3 v = vec3(row_at(FRAME.view[0], p), row_at(FRAME.view[1], p), row_at(FRAME.view[2], p));
     a.depth = 0.5 * (row_at(FRAME.clip_z, v) / row_at(FRAME.clip_w, v)) + 0.5;
     a.camera_depth = -v.z;
-    a.prim_id = surface.prim_id;
+    a.prim_id = shown_prim_id(surface.prim_id);
     a.instance_id = int(surface.instance_id);
     a.element_id = int(surface.face);
     if (HAS_SHADED_AOVS) {

@@ -12,7 +12,7 @@ use cxx::UniquePtr;
 use oocpt_core::array::{Element, TypedArray, column_matrix};
 use oocpt_core::desc::{Boundary, CurveBasis, CurveWrap, CurvesDesc, FaceVaryingLinear, Shape, TriangleRule};
 use oocpt_core::scene::{
-    AssetRef, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar, PrimDesc, Primvar,
+    AssetRef, InstanceLinks, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar, PrimDesc, Primvar,
     SceneWarning, Subdivision, SubdivisionTags, SubsetDesc,
 };
 use std::fmt::Debug;
@@ -220,6 +220,10 @@ pub(crate) fn instancer(desc: ffi::InstancerDesc, complaints: &mut Complaints) -
         transforms: complaints.optional(&path, "instanceTransforms", desc.transforms),
         motion: motion::instancer_motion(desc.motion, &path, complaints),
         primvars: complaints.primvars(&path, desc.primvars),
+        links: Arc::new(InstanceLinks {
+            sets: desc.link_sets.into_iter().map(|set| set.categories.into_iter().map(Arc::from).collect()).collect(),
+            of: Some(desc.links).filter(|links| !links.is_empty()),
+        }),
     }
 }
 

@@ -283,7 +283,13 @@ mod ffi {
         seconds: [f64; 2],
     }
 
-    /// A point instancer or the instancer of native instances; null arrays are absent.
+    /// Collections of lights' links.
+    struct LinkSetDesc {
+        categories: Vec<String>,
+    }
+
+    /// A point instancer or the instancer of native instances; null arrays are absent. `links`: the number of its set
+    /// of `link_sets` for each instance; empty: all have the first.
     struct InstancerDesc {
         prim: PrimDesc,
         prototypes: Vec<PrototypeDesc>,
@@ -294,6 +300,8 @@ mod ffi {
         transforms: UniquePtr<HeldArray>,
         motion: MotionDesc,
         primvars: Vec<NamedPrimvarDesc>,
+        link_sets: Vec<LinkSetDesc>,
+        links: Vec<u32>,
     }
 
     /// An authored input of a node: numbers in `numbers`, asset paths in `asset`, other text in `text`, also

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What a description says when nothing is authored: a constructor names what it sets and takes the rest from here.
 
+use std::sync::Arc;
+
 use glam::DMat4;
 
 use super::{
@@ -65,6 +67,7 @@ impl Default for InstancerDesc {
             transforms: None,
             motion: InstancerMotion::default(),
             primvars: Vec::new(),
+            links: Arc::default(),
         }
     }
 }

@@ -196,6 +196,19 @@ pub struct InstancerDesc {
     pub motion: InstancerMotion,
     /// Other primvars with a value per instance.
     pub primvars: Vec<NamedPrimvar>,
+    /// Collections of lights' links that instances are in.
+    pub links: Arc<InstanceLinks>,
+}
+
+/// Which collections of lights' links the instances of an instancer are in (`categories` and `instanceCategories` of
+/// Hydra). All that an instance shows is in them, beside the collections that it is in itself.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct InstanceLinks {
+    /// Sets of collections.
+    pub sets: Vec<Vec<Arc<str>>>,
+    /// Index into `sets` of each instance; an instance beyond its end, or with an index beyond `sets`, is in none.
+    /// `None`: all instances have the first set.
+    pub of: Option<Vec<u32>>,
 }
 
 /// A material: a network of shading nodes.

@@ -84,7 +84,7 @@ pub(crate) struct Member {
     pub(crate) prim_id: i32,
     /// The mesh, or the instancer.
     pub(crate) path: Arc<str>,
-    /// Prototype of the instancer, cluster of the mesh, else 0.
+    /// Prototype of the instancer and set of collections, cluster of the mesh, else 0.
     pub(crate) slot: usize,
     /// Primvars of the instancer that something below reads.
     pub(crate) primvars: Vec<MemberPrimvar>,
@@ -311,7 +311,7 @@ impl Member {
 
     /// Records of an instancer's prototype, for instance ids.
     pub(crate) fn prototype_count(&self) -> u32 {
-        if self.run.is_instanced() { self.run.ranks() } else { 1 }
+        if self.run.is_instanced() { self.run.prototype_count() } else { 1 }
     }
 
     /// Keys of each placement; 0 where they do not move.
@@ -325,7 +325,7 @@ impl Member {
             object_from_parent: placed.object_from_parent,
             target: self.target,
             prim_id: self.prim_id,
-            index_in_prototype: rank,
+            index_in_prototype: self.run.index_in_prototype(rank),
             prototype_count: self.prototype_count(),
             bounds: [placed.bounds.min, placed.bounds.max],
             flags: placed.flags,

@@ -34,6 +34,8 @@ pub(crate) enum GroupId {
     Prototype(InstancedBy),
     /// The clusters of a mesh that was split: the hash of the first, and the prim id.
     Clusters(u128, i32),
+    /// A prototype seen in collections of lights' links that instancers above it are in, sorted.
+    Linked(Box<Self>, Arc<[Arc<str>]>),
     /// What an instancer that moves as a whole places: its path, and the group that it is in.
     Moving(Arc<str>, Box<Self>),
 }

@@ -20,6 +20,7 @@ impl Run {
         let mut run = Self {
             spec: spec.clone(),
             unmasked: old.unmasked.clone(),
+            among_all: old.among_all.clone(),
             bad: old.bad.clone(),
             ranks: old.ranks,
             blocks: old.blocks.clone(),
@@ -104,7 +105,7 @@ impl Run {
             && self.spec.target_bounds == spec.target_bounds
             && !spec.target_bounds.is_empty();
         let moves = self.key_count() != 0 || spec.key_count() != 0;
-        if moves || !same_frame || self.ranks == 0 || old.indices.identity() != new.indices.identity() {
+        if moves || !same_frame || self.ranks == 0 || !old.same_indices(new) {
             return None;
         }
         let changed = InstanceArrays::changes(&old.arrays, &new.arrays)?;

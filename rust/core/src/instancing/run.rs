@@ -21,6 +21,27 @@ pub(crate) struct Instances {
     pub(crate) arrays: Arc<InstanceArrays>,
     /// Which of them show this prototype.
     pub(crate) indices: TypedArray,
+    /// The places in `indices` that count, in order; `None`: all of them.
+    pub(crate) chosen: Option<Arc<Vec<u32>>>,
+}
+
+impl Instances {
+    /// How many there are at most.
+    pub(crate) fn len(&self) -> usize {
+        self.chosen.as_ref().map_or(self.indices.len(), |chosen| chosen.len())
+    }
+
+    /// True when both have the same places of the same array, told from their addresses.
+    pub(super) fn same_indices(&self, other: &Self) -> bool {
+        let chosen = match (&self.chosen, &other.chosen) {
+            (None, None) => true,
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        };
+        chosen
+            && self.indices.identity() == other.indices.identity()
+            && self.indices.element() == other.indices.element()
+    }
 }
 
 /// What determines a run.
@@ -51,11 +72,7 @@ impl RunSpec {
     fn is_same(&self, other: &Self) -> bool {
         let instances = match (&self.instances, &other.instances) {
             (None, None) => true,
-            (Some(a), Some(b)) => {
-                Arc::ptr_eq(&a.arrays, &b.arrays)
-                    && a.indices.identity() == b.indices.identity()
-                    && a.indices.element() == b.indices.element()
-            }
+            (Some(a), Some(b)) => Arc::ptr_eq(&a.arrays, &b.arrays) && a.same_indices(b),
             _ => false,
         };
         instances
@@ -94,6 +111,8 @@ pub(crate) struct Run {
     pub(super) spec: RunSpec,
     /// Instance numbers left by the mask, by rank; `None` = all indices.
     pub(super) unmasked: Option<Arc<Vec<u32>>>,
+    /// Of chosen instances, by rank: the rank that each had if all were chosen; and how many that would be.
+    pub(super) among_all: Option<(Arc<Vec<u32>>, u32)>,
     /// Ranks that are not usable, in order.
     pub(super) bad: Vec<u32>,
     /// Number of ranks: instances left by the mask.
@@ -121,6 +140,7 @@ impl Run {
         let mut run = Self {
             spec,
             unmasked: None,
+            among_all: None,
             bad: Vec::new(),
             ranks: 0,
             blocks: Vec::new(),
@@ -227,9 +247,19 @@ impl Run {
         self.spec.key_count()
     }
 
-    /// Number of ranks, for instance ids.
+    /// Number of ranks.
     pub(crate) fn ranks(&self) -> u32 {
         self.ranks
+    }
+
+    /// Number of instances that show the prototype, for instance ids.
+    pub(crate) fn prototype_count(&self) -> u32 {
+        self.among_all.as_ref().map_or(self.ranks, |(_, count)| *count)
+    }
+
+    /// Which of them a rank is.
+    pub(crate) fn index_in_prototype(&self, rank: u32) -> u32 {
+        self.among_all.as_ref().map_or(rank, |(of, _)| of.get(rank as usize).copied().unwrap_or(rank))
     }
 
     /// A reader of single placements as seen from `origin` (given in the assembly's frame).

@@ -2,7 +2,7 @@
 //! Scans: every instance of a run measured once, for its box and for what is not usable, and what is kept of that for
 //! the partition.
 
-use std::sync::PoisonError;
+use std::sync::{Arc, PoisonError};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -11,7 +11,7 @@ use super::item::Item;
 use super::placement::{Footprint, Placer, round_down, round_up};
 use super::reader::Numbers;
 use super::run::{Instances, Run, RunSpec};
-use crate::array::{ArrayView, ElementType};
+use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::DroppedData;
 use crate::mesh::Aabb;
 
@@ -91,7 +91,7 @@ impl Slots<'_> {
 impl RunSpec {
     /// Placements that an instancer makes at most; 1 without.
     pub(crate) fn most_ranks(&self) -> u64 {
-        self.instances.as_ref().map_or(1, |instances| instances.indices.len() as u64)
+        self.instances.as_ref().map_or(1, |instances| instances.len() as u64)
     }
 
     /// Boxes and items of every `stride`-th instance, of few all, without looking at masks.
@@ -106,11 +106,12 @@ impl RunSpec {
             Some((bounds, Item::new(&footprint, 0)))
         };
         let Some(instances) = &self.instances else { return sample(None).into_iter().collect() };
-        let indices = instances.indices.view();
+        let (indices, count) = (instances.indices.view(), instances.len());
         let limit = instances.arrays.len();
-        let stride = if indices.len() <= FEW { 1 } else { stride.max(1) };
-        let number = |k: usize| indices.index(k).and_then(|n| usize::try_from(n).ok()).filter(|&n| n < limit);
-        (stride / 2..indices.len()).step_by(stride).filter_map(|k| sample(Some(number(k)?))).collect()
+        let stride = if count <= FEW { 1 } else { stride.max(1) };
+        let place = |k: usize| instances.chosen.as_ref().map_or(Some(k), |chosen| chosen.get(k).map(|&k| k as usize));
+        let number = |k: usize| indices.index(place(k)?).and_then(|n| usize::try_from(n).ok()).filter(|&n| n < limit);
+        (stride / 2..count).step_by(stride).filter_map(|k| sample(Some(number(k)?))).collect()
     }
 }
 
@@ -121,8 +122,13 @@ impl Run {
             self.dropped.wrong_array_types += 1;
             return;
         }
-        if let Some(mask) = &instances.arrays.mask {
-            self.unmasked = apply_mask(&indices, &mask.view(), &mut self.dropped).map(std::sync::Arc::new);
+        let mask = instances.arrays.mask.as_ref().map(TypedArray::view);
+        if let Some(chosen) = &instances.chosen {
+            let (numbers, among_all, count) = choose(&indices, mask.as_ref(), chosen, &mut self.dropped);
+            self.unmasked = Some(Arc::new(numbers));
+            self.among_all = Some((Arc::new(among_all), count));
+        } else if let Some(mask) = &mask {
+            self.unmasked = apply_mask(&indices, mask, &mut self.dropped).map(Arc::new);
         }
         let ranks = self.unmasked.as_ref().map_or(indices.len(), |n| n.len());
         let Ok(count) = u32::try_from(ranks) else {
@@ -259,4 +265,31 @@ fn apply_mask(indices: &ArrayView<'_>, mask: &ArrayView<'_>, dropped: &mut Dropp
     let left: Vec<u32> = numbers.filter(shown).map(i32::cast_unsigned).collect();
     dropped.short_masks += u64::from(beyond);
     (left.len() != indices.len()).then_some(left)
+}
+
+/// The numbers of the chosen instances that the mask leaves, which of all that it leaves they are, and how many these
+/// are. Numbers are kept as by [`apply_mask`].
+fn choose(
+    indices: &ArrayView<'_>,
+    mask: Option<&ArrayView<'_>>,
+    chosen: &[u32],
+    dropped: &mut DroppedData,
+) -> (Vec<u32>, Vec<u32>, u32) {
+    let (mut numbers, mut among_all) = (Vec::with_capacity(chosen.len()), Vec::with_capacity(chosen.len()));
+    let (mut next, mut left, mut beyond) = (chosen.iter().copied().peekable(), 0_u32, false);
+    for (place, number) in (0..indices.len()).filter_map(|place| Some((place, indices.index(place)?))) {
+        let is_chosen = next.next_if(|&chosen| chosen as usize == place).is_some();
+        let shown = mask.is_none_or(|mask| {
+            let entry = usize::try_from(number).ok().and_then(|number| mask.boolean(number));
+            beyond |= entry.is_none() && is_chosen;
+            entry.unwrap_or(true)
+        });
+        if shown && is_chosen {
+            numbers.push(number.cast_unsigned());
+            among_all.push(left);
+        }
+        left = left.saturating_add(u32::from(shown));
+    }
+    dropped.short_masks += u64::from(beyond);
+    (numbers, among_all, left)
 }

@@ -247,7 +247,7 @@ impl Source<'_> {
                 for parent in &parents {
                     placements[child].extend(places.iter().map(|(rank, matrix)| Placement {
                         frame: parent.frame * *matrix,
-                        id: parent.id.wrapping_mul(count).wrapping_add(*rank),
+                        id: parent.id.wrapping_mul(count).wrapping_add(member.run.index_in_prototype(*rank)),
                         values: PlacedReader::values(&readers, &parent.values, *rank),
                         row: NO_ROW,
                     }));

@@ -148,7 +148,8 @@ impl World {
                     let reader = member.run.reader(None);
                     open.extend(
                         reader.matrices().map(|(rank, matrix)| {
-                            (a as usize, frame * matrix, id.wrapping_mul(count).wrapping_add(rank))
+                            let index = member.run.index_in_prototype(rank);
+                            (a as usize, frame * matrix, id.wrapping_mul(count).wrapping_add(index))
                         }),
                     );
                 }

@@ -4,6 +4,7 @@
 use std::sync::{Arc, OnceLock};
 
 use super::dicing::Outline;
+use super::linking::LinkClasses;
 use crate::array::ArrayView;
 use crate::desc::DroppedData;
 use crate::desc::{InstancerDesc, MeshDesc};
@@ -98,6 +99,8 @@ pub(crate) struct InstancerEntry {
     pub(crate) primvars: Vec<Arc<InstancePrimvar>>,
     /// Of these, the usable ones that some mesh lacks.
     pub(crate) offers: Vec<MemberPrimvar>,
+    /// Its instances by the collections that they are in.
+    pub(crate) classes: LinkClasses,
 }
 
 impl InstancerEntry {
@@ -116,7 +119,8 @@ impl InstancerEntry {
         let known = old.as_ref().map_or(&[][..], |old| &old.primvars);
         let primvars = InstancePrimvar::all_of(&desc, known);
         let Some(old) = old else {
-            return (Self { desc, arrays, is_usable, dropped, notes, primvars, offers: Vec::new() }, true);
+            let classes = LinkClasses::default();
+            return (Self { desc, arrays, is_usable, dropped, notes, primvars, offers: Vec::new(), classes }, true);
         };
         let mut changed = desc.prim != old.desc.prim || desc.prototypes.len() != old.desc.prototypes.len();
         if old.arrays.same_contents(&arrays) {
@@ -132,10 +136,16 @@ impl InstancerEntry {
                 changed = true;
             }
         }
+        if desc.links == old.desc.links {
+            desc.links = old.desc.links;
+        } else {
+            changed = true;
+        }
         changed |= dropped != old.dropped || notes != old.notes;
         changed |= primvars.len() != old.primvars.len()
             || primvars.iter().zip(&old.primvars).any(|(new, old)| !Arc::ptr_eq(new, old));
-        (Self { desc, arrays, is_usable, dropped, notes, primvars, offers: old.offers }, changed)
+        let (offers, classes) = (old.offers, old.classes);
+        (Self { desc, arrays, is_usable, dropped, notes, primvars, offers, classes }, changed)
     }
 }
 

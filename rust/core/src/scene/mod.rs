@@ -9,6 +9,7 @@ mod commit;
 mod dicing;
 mod entries;
 mod light;
+mod linking;
 mod mesh_lights;
 mod mesh_placements;
 mod mesh_store;
@@ -27,8 +28,8 @@ use std::sync::Arc;
 use glam::DVec3;
 
 pub use crate::desc::{
-    AssetRef, ConnectionDesc, CurveBasis, CurveWrap, CurvesDesc, DomeFormat, DroppedData, InstancedBy, InstancerDesc,
-    InstancerMotion, InstancerPrototype, InstancerSample, Interpolation, LightDesc, LightKind, MaterialDesc,
+    AssetRef, ConnectionDesc, CurveBasis, CurveWrap, CurvesDesc, DomeFormat, DroppedData, InstanceLinks, InstancedBy,
+    InstancerDesc, InstancerMotion, InstancerPrototype, InstancerSample, Interpolation, LightDesc, LightKind, MaterialDesc,
     MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PointsMotion, PointsSample, PrimDesc,
     Primvar, Shape, Shaping, Subdivision, SubdivisionTags, SubsetDesc, TransformSample,
 };
@@ -60,7 +61,7 @@ use mesh_lights::mesh_lights;
 use mesh_store::MeshStore;
 use report::Reports;
 use resolve::{Hierarchy, PlanGroup, PlanTarget, Prims, resolve};
-use surfaces::{MaterialEntry, SurfaceStore};
+use surfaces::{MaterialEntry, Shown, SurfaceStore};
 
 /// The result of [`SceneDb::commit`].
 #[derive(Clone, Debug)]
@@ -320,8 +321,12 @@ impl SceneDb {
             reports.add(path, &entry.dropped);
             entry.notes.iter().for_each(|note| reports.note(path, note.clone()));
         }
+        let named = linking::named(&self.lights);
+        for (_, entry) in self.instancers.iter_mut().filter(|(path, _)| reachable.contains(*path)) {
+            entry.classes.update(&entry.desc, &named);
+        }
         let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
-        let plan = resolve(prims, &hierarchy, reports);
+        let (plan, linked) = resolve(prims, &hierarchy, reports);
         let mut used = Vec::new();
         for member in plan.iter().flat_map(|group| &group.members) {
             if let PlanTarget::Mesh { key, .. } = member.target {
@@ -330,7 +335,8 @@ impl SceneDb {
         }
         let (meshes, indices) = self.mesh_store.assign(&used);
         let lights = mesh_lights(&self.lights, &self.meshes, reports);
-        let mut surfaces = self.surface_store.tables(&self.materials, &self.meshes, &lights, &reachable, reports);
+        let meshes_shown = Shown { meshes: &self.meshes, lights: &lights, paths: &reachable, linked: &linked };
+        let mut surfaces = self.surface_store.tables(&self.materials, meshes_shown, reports);
         surfaces.trim();
         (plan, Assets { meshes, indices, surfaces })
     }

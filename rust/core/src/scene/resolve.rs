@@ -9,8 +9,9 @@ use glam::DAffine3;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::entries::{InstancerEntry, MeshEntry};
+use super::linking::{Categories, LinkClass, LinkedPrims, MAX_LINKED_PRIMS, union};
 use super::report::Reports;
-use crate::desc::{InstancedBy, PrimDesc, TransformSample};
+use crate::desc::{InstancedBy, InstancerPrototype, PrimDesc, TransformSample};
 use crate::instancing::GroupId;
 use crate::instancing::array_motion::transform_motion;
 use crate::instancing::instance_primvars::MemberPrimvar;
@@ -36,7 +37,7 @@ pub(crate) enum PlanTarget {
 pub(crate) struct PlanMember {
     /// The mesh, or the instancer.
     pub(crate) path: Arc<str>,
-    /// Prototype of the instancer, 0 for meshes.
+    /// Prototype of the instancer, and above its number of prototypes that of a set of collections; 0 for meshes.
     pub(crate) slot: usize,
     /// Group frame from the prim's frame.
     pub(crate) before: DAffine3,
@@ -200,8 +201,13 @@ enum Outcome {
     Group(usize),
 }
 
-/// Makes the plan. All meshes of the content that have assets are placed.
-pub(crate) fn resolve(prims: Prims<'_>, hierarchy: &Hierarchy, reports: &mut Reports) -> Vec<PlanGroup> {
+/// Makes the plan. All meshes of the content that have assets are placed. Gives also the meshes that are seen in
+/// collections beside their own.
+pub(crate) fn resolve(
+    prims: Prims<'_>,
+    hierarchy: &Hierarchy,
+    reports: &mut Reports,
+) -> (Vec<PlanGroup>, LinkedPrims) {
     let mut resolver = Resolver {
         prims,
         hierarchy,
@@ -209,10 +215,16 @@ pub(crate) fn resolve(prims: Prims<'_>, hierarchy: &Hierarchy, reports: &mut Rep
         outcomes: FxHashMap::default(),
         plan: Vec::new(),
         split: FxHashMap::default(),
+        linked: LinkedPrims::default(),
     };
-    let members = resolver.members(&GroupId::Root, 0);
+    let members = resolver.members(&GroupId::Root, &Categories::default(), 0);
     resolver.push(GroupId::Root, members);
-    resolver.plan
+    (resolver.plan, resolver.linked)
+}
+
+/// The name of a group in the collections of the instances above it.
+fn linked_id(id: GroupId, categories: &Categories) -> GroupId {
+    if categories.is_empty() { id } else { GroupId::Linked(Box::new(id), Arc::clone(categories)) }
 }
 
 struct Resolver<'a> {
@@ -223,6 +235,7 @@ struct Resolver<'a> {
     plan: Vec<PlanGroup>,
     /// Groups of clusters: by the first cluster's hash and the prim id.
     split: FxHashMap<(u128, i32), usize>,
+    linked: LinkedPrims,
 }
 
 impl Resolver<'_> {
@@ -243,11 +256,12 @@ impl Resolver<'_> {
         }
     }
 
-    /// The members of a group at `depth` records below the root. Depth is bounded, so the recursion is.
-    fn members(&mut self, id: &GroupId, depth: u32) -> Vec<PlanMember> {
+    /// The members of a group below instances that are in `above`, at `depth` records below the root. Depth is bounded,
+    /// so the recursion is.
+    fn members(&mut self, id: &GroupId, above: &Categories, depth: u32) -> Vec<PlanMember> {
         let (prims, content) = (self.prims, self.hierarchy.content(id));
         let mut members: Vec<PlanMember> =
-            content.meshes.iter().filter_map(|path| self.mesh_member(prims.meshes.get(path)?)).collect();
+            content.meshes.iter().filter_map(|path| self.mesh_member(prims.meshes.get(path)?, above)).collect();
         for path in &content.instancers {
             let Some(entry) = prims.instancers.get(path).filter(|e| e.is_usable) else {
                 continue;
@@ -261,9 +275,10 @@ impl Resolver<'_> {
             let depth = depth + u32::from(moves);
             let mut placed = Vec::new();
             let inner = if moves { DAffine3::IDENTITY } else { before };
-            for (slot, prototype) in entry.desc.prototypes.iter().enumerate() {
+            for (slot, prototype, class, chosen) in placed_apart(entry) {
                 let by = InstancedBy { instancer: path.clone(), prototype_root: prototype.root.clone() };
-                let (after, target, mut lacks) = match self.outcome(GroupId::Prototype(by), depth + 1) {
+                let here = union(above, &class.categories);
+                let (after, target, mut lacks) = match self.outcome(&GroupId::Prototype(by), &here, depth + 1) {
                     Outcome::Open | Outcome::Nothing => continue,
                     Outcome::OneMesh(mesh) => (mesh.before, mesh.target, mesh.lacks),
                     Outcome::Group(index) => {
@@ -275,8 +290,8 @@ impl Resolver<'_> {
                     self.reports.of(path).deep_instancers += 1;
                     continue;
                 }
-                let instances = Instances { arrays: entry.arrays.clone(), indices: prototype.indices.clone() };
-                let instances = Some(instances);
+                let (arrays, indices) = (entry.arrays.clone(), prototype.indices.clone());
+                let instances = Some(Instances { arrays, indices, chosen });
                 let offers = entry.offers.iter().filter(|offer| lacks.contains(&offer.id));
                 let primvars: Vec<MemberPrimvar> = offers.cloned().collect();
                 lacks.retain(|id| primvars.iter().all(|primvar| primvar.id != *id));
@@ -285,7 +300,8 @@ impl Resolver<'_> {
                 placed.push(member);
             }
             if moves && !placed.is_empty() {
-                let group = self.push(GroupId::Moving(path.clone(), Box::new(id.clone())), placed);
+                let within = Box::new(linked_id(id.clone(), above));
+                let group = self.push(GroupId::Moving(path.clone(), within), placed);
                 let lacks = self.plan.get(group).map(|group| group.lacks.clone()).unwrap_or_default();
                 members.push(PlanMember {
                     path: path.clone(),
@@ -305,10 +321,11 @@ impl Resolver<'_> {
         members
     }
 
-    fn outcome(&mut self, id: GroupId, depth: u32) -> Outcome {
+    fn outcome(&mut self, plain: &GroupId, above: &Categories, depth: u32) -> Outcome {
+        let id = linked_id(plain.clone(), above);
         match self.outcomes.get(&id) {
             Some(Outcome::Open) => {
-                if let GroupId::Prototype(by) = &id {
+                if let GroupId::Prototype(by) = plain {
                     self.reports.of(&by.instancer).instancer_cycles += 1;
                 }
                 return Outcome::Nothing;
@@ -317,16 +334,16 @@ impl Resolver<'_> {
             None => {}
         }
         if depth >= MAX_LEVELS {
-            if let GroupId::Prototype(by) = &id {
+            if let GroupId::Prototype(by) = plain {
                 self.reports.of(&by.instancer).deep_instancers += 1;
             }
             return Outcome::Nothing;
         }
         self.outcomes.insert(id.clone(), Outcome::Open);
-        let mut members = self.members(&id, depth);
+        let mut members = self.members(plain, above, depth);
         // What moves by itself, or turns about a point that is not its own origin, keeps its own record: only so is its
         // way that of its keys.
-        let turns = match &id {
+        let turns = match plain {
             GroupId::Prototype(by) => {
                 self.prims.instancers.get(&by.instancer).is_some_and(|entry| entry.arrays.motion.is_some())
             }
@@ -348,8 +365,14 @@ impl Resolver<'_> {
         outcome
     }
 
-    fn mesh_member(&mut self, entry: &MeshEntry) -> Option<PlanMember> {
-        let (built, prim_id) = (entry.built.as_ref()?, entry.desc.prim_id);
+    fn mesh_member(&mut self, entry: &MeshEntry, above: &Categories) -> Option<PlanMember> {
+        let built = entry.built.as_ref()?;
+        let prim_id = self.linked.prim_id(self.prims.meshes, entry, above).unwrap_or_else(|| {
+            let path = &entry.desc.prim.path;
+            self.reports.note(path, format!("a limit of the renderer: {MAX_LINKED_PRIMS} prims in other collections \
+                                             than their own; where more are instanced, links of instances are ignored"));
+            entry.desc.prim_id
+        });
         let target = match (&built.asset, built.clusters.first()) {
             (Some(asset), _) => PlanTarget::Mesh { key: asset.key, prim_id },
             (None, first) => PlanTarget::Group(self.clusters(first?.key, prim_id, &built.clusters, &entry.lacks)),
@@ -399,6 +422,20 @@ impl Resolver<'_> {
         self.split.insert((first, prim_id), group);
         group
     }
+}
+
+/// The prototypes of an instancer, each once for each set of collections that instances of it are in; with the place of
+/// both among all, and the places in the prototype's indices.
+fn placed_apart(
+    entry: &InstancerEntry,
+) -> impl Iterator<Item = (usize, &InstancerPrototype, &LinkClass, Option<Arc<Vec<u32>>>)> {
+    let prototypes = &entry.desc.prototypes;
+    entry.classes.all().iter().enumerate().flat_map(move |(number, class)| {
+        prototypes.iter().enumerate().filter_map(move |(prototype, described)| {
+            let chosen = class.chosen(prototype)?;
+            Some((prototype + number * prototypes.len(), described, class, chosen))
+        })
+    })
 }
 
 /// The transforms of a prim that moves at times of the shutter; `None` where it does not; or why they cannot be used.

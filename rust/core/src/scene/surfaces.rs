@@ -8,6 +8,7 @@ use std::sync::Arc;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::entries::{InstancerEntry, MeshEntry};
+use super::linking::LinkedPrims;
 use super::mesh_lights::{MESH_LIGHT, MeshLight};
 use super::report::Reports;
 use super::snapshot::SurfaceTables;
@@ -21,7 +22,7 @@ use oocpt_materialx::surface::Input as InputName;
 /// In [`SurfaceTables::material_slots`]: no material.
 pub const NO_MATERIAL: u32 = u32::MAX;
 /// Largest prim id that can have a material: the table goes up to it.
-const MAX_PRIM_ID: usize = 1 << 24;
+pub(crate) const MAX_PRIM_ID: usize = 1 << 24;
 
 /// What a prim looks like: an entry of [`SurfaceTables::prims`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,6 +33,17 @@ pub struct PrimRecord {
     pub slot_count: u32,
     /// Which categories it is in: index into [`SurfaceTables::category_sets`].
     pub category_set: u32,
+    /// Of a prim that is another one below instances that are in collections of their own: the prim id of that.
+    pub shown_as: Option<i32>,
+}
+
+/// The meshes that tables are made for.
+#[derive(Clone, Copy)]
+pub(crate) struct Shown<'a> {
+    pub(crate) meshes: &'a BTreeMap<Arc<str>, MeshEntry>,
+    pub(crate) lights: &'a FxHashMap<Arc<str>, MeshLight>,
+    pub(crate) paths: &'a FxHashSet<Arc<str>>,
+    pub(crate) linked: &'a LinkedPrims,
 }
 
 /// A material prim.
@@ -215,11 +227,12 @@ impl SurfaceStore {
     pub(crate) fn tables(
         &mut self,
         materials: &BTreeMap<Arc<str>, MaterialEntry>,
-        meshes: &BTreeMap<Arc<str>, MeshEntry>,
-        lights: &FxHashMap<Arc<str>, MeshLight>,
-        shown: &FxHashSet<Arc<str>>,
+        shown: Shown<'_>,
         reports: &mut Reports,
     ) -> SurfaceTables {
+        let Shown { meshes, lights, paths: shown, linked } = shown;
+        let is_linked: FxHashSet<&Arc<str>> = linked.list().iter().map(|prim| &prim.path).collect();
+        let mut linked_slots: FxHashMap<&Arc<str>, Vec<u32>> = FxHashMap::default();
         let mut tables = SurfaceTables::default();
         let mut indices: FxHashMap<Arc<str>, u32> = FxHashMap::default();
         let used: FxHashSet<&Arc<str>> = meshes
@@ -254,7 +267,17 @@ impl SurfaceStore {
                     tables.materials.push(dressed);
                 }
             }
-            tables.add(path, &entry.desc, slots, reports);
+            if is_linked.contains(path) {
+                linked_slots.insert(path, slots.clone());
+            }
+            let record = PrimRecord::default();
+            tables.add(path, entry.desc.prim_id, (record, entry.desc.categories.clone(), slots), reports);
+        }
+        for prim in linked.list() {
+            let (Some(slots), Some(entry)) = (linked_slots.get(&prim.path), meshes.get(&prim.path)) else { continue };
+            let record = PrimRecord { shown_as: Some(entry.desc.prim_id), ..PrimRecord::default() };
+            let categories = entry.desc.categories.iter().chain(prim.categories.iter()).cloned().collect();
+            tables.add(&prim.path, prim.prim_id, (record, categories, slots.clone()), reports);
         }
         tables
     }
@@ -293,16 +316,20 @@ impl SurfaceStore {
 }
 
 impl SurfaceTables {
-    /// Notes the bindings of one mesh.
-    fn add(&mut self, path: &Arc<str>, desc: &MeshDesc, slots: Vec<u32>, reports: &mut Reports) {
+    /// Notes the bindings of one mesh: its record as far as it is known, its collections, its slots.
+    fn add(
+        &mut self,
+        path: &Arc<str>,
+        prim_id: i32,
+        (record, mut categories, slots): (PrimRecord, Vec<Arc<str>>, Vec<u32>),
+        reports: &mut Reports,
+    ) {
         let has_material = slots.iter().any(|&slot| slot != NO_MATERIAL);
-        let mut categories = desc.categories.clone();
         categories.sort_unstable();
         categories.dedup();
-        let Some(index) = usize::try_from(i64::from(desc.prim_id) + 1).ok().filter(|&index| index <= MAX_PRIM_ID)
-        else {
+        let Some(index) = usize::try_from(i64::from(prim_id) + 1).ok().filter(|&index| index <= MAX_PRIM_ID) else {
             if has_material || !categories.is_empty() {
-                reports.note(path, format!("its prim id {} is out of range: no material", desc.prim_id));
+                reports.note(path, format!("its prim id {prim_id} is out of range: no material"));
             }
             return;
         };
@@ -331,6 +358,7 @@ impl SurfaceTables {
             first_slot: number(self.material_slots.len()),
             slot_count: number(slots.len()),
             category_set: number(set),
+            ..record
         };
         self.material_slots.extend(slots);
     }

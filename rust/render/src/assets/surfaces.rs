@@ -96,7 +96,7 @@ fn cutout(material: &GpuMaterial, masks: &OpacityMasks, word: u32, address: u64)
 }
 
 fn prim(record: &PrimRecord) -> GpuPrim {
-    let PrimRecord { first_slot, slot_count, category_set } = *record;
+    let PrimRecord { first_slot, slot_count, category_set, .. } = *record;
     GpuPrim { first_slot, slot_count, link_set: category_set, pad: 0 }
 }
 

@@ -40,7 +40,7 @@ pub(crate) struct LightTable {
     pub(crate) maps: Vec<Map>,
     pub(crate) link_bits: Vec<u32>,
     pub(crate) link_words: u32,
-    /// Set of categories of each prim id + 1.
+    /// Set of categories of each prim id + 1, then the prim id that each is shown as.
     pub(crate) prim_sets: Vec<u32>,
     /// Keys of the lights that move.
     pub(crate) keys: Vec<GpuLightKey>,
@@ -124,7 +124,8 @@ impl LightTable {
                 table.link_bits = snapshot.links.bits(&[]);
             }
             table.link_words = u32::try_from(snapshot.links.words()).unwrap_or(u32::MAX);
-            table.prim_sets = surfaces.prims.iter().map(|prim| prim.category_set).collect();
+            let shown = (-1..).zip(&surfaces.prims).map(|(id, prim)| prim.shown_as.unwrap_or(id).cast_unsigned());
+            table.prim_sets = surfaces.prims.iter().map(|prim| prim.category_set).chain(shown).collect();
         }
         table.features = table.find_features();
         reading.cache.forget_unused();
@@ -378,7 +379,7 @@ impl LightTable {
             (false, false) => LOCAL_SHARE,
         };
         let infinite_count = u32::try_from(self.infinite.len()).unwrap_or(u32::MAX);
-        let prim_count = u32::try_from(self.prim_sets.len()).unwrap_or(u32::MAX);
+        let prim_count = u32::try_from(self.prim_sets.len() / 2).unwrap_or(u32::MAX);
         let mesh_light_count =
             self.meshes.as_ref().map_or(0, |meshes| u32::try_from(meshes.placements.len()).unwrap_or(u32::MAX));
         Lighting {

@@ -65,7 +65,8 @@ pub struct Lighting {
     pub maps: u64,
     /// Bits of the sets of categories, `link_words` words each; 0 without `Features::LIGHT_LINKS`.
     pub link_bits: u64,
-    /// u32 set of categories of each prim id + 1, `prim_count` of them; prims beyond are in set 0, in no category.
+    /// u32 set of categories of each prim id + 1, `prim_count` of them; prims beyond are in set 0, in no category. Then
+    /// as many i32: the prim id that is shown of it, another one where a prim is itself below linked instances.
     pub prim_sets: u64,
     /// Lights at infinity.
     pub infinite_count: u32,
@@ -73,7 +74,7 @@ pub struct Lighting {
     pub link_words: u32,
     /// Probability that a shadow ray goes to a local light.
     pub local_share: f32,
-    /// Entries of `prim_sets`.
+    /// Prims of `prim_sets`.
     pub prim_count: u32,
     /// [`GpuMeshLight`] array, by prim id, instance id and mesh; 0 without `Features::MESH_LIGHTS`, as all that
     /// follows.
