@@ -220,7 +220,9 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
     _impl->Try([&] {
         const HdOocPTLens lens = _impl->reader ? _impl->reader->GetLens(request.cameraPath) : HdOocPTLens {};
         oocpt::RenderDesc desc = HdOocPTDescribeRender(request, lens);
+        desc.exposure_scale = 1.0f;
         if (_impl->reader) {
+            desc.exposure_scale = _impl->reader->GetExposureScale(request.cameraPath, &_impl->warnings);
             GfMatrix4d viewToWorld(1.0);
             std::copy_n(desc.world_from_view.begin(), 16, viewToWorld.GetArray());
             HdOocPTFillMotion(_impl->reader->GetCameraMotion(request.cameraPath, viewToWorld), &desc.camera_motion);

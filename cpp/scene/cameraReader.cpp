@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -47,6 +48,32 @@ HdOocPTLens HdOocPTReadLens(const HdSceneIndexBase& scene, const SdfPath& path)
     const bool hasLens = projection != tokens.orthographic && std::isfinite(radius) && radius > 0.0
         && std::isfinite(focusDistance) && focusDistance > 0.0;
     return hasLens ? HdOocPTLens { radius, focusDistance } : HdOocPTLens {};
+}
+
+float HdOocPTReadExposureScale(const HdSceneIndexBase& scene, const SdfPath& path, HdOocPTWarnings* warnings)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const HdContainerDataSourceHandle camera
+        = path.IsEmpty() ? nullptr : HdOocPTFindContainer(scene.GetPrim(path).dataSource, { tokens.camera });
+    if (!camera) {
+        return 1.0f;
+    }
+    const auto number = [&](const TfToken& name, double fallback) {
+        HdOocPTConvert(HdOocPTRead(camera, { name }), &fallback);
+        return fallback;
+    };
+    const double stop = number(tokens.exposureFStop, 1.0);
+    const double parts = number(tokens.exposureTime, 1.0) * number(tokens.exposureIso, 100.0)
+        * std::exp2(number(tokens.exposure, 0.0)) * number(tokens.exposureResponsivity, 1.0) / (100.0 * stop * stop);
+    const double scale = number(tokens.linearExposureScale, parts);
+    if (!(scale >= 0.0 && scale <= std::numeric_limits<float>::max())) {
+        warnings->Add(path, "the exposure is not a number, negative or too large, and is left out");
+        return 1.0f;
+    }
+    if (scale == 0.0) {
+        warnings->Add(path, "the exposure makes the picture black");
+    }
+    return static_cast<float>(scale);
 }
 
 std::vector<GfVec4d> HdOocPTReadClippingPlanes(

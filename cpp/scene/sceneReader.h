@@ -68,6 +68,12 @@ public:
     /// The lens of a camera prim, as it is now.
     HdOocPTLens GetLens(const SdfPath& camera) const { return HdOocPTReadLens(*_scene, camera); }
 
+    /// See HdOocPTReadExposureScale().
+    float GetExposureScale(const SdfPath& camera, HdOocPTWarnings* warnings) const
+    {
+        return HdOocPTReadExposureScale(*_scene, camera, warnings);
+    }
+
     /// The clipping planes of a camera prim, as they are now.
     std::vector<GfVec4d> GetClippingPlanes(const SdfPath& camera, HdOocPTWarnings* warnings) const
     {

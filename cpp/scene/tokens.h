@@ -55,6 +55,7 @@ PXR_NAMESPACE_OPEN_SCOPE
     /* cameras */                                                                                                     \
     (camera)(focalLength)(fStop)(focusDistance)(projection)(orthographic)(shutterOpen)(shutterClose)                  \
     ((shutterOpenAttribute, "shutter:open"))((shutterCloseAttribute, "shutter:close"))(clippingPlanes)                \
+    (linearExposureScale)(exposureTime)(exposureIso)(exposureFStop)(exposureResponsivity)                             \
     /* motion */                                                                                                      \
     (velocities)(accelerations)(angularVelocities)(timeCodesPerSecond)(primaryCameraPrim)(disableMotionBlur)          \
     (instantaneousShutter)(motion)(renderProducts)                                                                    \

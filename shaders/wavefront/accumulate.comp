@@ -11,12 +11,11 @@
 #include "include/texture_feedback.glsl"
 
 const float LARGEST = 3.0e38;
-const float EPSILON = 1e-2; // as in measure_error
 const float LARGEST_HALF = 6e4;
 
 // The square root of a relative variance of the mean, times the root of the samples.
 float root(vec3 variance, vec3 mean, float samples) {
-    const vec3 relative = variance / (mean * mean + EPSILON);
+    const vec3 relative = variance / (mean * mean + FRAME.error_floor);
     return min(LARGEST_HALF, sqrt(max(0.0, (relative.x + relative.y + relative.z) * (samples / 3.0))));
 }
 

@@ -12,7 +12,6 @@
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
 
-const float EPSILON = 1e-2; // keeps the error of black pixels finite; as is usual
 const float LARGEST = 1e15; // what one pixel may count: squares of it, and sums of those, are floats
 const float TRUST = 4.0; // squared standard errors by which a mean has to differ from its neighbours to be believed
 
@@ -85,7 +84,7 @@ PixelError error_of(uint pixel) {
         level = around + keep * apart;
         level_variance = keep * keep * variance + (1.0 - keep) * (1.0 - keep) * spread;
     }
-    const vec3 divisor = level * level + EPSILON;
+    const vec3 divisor = level * level + FRAME.error_floor;
     const vec3 doubt = 2.0 * abs(level) * sqrt(level_variance) / divisor;
     PixelError error;
     error.s = average(variance / divisor);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The picture so far: one thread per pixel.
-// Reads: film. Writes: color, premultiplied, over the clear colour. Adaptive: half of each stream, however many samples
+// Reads: film. Writes: color, premultiplied, times the camera's exposure, over the clear colour. Adaptive: half of each stream, however many samples
 // they have.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -16,5 +16,6 @@ void main() {
         const vec4 other = Film(FRAME.film).v[pixels + pixel].sum / float(Film(FRAME.film).v[pixels + pixel].samples);
         mean = 0.5 * (mean + other);
     }
+    mean.rgb *= FRAME.exposure;
     Vec4s(FRAME.color).v[pixel] = mean + FRAME.clear_color * (1.0 - mean.a);
 }

@@ -408,6 +408,7 @@ mod ffi {
         data_window: [i32; 4],
         lens_radius: f64,
         focus_distance: f64,
+        exposure_scale: f32,
         aovs: Vec<AovDesc>,
         purposes: Vec<String>,
     }

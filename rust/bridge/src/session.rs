@@ -259,6 +259,7 @@ fn render_request(desc: &RenderDesc) -> RenderRequest {
             focus_distance: desc.focus_distance,
             clip_planes: desc.clip_planes.as_chunks().0.iter().map(|plane| DVec4::from_array(*plane)).collect(),
             motion: convert::motion::transform_samples(&desc.camera_motion),
+            exposure_scale: desc.exposure_scale,
         },
         aovs: desc
             .aovs

@@ -25,6 +25,9 @@ pub struct Camera {
     pub clip_planes: Vec<DVec4>,
     /// `world_from_view` at times about the shutter; empty where it does not move.
     pub motion: Vec<TransformSample>,
+    /// What the colour of the finished picture is multiplied by (`UsdGeomCamera::ComputeLinearExposureScale`): finite,
+    /// not negative, else it counts as 1. No other image knows of it.
+    pub exposure_scale: f32,
 }
 
 /// Rays for the GPU, relative to the origin given to [`Camera::rays`].
@@ -185,6 +188,12 @@ impl Camera {
         // Windows are y down and NDC is y up: pixel row 0 begins at the lower edge of the data window.
         let at = DVec2::new(2.0 * (left - x0) / size.x - 1.0, 1.0 - 2.0 * (bottom - y0) / size.y);
         Ok((at, 2.0 / size))
+    }
+
+    /// [`Self::exposure_scale`] as it counts.
+    #[must_use]
+    pub fn exposure(&self) -> f32 {
+        if self.exposure_scale.is_finite() && self.exposure_scale >= 0.0 { self.exposure_scale } else { 1.0 }
     }
 
     fn lens(&self) -> Result<(f64, f32), CameraError> {

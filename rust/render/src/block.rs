@@ -14,11 +14,18 @@ const DEFAULT_ALBEDO: [f32; 3] = [0.18; 3];
 /// for rays to be left for those whose walks end early.
 const MOST_WALKERS: u32 = 1 << 18;
 
+/// 0.01 in the picture (Rousselle et al. 2011), which is the film times the exposure. Bounded, so that no exposure makes
+/// relative errors that are no numbers.
+fn error_floor(exposure: f32) -> f32 {
+    (1e-2 / (exposure * exposure)).clamp(1e-30, 1e30)
+}
+
 /// The frame block of a setting; path memory is bound by its owner.
 pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
     let Setting { job, lights, rays, film, .. } = *setting;
     let mut flags = FrameFlags::empty();
     flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible());
+    let exposure = job.request.camera.exposure();
     let mut block = Frame {
         top_nodes: scene.top_nodes,
         chunk_instances: scene.chunk_instances,
@@ -57,6 +64,8 @@ pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
         programs: scene.programs,
         placed_values: scene.placed_values,
         lighting: setting.lighting,
+        exposure,
+        error_floor: error_floor(exposure),
         ..Frame::zeroed()
     };
     film.bind(&mut block, &job.request.aovs);

@@ -104,6 +104,8 @@ struct Frame {
     uint64_t clip_planes;
     vec4 pixel_x;
     vec4 pixel_y;
+    float exposure;
+    float error_floor;
 };
 
 struct GpuClipPlane {

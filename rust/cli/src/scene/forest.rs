@@ -61,6 +61,7 @@ pub(super) fn view(eye: DVec3, target: DVec3, width: u32, height: u32) -> Camera
         focus_distance: 0.0,
         clip_planes: Vec::new(),
         motion: Vec::new(),
+        exposure_scale: 1.0,
     }
 }
 

@@ -18,6 +18,7 @@ fn camera(projection: DMat4) -> Camera {
         focus_distance: 0.0,
         clip_planes: Vec::new(),
         motion: Vec::new(),
+        exposure_scale: 1.0,
     }
 }
 

@@ -23,6 +23,7 @@ fn camera(position: DVec3) -> DicingCamera {
         focus_distance: 1.0,
         clip_planes: Vec::new(),
         motion: Vec::new(),
+        exposure_scale: 1.0,
     };
     DicingCamera::new(&camera, 2.0)
 }

@@ -71,6 +71,7 @@ fn camera(eye: DVec3, target: DVec3, projection: DMat4, size: [u32; 2]) -> Camer
         focus_distance: 0.0,
         clip_planes: Vec::new(),
         motion: Vec::new(),
+        exposure_scale: 1.0,
     }
 }
 

@@ -255,6 +255,10 @@ pub struct Frame {
     pub pixel_x: [f32; 4],
     /// Pixel y, likewise.
     pub pixel_y: [f32; 4],
+    /// What `resolve` multiplies the film's colour by.
+    pub exposure: f32,
+    /// What keeps the relative error of a black pixel finite, in units of the film: 0.01 of the picture's.
+    pub error_floor: f32,
 }
 
 /// A clipping plane of the camera as a function of image point, lens point and distance along the ray, 32 B: at

@@ -141,7 +141,9 @@ pub const LAYOUTS: &[StructLayout] = &[
         camera_motion,
         clip_planes,
         pixel_x,
-        pixel_y
+        pixel_y,
+        exposure,
+        error_floor
     }),
     layout!(GpuClipPlane { begins, lens_x, slope, lens_y }),
     layout!(Streaming {

@@ -56,6 +56,7 @@ pub(crate) fn camera(parameters: &Parameters, width: u32, height: u32) -> Camera
         focus_distance: 0.0,
         clip_planes: Vec::new(),
         motion: Vec::new(),
+        exposure_scale: 1.0,
     }
 }
 

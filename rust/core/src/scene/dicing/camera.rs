@@ -88,6 +88,7 @@ mod tests {
             focus_distance: 1.0,
             clip_planes: Vec::new(),
             motion: Vec::new(),
+            exposure_scale: 1.0,
         }
     }
 
