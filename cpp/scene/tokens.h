@@ -56,8 +56,8 @@ PXR_NAMESPACE_OPEN_SCOPE
     (camera)(focalLength)(fStop)(focusDistance)(projection)(orthographic)(shutterOpen)(shutterClose)                  \
     ((shutterOpenAttribute, "shutter:open"))((shutterCloseAttribute, "shutter:close"))(clippingPlanes)                \
     /* motion */                                                                                                      \
-    (velocities)(accelerations)(angularVelocities)(timeCodesPerSecond)(primaryCameraPrim)(disableMotionBlur)          \
-    (instantaneousShutter)(motion)(renderProducts)                                                                    \
+    (velocities)(accelerations)(angularVelocities)(timeCodesPerSecond)(startTimeCode)(primaryCameraPrim)              \
+    (disableMotionBlur)(instantaneousShutter)(motion)(renderProducts)                                                 \
     /* render settings */                                                                                             \
     (namespacedSettings)(active)(sceneGlobals)(activeRenderSettingsPrim)                                              \
     /* purposes and render tags */                                                                                    \
