@@ -4,6 +4,7 @@
 /// and nothing here installs a signal handler: the command line's own writes a byte into a pipe.
 #include "bridge/plainMessages.h"
 #include "oocpt-bridge/src/ffi_runner.rs.h"
+#include "scene/timeCodes.h"
 
 #include <cerrno>
 #include <csignal>
@@ -78,6 +79,12 @@ extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerStart(int des
 extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerBegin(const char* folder)
 {
     return _Try([folder] { return oocpt::begin_picture(rust::Str(folder)); });
+}
+
+/// Of the stage of this process: scenes that come by a front end that does not say it have so many time codes a second.
+extern "C" __attribute__((visibility("default"))) void HdOocPTRunnerTimeCodesPerSecond(double rate)
+{
+    HdOocPTSetTimeCodesPerSecond(rate);
 }
 
 /// The picture that was begun is rendered: the first interrupt now waits until it is written.

@@ -60,6 +60,24 @@ void _AddTimes(const _Times& own, _Times* times)
     }
 }
 
+/// An array of changes per second; empty where there is none. Tells where the length of a second is a guess.
+VtValue _ReadRates(const HdOocPTPrimSource& source, const TfToken& name)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const VtValue array
+        = HdOocPTReadArray(source, { tokens.primvars, name, tokens.primvarValue }, HdOocPTArrayRole::Vectors3);
+    if (array.GetArraySize() == 0) {
+        return VtValue();
+    }
+    const HdOocPTTimeCodes& timeCodes = source.shutter.timeCodes;
+    if (!timeCodes.doubt.empty()) {
+        source.warnings->Add(source.path,
+            "velocities and accelerations are per second, and " + timeCodes.doubt + "; "
+                + TfStringify(timeCodes.perSecond) + " is assumed");
+    }
+    return array;
+}
+
 } // namespace
 
 HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& camera, HdOocPTWarnings* warnings)
@@ -81,11 +99,8 @@ HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& 
         warnings->Add(camera, "its shutter closes before it opens, or at no finite time; nothing is blurred by motion");
         shutter.open = shutter.close = 0.0;
     }
-    const HdSceneIndexPrim root = scene.GetPrim(SdfPath::AbsoluteRootPath());
-    double rate = 0.0;
-    if (HdOocPTConvert(HdOocPTRead(root.dataSource, { tokens.sceneGlobals, tokens.timeCodesPerSecond }), &rate)
-        && std::isfinite(rate) && rate > 0.0) {
-        shutter.framesPerSecond = rate;
+    if (shutter.IsOpen()) {
+        shutter.timeCodes = HdOocPTFindTimeCodes(scene, camera);
     }
     return shutter;
 }
@@ -124,14 +139,9 @@ HdOocPTPointsMotionState HdOocPTReadPointsMotion(const HdOocPTPrimSource& source
     if (!shutter.IsOpen()) {
         return state;
     }
-    state.seconds = { shutter.open / shutter.framesPerSecond, shutter.close / shutter.framesPerSecond };
-    const auto rates = [&](const TfToken& name) {
-        const VtValue array
-            = HdOocPTReadArray(source, { tokens.primvars, name, tokens.primvarValue }, HdOocPTArrayRole::Vectors3);
-        return array.GetArraySize() == 0 ? VtValue() : array;
-    };
-    state.velocities = rates(tokens.velocities);
-    state.accelerations = rates(tokens.accelerations);
+    state.seconds = shutter.Seconds();
+    state.velocities = _ReadRates(source, tokens.velocities);
+    state.accelerations = _ReadRates(source, tokens.accelerations);
     if (!state.velocities.IsEmpty()) {
         return state;
     }
@@ -187,16 +197,10 @@ HdOocPTInstancerMotionState HdOocPTReadInstancerMotion(const HdOocPTPrimSource& 
     if (!source.shutter.IsOpen()) {
         return state;
     }
-    const auto rates = [&](const TfToken& name) {
-        const VtValue array
-            = HdOocPTReadArray(source, { tokens.primvars, name, tokens.primvarValue }, HdOocPTArrayRole::Vectors3);
-        return array.GetArraySize() == 0 ? VtValue() : array;
-    };
-    state.velocities = rates(tokens.velocities);
-    state.accelerations = rates(tokens.accelerations);
-    state.angularVelocities = rates(tokens.angularVelocities);
-    const HdOocPTShutter& shutter = source.shutter;
-    state.seconds = { shutter.open / shutter.framesPerSecond, shutter.close / shutter.framesPerSecond };
+    state.velocities = _ReadRates(source, tokens.velocities);
+    state.accelerations = _ReadRates(source, tokens.accelerations);
+    state.angularVelocities = _ReadRates(source, tokens.angularVelocities);
+    state.seconds = source.shutter.Seconds();
     const std::array<std::pair<TfToken, HdOocPTArrayRole>, 4> arrays { {
         { tokens.instanceTranslations, HdOocPTArrayRole::Vectors3 },
         { tokens.instanceRotations, HdOocPTArrayRole::Quaternions },

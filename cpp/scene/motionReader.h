@@ -9,6 +9,7 @@
 #include "pxr/imaging/hd/sceneIndex.h"
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
+#include "scene/timeCodes.h"
 #include "scene/warnings.h"
 
 #include <array>
@@ -19,20 +20,22 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 struct HdOocPTPrimSource;
 
-/// When the shutter is open, in frames from the current one. Nothing moves where it closes when it opens.
+/// When the shutter is open, in time codes from the current one. Nothing moves where it closes when it opens.
 struct HdOocPTShutter
 {
     double open = 0.0;
     double close = 0.0;
-    double framesPerSecond = 24.0;
+    HdOocPTTimeCodes timeCodes;
 
     bool IsOpen() const { return open < close; }
     /// The part of the shutter that a time is: 0 when it opens, 1 when it closes.
     double Part(double time) const { return (time - open) / (close - open); }
+    /// When it opens and closes, in seconds from the current time code.
+    std::array<double, 2> Seconds() const { return { open / timeCodes.perSecond, close / timeCodes.perSecond }; }
 
     bool operator==(const HdOocPTShutter& other) const
     {
-        return open == other.open && close == other.close && framesPerSecond == other.framesPerSecond;
+        return open == other.open && close == other.close && timeCodes == other.timeCodes;
     }
     bool operator!=(const HdOocPTShutter& other) const { return !(*this == other); }
 };

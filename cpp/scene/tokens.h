@@ -57,8 +57,8 @@ PXR_NAMESPACE_OPEN_SCOPE
     ((shutterOpenAttribute, "shutter:open"))((shutterCloseAttribute, "shutter:close"))(clippingPlanes)                \
     (linearExposureScale)(exposureTime)(exposureIso)(exposureFStop)(exposureResponsivity)                             \
     /* motion */                                                                                                      \
-    (velocities)(accelerations)(angularVelocities)(timeCodesPerSecond)(primaryCameraPrim)(disableMotionBlur)          \
-    (instantaneousShutter)(motion)(renderProducts)                                                                    \
+    (velocities)(accelerations)(angularVelocities)(timeCodesPerSecond)(startTimeCode)(primaryCameraPrim)              \
+    (disableMotionBlur)(instantaneousShutter)(motion)(renderProducts)                                                 \
     /* render settings */                                                                                             \
     (namespacedSettings)(active)(sceneGlobals)(activeRenderSettingsPrim)                                              \
     /* purposes and render tags */                                                                                    \

@@ -44,6 +44,8 @@ class Case:
     """Texts that the host's log must contain."""
     silent: bool = False
     """The log must have no warning."""
+    covers: bool = False
+    """The values are shares of the cells that are covered (alpha), which need no light."""
 
     @property
     def name(self) -> str:
@@ -62,7 +64,8 @@ class Case:
             assert text in picture.log, f"{self.name} does not say {text!r}:\n{picture.log}"
         if self.silent:
             assert "warning" not in picture.log.lower(), f"{self.name} warns:\n{picture.log}"
-        return picture["color"][..., :3].astype(np.float64)
+        color = picture["color"].astype(np.float64)
+        return np.repeat(color[..., 3:], 3, axis=2) if self.covers else color[..., :3]
 
     def compare(self, made: np.ndarray) -> list[str]:
         """A line for each cell whose mean is not as it must be."""
