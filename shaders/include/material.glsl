@@ -158,7 +158,10 @@ Shading make_shading(uint path, Surface s, out uint missing) {
         const uint sizes = Materials(FRAME.materials).v[m.material].program_sizes;
         run_program(material_program(m.material), sizes, m, point, missing);
     }
-    if (!is_hair && (flags & MATERIAL_NORMAL_MAP) != 0u && m.handedness != 0.0) wanted |= 1u << INPUT_NORMAL;
+    const bool is_framed = HAS_PATTERNS && (flags & MATERIAL_FRAMED_NORMAL) != 0u;
+    if (!is_hair && (flags & MATERIAL_NORMAL_MAP) != 0u && (is_framed || m.handedness != 0.0)) {
+        wanted |= 1u << INPUT_NORMAL;
+    }
     vec3 local = vec3(0.0, 0.0, 1.0);
     // Many inputs, one copy of the code: unrolled, lookups would be most of what a pass that shades is made of.
     [[dont_unroll]] for (uint rest = wanted; rest != 0u; rest &= rest - 1u) {
@@ -200,8 +203,8 @@ Shading make_shading(uint path, Surface s, out uint missing) {
     }
     if ((wanted & (1u << INPUT_NORMAL)) != 0u) {
         const vec3 n = r.normal;
-        const vec3 t = normal_or(m.tangent - n * dot3(n, m.tangent), vec3(0.0));
-        const vec3 b = cross3(n, t) * m.handedness;
+        vec3 t, b;
+        normal_frame(m, n, is_framed, t, b);
         r.normal = normal_or(t * local.x + b * local.y + n * local.z, n);
     }
     return valid_shading(r);

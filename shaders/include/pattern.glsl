@@ -74,12 +74,19 @@ vec4 pattern_geometry(uint what, GpuSurfaceMaterial m, PatternPoint p) {
         return Materials(FRAME.materials).v[m.material].primvar_fallback[slot];
     }
 #ifdef PATTERN_RANDOM
-    if (HAS_MIXTURES && what >= GEOMETRY_RANDOM0) return vec4(pattern_random[min(what - GEOMETRY_RANDOM0, 3u)]);
+    if (HAS_MIXTURES && what >= GEOMETRY_RANDOM0 && what <= GEOMETRY_RANDOM2) {
+        return vec4(pattern_random[what - GEOMETRY_RANDOM0]);
+    }
 #endif
     const vec3 normal = p.normal;
     if (what == GEOMETRY_POSITION) return vec4(p.position, 0.0);
     if (what == GEOMETRY_NORMAL) return vec4(normal, 0.0);
     if (what == GEOMETRY_VIEW_DIRECTION) return vec4(p.view, 0.0);
+    if (what >= GEOMETRY_FRAME_X) {
+        vec3 x, y;
+        normal_frame(m, normal, true, x, y);
+        return vec4(what == GEOMETRY_FRAME_X ? x : y, 0.0);
+    }
     const vec3 tangent = normal_or(m.tangent - normal * dot3(normal, m.tangent), vec3(0.0));
     if (what == GEOMETRY_TANGENT) return vec4(tangent, 0.0);
     return vec4(cross3(normal, tangent) * m.handedness, 0.0);

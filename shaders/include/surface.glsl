@@ -176,6 +176,7 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
             vec3 e, f;
             item_edges(pose, mesh, triangle, e, f);
             add_tangent(surface_material, mesh, triangle, e, f, s.geometric_normal, ray.d, world, map);
+            if (HAS_PATTERNS) add_object_frame(surface_material, world, map);
             if (HAS_HAIR) {
                 bool is_tube = false;
                 vec3 radial = vec3(0.0);

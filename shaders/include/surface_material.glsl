@@ -175,6 +175,43 @@ void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, v
     }
 }
 
+// Tangent and bitangent of the frame that a normal is told in, about a unit normal; 0 where the mesh has none, or then
+// any if `always`.
+void normal_frame(GpuSurfaceMaterial m, vec3 normal, bool always, out vec3 x, out vec3 y) {
+    x = normal_or(m.tangent - normal * dot3(normal, m.tangent), vec3(0.0));
+    y = cross3(normal, x) * m.handedness;
+    if (!always || (m.handedness != 0.0 && x != vec3(0.0))) return;
+    const vec3 aside = abs(normal.x) < 0.5 ? vec3(0.0, normal.z, -normal.y) : vec3(-normal.z, 0.0, normal.x);
+    x = normal_or(aside, vec3(0.0));
+    y = cross3(normal, x);
+}
+
+// A unit vector as two numbers (Meyer et al. 2010, "On Floating-Point Normal Vectors").
+vec2 octahedral(vec3 v) {
+    const vec3 p = v / (abs(v.x) + abs(v.y) + abs(v.z));
+    if (p.z >= 0.0) return p.xy;
+    return (1.0 - abs(p.yx)) * vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0);
+}
+
+// Sets the primvars that say how normals of the mesh's frame lie in the world (oocpt_materialx::uses::Uses), if the
+// material reads them.
+void add_object_frame(inout GpuSurfaceMaterial m, ChunkMap world, Affine map) {
+    Materials materials = Materials(FRAME.materials);
+    [[unroll]] for (uint i = 0u; i < 2u; ++i) {
+        const uint name = materials.v[m.material].names[2u + i];
+        if (name != NAME_FRAME_X && name != NAME_FRAME_Y) continue;
+        const bool along_x = name == NAME_FRAME_X;
+        const vec3 own = apply_transposed(map, along_x ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0));
+        const vec3 up = combine_rows(world.x, world.y, world.z, apply_transposed(map, vec3(0.0, 0.0, 1.0)));
+        const vec3 z = normal_or(up, vec3(0.0, 0.0, 1.0));
+        const vec2 pair = octahedral(z);
+        const float size = dot3(up, z);
+        const vec3 to = combine_rows(world.x, world.y, world.z, own) / (size > 0.0 ? size : 1.0);
+        m.primvars[i] = vec4(to, along_x ? pair.x : pair.y);
+        m.flags |= 1u << i;
+    }
+}
+
 // Of a material of hair: the tangent goes along the fibre and `handedness` is its radius in the world, 0 of what is no
 // tube. Ribbons know where they are across their width (oocpt_core::material::ACROSS_NAME): the tangent is across that.
 // `e`: an edge of the leaf; `radial`: from a tube's axis to its surface, both in the mesh's frame; `n`: in the world.

@@ -21,7 +21,8 @@
 
 // What a lookup says in place of the number of a unit that it waits for.
 const uint TEXTURE_DONE = 0xffffffffu;
-// No image there, or none that could be read; the value is the fallback, to which no scale or bias applies.
+// No image there, or none that could be read; the value is the fallback, to which no scale or bias applies. With
+// TEXTURE_BORDER they do, and the lookup is done.
 const uint TEXTURE_FALLBACK = 0xfffffffeu;
 
 const uint TILE_TEXELS = TILE_SIDE * TILE_SIDE;
@@ -119,7 +120,7 @@ vec4 decode_texel(GpuTexture t, uint64_t address, uint index) {
     return expand_channels(v, channels);
 }
 
-// Texel `x` of `size`, or -1 for transparent black.
+// Texel `x` of `size`, or -1 for what lies around the image: transparent black, or with TEXTURE_BORDER the fallback.
 int wrap_texel(int x, int size, uint wrap) {
     if (x >= 0 && x < size) return x;
     if (wrap == WRAP_CLAMP) return clamp(x, 0, size - 1);
@@ -195,9 +196,11 @@ float lookup_width(uint texture, vec2 st, uvec2 footprint, float cone, vec3 s, v
 uint continue_lookup(uint texture, vec2 st, float width, inout TextureProgress progress) {
     bool exists;
     const GpuTexture t = Textures(FRAME.textures).v[texture_part(texture, st, exists)];
+    // Members of a set have its flag.
+    const bool has_border = (t.flags & TEXTURE_BORDER) != 0u;
     if (!exists || t.levels == 0u) {
         progress.mean = exists ? t.fallback : Textures(FRAME.textures).v[texture].fallback;
-        return TEXTURE_FALLBACK;
+        return has_border ? TEXTURE_DONE : TEXTURE_FALLBACK;
     }
     if (HAS_PTEX && (t.flags & TEXTURE_PTEX) != 0u) return continue_ptex(t, st, width, progress);
     const uint wrap_s = (t.flags >> TEXTURE_WRAP_S_SHIFT) & 3u;
@@ -227,7 +230,7 @@ uint continue_lookup(uint texture, vec2 st, float width, inout TextureProgress p
             if (tap < progress.taps) continue;
             const ivec2 at = ivec2(wrap_texel(x + (right ? 1 : 0), int(l.size.x), wrap_s),
                                    wrap_texel(y + (upper ? 1 : 0), int(l.size.y), wrap_t));
-            vec4 texel = vec4(0.0);
+            vec4 texel = has_border ? t.fallback : vec4(0.0);
             if (at.x >= 0 && at.y >= 0) {
                 const uvec2 tile = l.in_tail ? uvec2(0u) : uvec2(at) / TILE_SIDE;
                 const uint tiles_x = (l.size.x + TILE_SIDE - 1u) / TILE_SIDE;
@@ -242,7 +245,7 @@ uint continue_lookup(uint texture, vec2 st, float width, inout TextureProgress p
                 }
                 if ((uint(address) & PAGE_BROKEN) != 0u) {
                     progress.mean = t.fallback;
-                    return TEXTURE_FALLBACK;
+                    return has_border ? TEXTURE_DONE : TEXTURE_FALLBACK;
                 }
                 const uvec2 inside = uvec2(at) - tile * TILE_SIDE;
                 const uint stride = min(l.size.x - tile.x * TILE_SIDE, TILE_SIDE);

@@ -92,6 +92,7 @@ GpuSurfaceMaterial candidate_material(uint triangle, vec2 uv, float t, out Patte
     vec3 e, f;
     item_edges(walk.pose, walk.mesh, triangle, e, f);
     add_tangent(m, walk.mesh, triangle, e, f, geometric, p.view, world, map);
+    add_object_frame(m, world, map);
     return m;
 }
 

@@ -44,6 +44,8 @@ pub struct Translation {
     pub dispersive: bool,
     /// The surface is a fibre's: see [`Input`].
     pub hair: bool,
+    /// The normal is told in [`Geometry::FrameX`] and [`Geometry::FrameY`], which every mesh has.
+    pub framed_normal: bool,
     /// Empty where no input is a register.
     pub program: Program,
     /// Works out the opacity where that is a register. Apart: it is asked before the hit is known.
@@ -76,6 +78,7 @@ impl Translation {
             thin_walled: false,
             dispersive: false,
             hair: false,
+            framed_normal: false,
             program: Program::default(),
             opacity_program: Program::default(),
             emission: None,
@@ -102,6 +105,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
         return nothing;
     };
     let lowered = walker.lower(&slab);
+    let framed_normal = !lowered.hair && walker.ask_for_tangents(&lowered.inputs);
     let Walker { expressions, uses, mut problems, .. } = walker;
     let mut assembler = Assembler::new(&expressions, &uses.lookups, MAX_LOOKUPS);
     let mut inputs: [Option<InputSource>; INPUTS] = [None; INPUTS];
@@ -136,11 +140,34 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
         thin_walled: lowered.thin_walled,
         dispersive: lowered.dispersive,
         hair: lowered.hair,
+        framed_normal,
         program,
         opacity_program,
         emission: emission(&inputs, &lowered.inputs, &expressions, &uses.lookups),
         uses,
         problems,
+    }
+}
+
+impl Walker<'_> {
+    /// Tangents are those of the first set of texture coordinates: who reads them, or says a normal about them, reads
+    /// `st` where there is no other. Whether the normal is told in the frame that every mesh has.
+    fn ask_for_tangents(&mut self, inputs: &[Val; INPUTS]) -> bool {
+        let reads = |walker: &Self, roots: &[Val], asked: &[Geometry]| {
+            let is_asked = |at: &u32| {
+                let found = walker.expressions.get(*at).filter(|node| node.op == Op::Surface);
+                found.is_some_and(|node| asked.iter().any(|geometry| node.immediate == *geometry as u16))
+            };
+            walker.expressions.needed(roots).iter().any(is_asked)
+        };
+        let normal = inputs[Input::Normal as usize];
+        let is_framed = reads(self, &[normal], &[Geometry::FrameX, Geometry::FrameY]);
+        let is_turned = normal.constant().is_none_or(|[x, y, ..]| x != 0.0 || y != 0.0);
+        let tangents = [Geometry::Tangent, Geometry::Bitangent];
+        if self.uses.uv_sets.is_empty() && (is_turned && !is_framed || reads(self, inputs, &tangents)) {
+            self.texcoord("st");
+        }
+        is_framed
     }
 }
 
@@ -188,9 +215,10 @@ fn emission(
     let mut assembler = Assembler::new(expressions, lookups, MAX_LOOKUPS);
     let register = assembler.compile_one(value).ok()?;
     let program = assembler.program;
-    let unknown = [Geometry::Normal, Geometry::Tangent, Geometry::Bitangent].map(|geometry| geometry as u16);
-    let is_known = |step: &Instruction| step.op != Op::Surface || !unknown.contains(&step.immediate);
-    (!program.is_random() && program.instructions.iter().all(is_known)).then_some(Emission { program, register })
+    let unknown =
+        [Geometry::Normal, Geometry::Tangent, Geometry::Bitangent, Geometry::FrameX, Geometry::FrameY];
+    let is_known = !unknown.into_iter().any(|geometry| program.reads(geometry));
+    (!program.is_random() && is_known).then_some(Emission { program, register })
 }
 
 impl Val {

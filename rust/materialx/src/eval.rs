@@ -75,7 +75,7 @@ pub fn run_numbered(
 }
 
 /// By number.
-const GEOMETRY: [Geometry; 12] = [
+const GEOMETRY: [Geometry; 14] = [
     Geometry::Uv0,
     Geometry::Uv1,
     Geometry::Primvar0,
@@ -88,6 +88,8 @@ const GEOMETRY: [Geometry; 12] = [
     Geometry::Random0,
     Geometry::Random1,
     Geometry::Random2,
+    Geometry::FrameX,
+    Geometry::FrameY,
 ];
 
 fn truth(is: bool) -> f32 {

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Definitions of nodes, read from `MaterialX`'s data libraries (`libraries/*/*.mtlx`).
+//! Definitions of nodes, read from `MaterialX`'s data libraries (`libraries/*/*.mtlx`), and those of one's own.
 //!
-//! Limits: [`MAX_FILE_BYTES`] a file, [`MAX_FILES`] files, folders three deep. What cannot be read is left out, and
-//! [`Library::problems`] says so.
+//! Limits: [`MAX_FILE_BYTES`] a file, [`MAX_FILES`] files, folders three deep; regular files only. What cannot be read
+//! is left out, and [`Library::problems`] says so.
+//!
+//! What a file of a namespace defines is called `namespace:name`, as `MaterialX` has it.
 
 mod parse;
 
 use std::collections::HashMap;
-use std::fs;
+use std::fs::{self, File};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
@@ -20,15 +23,21 @@ pub const MAX_FILES: usize = 512;
 
 /// Folders of data libraries, as OpenUSD takes them from the environment.
 const SEARCH_PATHS: &str = "PXR_MTLX_STDLIB_SEARCH_PATHS";
+/// Folders of definitions of one's own, likewise.
+const OWN_PATHS: &str = "PXR_MTLX_PLUGIN_SEARCH_PATHS";
 
 static STANDARD: OnceLock<Library> = OnceLock::new();
 
-/// The data libraries of this process: those of the folders of `PXR_MTLX_STDLIB_SEARCH_PATHS`, read at first use. Any
-/// thread; empty where there are none.
+/// The libraries of this process: those of the folders of `PXR_MTLX_STDLIB_SEARCH_PATHS` and
+/// `PXR_MTLX_PLUGIN_SEARCH_PATHS`, read at first use. A definition of the latter stands for one of the former of its
+/// name. Any thread; empty where there are no data libraries.
 pub fn standard() -> &'static Library {
     STANDARD.get_or_init(|| {
-        let paths = std::env::var_os(SEARCH_PATHS).unwrap_or_default();
-        let library = Library::read(&std::env::split_paths(&paths).collect::<Vec<_>>());
+        let folders = |name: &str| -> Vec<PathBuf> {
+            let paths = std::env::var_os(name).unwrap_or_default();
+            std::env::split_paths(&paths).filter(|path| !path.as_os_str().is_empty()).collect()
+        };
+        let library = Library::read_with(&folders(SEARCH_PATHS), &folders(OWN_PATHS));
         for problem in library.problems() {
             tracing::warn!("MaterialX library {problem}");
         }
@@ -69,6 +78,8 @@ pub struct GraphInput {
     pub ty: Type,
     /// Where it comes from.
     pub source: Source,
+    /// Colour space of a file that the node reads, if the graph says it.
+    pub color_space: Option<Arc<str>>,
 }
 
 /// A node in a graph.
@@ -80,6 +91,8 @@ pub struct GraphNode {
     pub category: Arc<str>,
     /// Name of its definition, where the graph says it.
     pub definition: Option<Arc<str>>,
+    /// Where definitions are looked for first.
+    pub namespace: Option<Arc<str>>,
     /// Type of its output.
     pub ty: Type,
     /// Name of that type.
@@ -141,20 +154,29 @@ impl Library {
     /// Reads all `.mtlx` files below the folders. Folders of generators (`gen*`) hold no definitions that count here.
     #[must_use]
     pub fn read(folders: &[PathBuf]) -> Self {
-        let mut files = Vec::new();
-        for folder in folders {
-            collect(folder, 0, &mut files);
-        }
-        files.sort();
-        files.dedup();
+        Self::read_with(folders, &[])
+    }
+
+    /// The same, and what lies below the folders `own`, which stands for what is of the same name.
+    #[must_use]
+    pub fn read_with(folders: &[PathBuf], own: &[PathBuf]) -> Self {
         let mut texts = Vec::new();
         let mut problems = Vec::new();
-        for file in files.iter().take(MAX_FILES) {
-            let size = fs::metadata(file).map_or(u64::MAX, |data| data.len());
-            match fs::read_to_string(file) {
-                _ if size > MAX_FILE_BYTES => problems.push(format!("{}: too large", file.display())),
-                Ok(text) => texts.push((file.display().to_string(), text)),
-                Err(error) => problems.push(format!("{}: {error}", file.display())),
+        for folders in [folders, own] {
+            let mut files = Vec::new();
+            for folder in folders {
+                collect(folder, 0, &mut files);
+            }
+            files.sort();
+            files.dedup();
+            if files.len() > MAX_FILES {
+                problems.push(format!("has more than {MAX_FILES} files: the rest is left out"));
+            }
+            for file in files.iter().take(MAX_FILES) {
+                match text_of(file) {
+                    Ok(text) => texts.push((file.display().to_string(), text)),
+                    Err(error) => problems.push(format!("{}: {error}", file.display())),
+                }
             }
         }
         let mut library = Self::parse(&texts);
@@ -162,13 +184,13 @@ impl Library {
         library
     }
 
-    /// Reads library files given as name and text.
+    /// Reads library files given as name and text. Files that their definitions name are relative to them.
     #[must_use]
     pub fn parse(texts: &[(String, String)]) -> Self {
         let mut library = Self::default();
         let mut parser = parse::Parser::default();
         for (name, text) in texts {
-            if let Err(error) = parser.file(text) {
+            if let Err(error) = parser.file(Path::new(name), text) {
                 library.problems.push(format!("{name}: {error}"));
             }
         }
@@ -205,19 +227,28 @@ impl Library {
         &self.problems
     }
 
-    /// A definition by its name.
+    /// A definition by its name; by its new one where only that is known.
     #[must_use]
     pub fn definition(&self, name: &str) -> Option<&Arc<Definition>> {
-        self.definitions.get(name)
+        self.definitions.get(name).or_else(|| self.definitions.get(renamed(name)?))
     }
 
     /// The definition that a node in a graph means: of its category and type, with all of the inputs that are said,
-    /// of their types.
+    /// of their types. Else with most of them: graphs of `MaterialX` 1.38 have inputs that later versions do not.
     #[must_use]
     pub fn matching(&self, node: &GraphNode) -> Option<&Arc<Definition>> {
         if let Some(name) = &node.definition {
-            return self.definition(name);
+            let own = node.namespace.as_ref().and_then(|space| self.definition(&format!("{space}:{name}")));
+            return own.or_else(|| self.definition(name));
         }
+        let own = node.namespace.as_ref().map(|space| format!("{space}:{}", node.category));
+        let own = own.and_then(|name| self.by_category.get(&*name));
+        own.and_then(|candidates| Self::fitting(candidates, node))
+            .or_else(|| Self::fitting(self.by_category.get(&node.category)?, node))
+    }
+
+    /// Of definitions of one category the one that a node means.
+    fn fitting<'a>(candidates: &'a [Arc<Definition>], node: &GraphNode) -> Option<&'a Arc<Definition>> {
         let fits = |definition: &&Arc<Definition>, exactly: bool| {
             let is_multi = &*node.type_name == "multioutput" && definition.outputs.len() > 1;
             let has_type = definition.outputs.first().is_some_and(|(.., name)| *name == node.type_name);
@@ -227,12 +258,47 @@ impl Library {
                     .iter()
                     .all(|input| definition.input(&input.name).is_some_and(|found| !exactly || found.ty == input.ty))
         };
-        let candidates = self.by_category.get(&node.category)?;
         let find = |exactly: bool, default: bool| {
             candidates.iter().find(|found| fits(found, exactly) && (!default || found.is_default_version))
         };
-        find(true, true).or_else(|| find(true, false)).or_else(|| find(false, true)).or_else(|| find(false, false))
+        let most = || {
+            let known = |found: &&Arc<Definition>| {
+                node.inputs.iter().filter(|input| found.input(&input.name).is_some_and(|of| of.ty == input.ty)).count()
+            };
+            let of_type = |found: &&Arc<Definition>| {
+                found.outputs.first().is_some_and(|(.., name)| *name == node.type_name)
+            };
+            // The first of those that know as many.
+            candidates.iter().filter(of_type).rev().max_by_key(known)
+        };
+        find(true, true)
+            .or_else(|| find(true, false))
+            .or_else(|| find(false, true))
+            .or_else(|| find(false, false))
+            .or_else(most)
     }
+}
+
+/// What a definition of `MaterialX` 1.38 is called in 1.39. Those that are neither here nor in the module `older` of
+/// the nodes are not understood any more (`curveadjust`, `arrayappend`, `ambientocclusion`), and who asks is told.
+fn renamed(name: &str) -> Option<&'static str> {
+    match name {
+        "ND_normalmap" => Some("ND_normalmap_float"),
+        "ND_disney_brdf_2012_surface" | "ND_disney_bsdf_2015_surface" => Some("ND_disney_principled"),
+        _ => None,
+    }
+}
+
+/// What is in a file. A pipe or a device, which could be waited for without an end, is not opened.
+fn text_of(file: &Path) -> Result<String, String> {
+    let words = |error: std::io::Error| error.to_string();
+    if !fs::metadata(file).map_err(words)?.is_file() {
+        return Err("is no regular file".to_owned());
+    }
+    let mut text = String::new();
+    let opened = File::open(file).map_err(words)?;
+    opened.take(MAX_FILE_BYTES + 1).read_to_string(&mut text).map_err(words)?;
+    if text.len() as u64 > MAX_FILE_BYTES { Err("too large".to_owned()) } else { Ok(text) }
 }
 
 fn collect(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) {
@@ -241,10 +307,10 @@ fn collect(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) {
         let path = entry.path();
         let name = entry.file_name();
         if path.is_dir() {
-            if depth < 3 && !name.to_string_lossy().starts_with("gen") && files.len() < MAX_FILES {
+            if depth < 3 && !name.to_string_lossy().starts_with("gen") && files.len() <= MAX_FILES {
                 collect(&path, depth + 1, files);
             }
-        } else if path.extension().is_some_and(|extension| extension == "mtlx") && files.len() < MAX_FILES {
+        } else if path.extension().is_some_and(|extension| extension == "mtlx") && files.len() <= MAX_FILES {
             files.push(path);
         }
     }

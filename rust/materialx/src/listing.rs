@@ -204,6 +204,8 @@ fn geometry(immediate: u16, names: &dyn Names) -> String {
         at if at == Geometry::Tangent as u16 => "tangent".to_owned(),
         at if at == Geometry::Bitangent as u16 => "bitangent".to_owned(),
         at if at == Geometry::ViewDirection as u16 => "view direction".to_owned(),
+        at if at == Geometry::FrameX as u16 => "any tangent".to_owned(),
+        at if at == Geometry::FrameY as u16 => "any bitangent".to_owned(),
         at => format!("random {}", at.saturating_sub(Geometry::Random0 as u16)),
     }
 }

@@ -221,6 +221,11 @@ pub enum Geometry {
     Random1 = 10,
     /// A third one.
     Random2 = 11,
+    /// Unit, world, at right angles to the normal: the tangent of the frame that [`crate::surface::Input::Normal`] is
+    /// told in. [`Geometry::Tangent`] where the mesh has one, else any.
+    FrameX = 12,
+    /// Its bitangent.
+    FrameY = 13,
 }
 
 impl Geometry {
@@ -300,7 +305,12 @@ impl Program {
     /// Whether it reads a random number of the hit.
     #[must_use]
     pub fn is_random(&self) -> bool {
-        let first = Geometry::Random0 as u16;
-        self.instructions.iter().any(|step| step.op == Op::Surface && step.immediate >= first)
+        Geometry::RANDOM.into_iter().any(|random| self.reads(random))
+    }
+
+    /// Whether it reads this of the surface.
+    #[must_use]
+    pub fn reads(&self, geometry: Geometry) -> bool {
+        self.instructions.iter().any(|step| step.op == Op::Surface && step.immediate == geometry as u16)
     }
 }

@@ -9,7 +9,7 @@ use crate::value::FileRef;
 /// What a texture does outside the unit square.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AddressMode {
-    /// The default colour of the node; transparent black here.
+    /// [`Texture::fallback`] where that is a texel, else transparent black.
     Constant,
     /// The edge goes on.
     Clamp,
@@ -30,6 +30,9 @@ pub struct Texture {
     pub address: [AddressMode; 2],
     /// What it is where the file cannot be read.
     pub fallback: [f32; 4],
+    /// The fallback is a texel as others are: it lies around the image in the mode `Constant`, and what is made of
+    /// texels is made of it.
+    pub has_border: bool,
     /// The colour space is told from the file where none is said; else it is linear.
     pub auto_color_space: bool,
 }
@@ -69,6 +72,10 @@ impl Uses {
     pub const POSITION: &'static str = "object position";
     /// Name of the normal in the frame of the mesh, which every mesh has.
     pub const NORMAL: &'static str = "object normal";
+    /// Names of the map that takes normals from the frame of the mesh to the world, up to a factor, which every mesh
+    /// has: where (1, 0, 0) goes, where (0, 1, 0) goes, both over the length of where (0, 0, 1) goes. That direction is
+    /// in the last components of the two, as an octahedral pair (Meyer et al. 2010).
+    pub const OBJECT_FRAME: [&'static str; 2] = ["object frame x", "object frame y"];
     /// Name of where a ribbon is met across its width, -1 to 1; nothing else has it.
     pub const ACROSS: &'static str = "ribbon across";
     /// Most lookups before those that nothing reads are left out.

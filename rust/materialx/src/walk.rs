@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::expression::{Expressions, Val};
-use crate::library::{Definition, Graph, Library, Source};
+use crate::library::{Definition, Graph, GraphNode, Library, Source};
 use crate::network::Network;
 use crate::program::Geometry;
 use crate::slab::Slab;
@@ -118,6 +118,8 @@ impl<'a> Walker<'a> {
         let (category, path) = (self.category(at), self.path(at));
         self.problem(if category.is_empty() {
             format!("the host has no definition of {path}")
+        } else if self.definition(at).is_some_and(|definition| definition.graph.is_none()) {
+            format!("{role}`{category}` ({path}) is not supported: its definition is implemented by no graph of nodes")
         } else {
             format!("{role}`{category}` ({path}) is not supported")
         });
@@ -149,8 +151,9 @@ impl<'a> Walker<'a> {
             && let Some(node) = self.frames.get(at.frame - 1).and_then(|frame| frame.graph.nodes.get(at.node))
         {
             // A definition that is named counts before the name of the element: `ramp_gradient` has an `ifgreater` that
-            // is defined by `ND_ifgreatereq_color4I`.
-            let named = node.definition.as_ref().and_then(|name| self.library.definition(name));
+            // is defined by `ND_ifgreatereq_color4I`. So does one of the namespace.
+            let is_told = node.definition.is_some() || node.namespace.is_some();
+            let named = if is_told { self.library.matching(node) } else { None };
             return Arc::clone(named.map_or(&node.category, |definition| &definition.category));
         }
         if let Some(definition) = self.definition(at) {
@@ -158,6 +161,13 @@ impl<'a> Walker<'a> {
         }
         let kind = self.network.nodes.get(at.node).map_or("", |node| &*node.kind);
         kind.trim_start_matches("ND_").into()
+    }
+
+    /// Whether a node is one of `MaterialX` 1.38, as far as that is seen: by its definition, or by an input that later
+    /// versions do not have.
+    pub(crate) fn is_older(&self, at: At) -> bool {
+        let is_named = at.frame == 0 && self.network.nodes.get(at.node).is_some_and(|node| &*node.kind == "ND_normalmap");
+        is_named || self.is_said(at, "space")
     }
 
     /// The node of the network that it is, or is part of: its path, for messages.
@@ -213,7 +223,14 @@ impl<'a> Walker<'a> {
         match &input.source {
             Source::Value(value) => Some(Bound::of(value)),
             Source::Node(node, output) => self.output(At { frame: at.frame, node: *node }, output),
-            Source::Interface(outer) => self.input(owner, outer),
+            // The colour space that is nearest to the file counts.
+            Source::Interface(outer) => match self.input(owner, outer)? {
+                Bound::File(file) => {
+                    let color_space = file.color_space.or_else(|| input.color_space.clone());
+                    Some(Bound::File(FileRef { color_space, ..file }))
+                }
+                other => Some(other),
+            },
         }
     }
 
@@ -283,7 +300,13 @@ impl<'a> Walker<'a> {
     /// The type of an input.
     pub(crate) fn input_type(&self, at: At, name: &str) -> Type {
         let found = self.definition(at).and_then(|definition| definition.input(name).map(|input| input.ty));
-        found.unwrap_or(Type::Other)
+        let said = || self.graph_node(at)?.inputs.iter().find(|input| &*input.name == name).map(|input| input.ty);
+        found.or_else(said).unwrap_or(Type::Other)
+    }
+
+    /// A node of a graph that implements another one.
+    fn graph_node(&self, at: At) -> Option<&GraphNode> {
+        self.frames.get(at.frame.checked_sub(1)?)?.graph.nodes.get(at.node)
     }
 
     /// An output of a node.
@@ -314,7 +337,8 @@ impl<'a> Walker<'a> {
     fn work_out(&mut self, at: At, output: &Arc<str>) -> Option<Bound> {
         let category = self.category(at);
         let definition = self.definition(at);
-        let ty = definition.as_ref().and_then(|definition| definition.output(output)).unwrap_or(Type::Other);
+        let ty = definition.as_ref().and_then(|definition| definition.output(output));
+        let ty = ty.or_else(|| self.graph_node(at).map(|node| node.ty)).unwrap_or(Type::Other);
         if let Some(found) = self.node(at, &category, ty, output) {
             return Some(found);
         }

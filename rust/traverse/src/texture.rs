@@ -8,9 +8,9 @@ use crate::scene::Scene;
 use half::f16;
 use oocpt_gpu::HostBytes;
 use oocpt_shader_abi::{
-    Features, GpuTexture, PAGE_BROKEN, TAIL_SIDE, TEXTURE_CHANNELS, TEXTURE_F16, TEXTURE_FORMAT_SHIFT, TEXTURE_SRGB,
-    TEXTURE_U8, TEXTURE_UDIM, TEXTURE_WRAP_S_SHIFT, TEXTURE_WRAP_T_SHIFT, TILE_SIDE, TextureFeedback, WRAP_BLACK,
-    WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
+    Features, GpuTexture, PAGE_BROKEN, TAIL_SIDE, TEXTURE_BORDER, TEXTURE_CHANNELS, TEXTURE_F16, TEXTURE_FORMAT_SHIFT,
+    TEXTURE_SRGB, TEXTURE_U8, TEXTURE_UDIM, TEXTURE_WRAP_S_SHIFT, TEXTURE_WRAP_T_SHIFT, TILE_SIDE, TextureFeedback,
+    WRAP_BLACK, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
 use std::mem::offset_of;
 
@@ -37,7 +37,7 @@ pub(crate) struct Lookup {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Looked {
     Texel(f32),
-    /// There is no image, or none that could be read.
+    /// There is no image, or none that could be read; with `TEXTURE_BORDER` that is a texel.
     Fallback(f32),
     /// Streaming: a tile is absent. So many of the eight texels are done, and this is their mean.
     Waits {
@@ -193,7 +193,12 @@ impl Scene<'_> {
         let Lookup { texture, st, width, channel } = *lookup;
         // Where the tables have no such texture, all is there.
         let Some(part) = self.texture_part(texture, st) else { return Looked::Fallback(1.0) };
-        let fallback_of = |t: &GpuTexture| Looked::Fallback(t.fallback[channel as usize & 3]);
+        let value_of = |t: &GpuTexture| t.fallback[channel as usize & 3];
+        let has_border = |t: &GpuTexture| t.flags & TEXTURE_BORDER != 0;
+        let fallback_of = |t: &GpuTexture| match has_border(t) {
+            true => Looked::Texel(value_of(t)),
+            false => Looked::Fallback(value_of(t)),
+        };
         let (t, st) = match part {
             Part::Found(t, st) if t.levels > 0 => (t, st),
             Part::Found(t, _) | Part::Missing(t) => return fallback_of(&t),
@@ -224,7 +229,7 @@ impl Scene<'_> {
                 total += weight;
                 let x = wrap_texel(x.wrapping_add(i32::from(right)), level.size[0], wraps[0]);
                 let y = wrap_texel(y.wrapping_add(i32::from(upper)), level.size[1], wraps[1]);
-                let mut texel = 0.0;
+                let mut texel = if has_border(&t) { value_of(&t) } else { 0.0 };
                 if let (Some(x), Some(y)) = (x, y) {
                     let (column, row) = if level.in_tail { (0, 0) } else { (x / TILE_SIDE, y / TILE_SIDE) };
                     let in_level = row.wrapping_mul(level.size[0].div_ceil(TILE_SIDE)).wrapping_add(column);

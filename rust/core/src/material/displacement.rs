@@ -84,9 +84,9 @@ impl Displacement {
 
 /// Adds what a texture shows.
 fn hash_texture(texture: &TextureRef, hasher: &mut Xxh3) {
-    let TextureRef { prim: _, asset, wrap, color_space, fallback, is_ptex: _ } = texture;
+    let TextureRef { prim: _, asset, wrap, color_space, fallback, has_border, is_ptex: _ } = texture;
     let mut rest = FxHasher::default();
-    (asset, wrap, color_space, fallback.map(f32::to_bits)).hash(&mut rest);
+    (asset, wrap, color_space, fallback.map(f32::to_bits), has_border).hash(&mut rest);
     hasher.update(&rest.finish().to_le_bytes());
     hasher.update(asset.resolved.as_bytes());
 }

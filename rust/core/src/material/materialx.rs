@@ -129,7 +129,7 @@ fn value_of(node: &NodeDesc, name: &str, value: &ParamValue) -> Option<Value> {
 }
 
 fn texture(texture: &Texture) -> TextureRef {
-    let Texture { file, address, fallback, auto_color_space } = texture;
+    let Texture { file, address, fallback, has_border, auto_color_space } = texture;
     let wrap = address.map(|mode| match mode {
         AddressMode::Constant => Wrap::Black,
         AddressMode::Clamp => Wrap::Clamp,
@@ -149,6 +149,7 @@ fn texture(texture: &Texture) -> TextureRef {
         wrap,
         color_space,
         fallback: *fallback,
+        has_border: *has_border,
         is_ptex: false,
     }
 }
@@ -221,6 +222,7 @@ fn material(translation: &Translation) -> Option<Material> {
     flags.set(MaterialFlags::ROUGH_TRANSMISSION, transmits && rough);
     flags.set(MaterialFlags::SHEEN, is_more(InputName::SheenColor, 0.0));
     flags.set(MaterialFlags::ROUGH_DIFFUSE, is_more(InputName::DiffuseRoughness, 0.0));
+    flags.set(MaterialFlags::FRAMED_NORMAL, translation.framed_normal);
     if translation.hair {
         // Its inputs of these names mean something else.
         flags -= MaterialFlags::ANISOTROPIC | MaterialFlags::THIN_FILM | MaterialFlags::NORMAL_MAP;

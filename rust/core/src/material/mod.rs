@@ -87,6 +87,8 @@ bitflags! {
         const DISPERSIVE = 1 << 19;
         /// Is one of several by chance: its program reads random numbers of the hit.
         const MIXTURE = 1 << 20;
+        /// Its normal is worked out from one of the world: it counts where a mesh has no tangents, too.
+        const FRAMED_NORMAL = 1 << 21;
     }
 }
 
@@ -134,6 +136,10 @@ pub const POSITION_ID: u32 = u32::MAX - 2;
 pub const NORMAL_NAME: &str = oocpt_materialx::uses::Uses::NORMAL;
 /// Its number.
 pub const NORMAL_ID: u32 = u32::MAX - 3;
+/// Names of the map of normals from the mesh's frame to the world.
+pub const FRAME_NAMES: [&str; 2] = oocpt_materialx::uses::Uses::OBJECT_FRAME;
+/// Their numbers.
+pub const FRAME_IDS: [u32; 2] = [u32::MAX - 4, u32::MAX - 5];
 
 /// Name of where a ribbon is met across its width, from 1 at the left to -1; what is no ribbon does not have it.
 pub const ACROSS_NAME: &str = oocpt_materialx::uses::Uses::ACROSS;
@@ -145,7 +151,7 @@ pub fn built_in(name: &str) -> Option<u32> {
         PTEX_SET => Some(PTEX_SET_ID),
         POSITION_NAME => Some(POSITION_ID),
         NORMAL_NAME => Some(NORMAL_ID),
-        _ => None,
+        _ => FRAME_NAMES.into_iter().zip(FRAME_IDS).find(|(known, _)| *known == name).map(|(_, id)| id),
     }
 }
 
@@ -259,19 +265,23 @@ pub struct TextureRef {
     pub wrap: [Wrap; 2],
     /// Meaning of its numbers.
     pub color_space: ColorSpace,
-    /// What it gives where the file cannot be read, before scale and bias.
+    /// What it gives where the file cannot be read. Neither scale nor bias apply, unless [`Self::has_border`].
     pub fallback: [f32; 4],
+    /// The fallback is a texel as others are: it lies where [`Wrap::Black`] has black, and scale and bias apply to it
+    /// (`MaterialX`'s `image`).
+    pub has_border: bool,
     /// The file is Ptex: looked up by face, not by st.
     pub is_ptex: bool,
 }
 
 impl PartialEq for TextureRef {
     fn eq(&self, other: &Self) -> bool {
-        let Self { prim: _, asset, wrap, color_space, fallback, is_ptex } = self;
+        let Self { prim: _, asset, wrap, color_space, fallback, has_border, is_ptex } = self;
         *asset == other.asset
             && *wrap == other.wrap
             && *color_space == other.color_space
             && *fallback == other.fallback
+            && *has_border == other.has_border
             && *is_ptex == other.is_ptex
     }
 }

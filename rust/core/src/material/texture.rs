@@ -69,7 +69,8 @@ impl<'a> Compiler<'a> {
         if is_ptex && uv.is_none() {
             return Some(Input::Constant(picked(fallback)));
         }
-        let reference = TextureRef { prim: Arc::clone(&node.path), asset, wrap, color_space, fallback, is_ptex };
+        let prim = Arc::clone(&node.path);
+        let reference = TextureRef { prim, asset, wrap, color_space, fallback, has_border: false, is_ptex };
         let known = self.textures.iter().position(|texture| *texture == reference);
         let texture = known.unwrap_or(self.textures.len());
         if known.is_none() {

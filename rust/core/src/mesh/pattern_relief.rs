@@ -243,7 +243,12 @@ impl<'a> PatternRelief<'a> {
             Geometry::Tangent => vector(self.frame(vertex)[0]),
             Geometry::Bitangent => vector(self.frame(vertex)[1]),
             // No program that reads these comes here.
-            Geometry::ViewDirection | Geometry::Random0 | Geometry::Random1 | Geometry::Random2 => [0.0; 4],
+            Geometry::ViewDirection
+            | Geometry::Random0
+            | Geometry::Random1
+            | Geometry::Random2
+            | Geometry::FrameX
+            | Geometry::FrameY => [0.0; 4],
         };
         run_numbered(&self.displacement.program, geometry, lookup)
     }

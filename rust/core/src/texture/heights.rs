@@ -106,7 +106,8 @@ impl Heights {
             Wrap::UseMetadata => said[axis],
             wrap => wrap,
         });
-        Ok(Some(HeightLevel { layout, wrap, texels }))
+        let outside = if texture.has_border { texture.fallback.map(f64::from) } else { [0.0; 4] };
+        Ok(Some(HeightLevel { layout, wrap, outside, texels }))
     }
 }
 
@@ -144,6 +145,8 @@ pub(crate) struct HeightLevel {
     /// Of an image that has this level only.
     layout: Layout,
     wrap: [Wrap; 2],
+    /// As of [`Sampler`].
+    outside: [f64; 4],
     /// Those that were asked for.
     texels: [Option<Arc<Vec<f32>>>; 4],
 }
@@ -157,7 +160,8 @@ impl HeightLevel {
             let of = |texels: &Arc<Vec<f32>>| texels.get(at).copied();
             [0, 1, 2, 3].map(|k: usize| f64::from(self.texels[k].as_ref().and_then(of).unwrap_or(0.0)))
         };
-        Sampler { layout: self.layout, wrap: self.wrap, texel }.bilinear(st, 0)
+        let Self { layout, wrap, outside, .. } = *self;
+        Sampler { layout, wrap, outside, texel }.bilinear(st, 0)
     }
 }
 

@@ -84,7 +84,7 @@ fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) -> f64 {
                 let at = y * layout.level_size(level)[0] + x;
                 [f64::from(values[level as usize][at as usize]); 4]
             };
-            let sampler = Sampler { layout, wrap: query.wrap, texel };
+            let sampler = Sampler { layout, wrap: query.wrap, outside: [0.0; 4], texel };
             for _ in 0..1500 {
                 let mut coordinate = |axis: usize| -> f32 {
                     let centre = random.below(2 * size[axis] + 1) as f32 / (2 * size[axis]) as f32;
@@ -202,7 +202,7 @@ fn what_is_known_minds_a_width_that_is_a_little_off() {
         let query = OpacityQuery { wrap: [Wrap::Repeat; 2], scale: 1.0, bias: 0.0, threshold };
         let mask = OpacityMask::new(&layout, &values, &query).expect("a mask");
         let texel = |level: u32, _, _| [f64::from(cycle[level as usize % cycle.len()]); 4];
-        let sampler = Sampler { layout, wrap: query.wrap, texel };
+        let sampler = Sampler { layout, wrap: query.wrap, outside: [0.0; 4], texel };
         let mut told = 0;
         for _ in 0..4000 {
             let at = random.one_of([1.0, 1.25, 1.5, 1.75]) * 2.0_f64.powi(random.below(7) as i32);

@@ -83,6 +83,8 @@ pub struct Sampler<T> {
     pub layout: Layout,
     /// Along s and t.
     pub wrap: [Wrap; 2],
+    /// The texels around the image, where it is not continued.
+    pub outside: [f64; 4],
     /// The decoded texel (x, y) of a level.
     pub texel: T,
 }
@@ -110,7 +112,7 @@ impl<T: Fn(u32, u32, u32) -> [f64; 4]> Sampler<T> {
         let at =
             |dx: f64, dy: f64| match (wrapped(x + dx, size[0], self.wrap[0]), wrapped(y + dy, size[1], self.wrap[1])) {
                 (Some(x), Some(y)) => (self.texel)(level, x, y),
-                _ => [0.0; 4],
+                _ => self.outside,
             };
         mix(mix(at(0.0, 0.0), at(1.0, 0.0), fx), mix(at(0.0, 1.0), at(1.0, 1.0), fx), fy)
     }
@@ -120,7 +122,7 @@ fn mix(a: [f64; 4], b: [f64; 4], t: f64) -> [f64; 4] {
     [0, 1, 2, 3].map(|i: usize| a[i] + (b[i] - a[i]) * t)
 }
 
-/// The texel that stands for texel `x` of `size`; `None` is transparent black.
+/// The texel that stands for texel `x` of `size`; `None` is what lies around the image.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a non-negative integer below size")]
 fn wrapped(x: f64, size: u32, wrap: Wrap) -> Option<u32> {
     let n = f64::from(size);

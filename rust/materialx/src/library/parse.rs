@@ -2,12 +2,13 @@
 //! Library files (XML) made into definitions.
 
 use std::collections::HashMap;
+use std::path::Path;
 use std::sync::Arc;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::{Definition, Graph, GraphInput, GraphNode, InputDef, Source};
-use crate::value::{Type, Value};
+use crate::value::{FileRef, Type, Value};
 
 /// Most nodes of a graph.
 const MAX_GRAPH_NODES: usize = 4096;
@@ -26,25 +27,33 @@ pub(super) struct Parser {
 }
 
 impl Parser {
-    /// Reads a file.
-    pub(super) fn file(&mut self, text: &str) -> Result<(), roxmltree::Error> {
+    /// Reads a file; what it names lies beside it.
+    pub(super) fn file(&mut self, path: &Path, text: &str) -> Result<(), roxmltree::Error> {
         let options = ParsingOptions { nodes_limit: MAX_ELEMENTS, ..ParsingOptions::default() };
-        let document = Document::parse_with_options(text, options)?;
-        for element in document.root_element().children().filter(Node::is_element) {
+        // Nobody declares the prefix of an include, and what it includes is found by itself.
+        let declared = match text.contains("<xi:include") && !text.contains("xmlns:xi") {
+            true => Some(text.replacen("<materialx", "<materialx xmlns:xi=\"http://www.w3.org/2001/XInclude\"", 1)),
+            false => None,
+        };
+        let document = Document::parse_with_options(declared.as_deref().unwrap_or(text), options)?;
+        let root = document.root_element();
+        let folder = path.parent().unwrap_or(Path::new(""));
+        for element in root.children().filter(Node::is_element) {
             let Some(name) = element.attribute("name") else { continue };
+            let file = Origin { folder, namespace: element.attribute("namespace").or(root.attribute("namespace")) };
+            let name = file.qualified(name);
+            let attribute = |key: &str| element.attribute(key).map(|text| file.qualified(text));
             match element.tag_name().name() {
-                "nodedef" => self.definition(name, element),
+                "nodedef" => self.definition(&name, element, &file),
                 "nodegraph" => {
-                    self.graphs.insert(name.into(), Arc::new(graph(element)));
-                    if let Some(definition) = element.attribute("nodedef") {
-                        self.implementations.insert(definition.into(), name.into());
+                    self.graphs.insert(Arc::clone(&name), Arc::new(graph(element, &file)));
+                    if let Some(definition) = attribute("nodedef") {
+                        self.implementations.insert(definition, name);
                     }
                 }
                 "implementation" => {
-                    if let (Some(definition), Some(graph)) =
-                        (element.attribute("nodedef"), element.attribute("nodegraph"))
-                    {
-                        self.implementations.insert(definition.into(), graph.into());
+                    if let (Some(definition), Some(graph)) = (attribute("nodedef"), attribute("nodegraph")) {
+                        self.implementations.insert(definition, graph);
                     }
                 }
                 _ => {}
@@ -53,11 +62,11 @@ impl Parser {
         Ok(())
     }
 
-    fn definition(&mut self, name: &str, element: Node<'_, '_>) {
+    fn definition(&mut self, name: &str, element: Node<'_, '_>, file: &Origin<'_>) {
         let category = element.attribute("node").unwrap_or_default();
         let mut definition = Definition {
             name: name.into(),
-            category: category.into(),
+            category: file.qualified(category),
             inputs: Vec::new(),
             outputs: Vec::new(),
             graph: None,
@@ -71,14 +80,14 @@ impl Parser {
                 "input" => definition.inputs.push(InputDef {
                     name: name.into(),
                     ty,
-                    value: child.attribute("value").and_then(|text| Value::parse(ty, text)),
+                    value: child.attribute("value").and_then(|text| file.value(ty, text, child)),
                     geometry: child.attribute("defaultgeomprop").map(Into::into),
                 }),
                 "output" => definition.outputs.push((name.into(), ty, type_name.into())),
                 _ => {}
             }
         }
-        self.definitions.push((definition, element.attribute("inherit").map(Into::into)));
+        self.definitions.push((definition, element.attribute("inherit").map(|name| file.qualified(name))));
     }
 
     /// The definitions, with what they inherit and their graphs.
@@ -109,8 +118,46 @@ impl Parser {
     }
 }
 
+/// Where elements come from.
+struct Origin<'a> {
+    folder: &'a Path,
+    namespace: Option<&'a str>,
+}
+
+impl Origin<'_> {
+    /// A name in the namespace. One that says its own keeps it.
+    fn qualified(&self, name: &str) -> Arc<str> {
+        match self.namespace {
+            Some(space) if !space.is_empty() && !name.is_empty() && !name.contains(':') => {
+                format!("{space}:{name}").into()
+            }
+            _ => name.into(),
+        }
+    }
+
+    /// The value of an input.
+    fn value(&self, ty: Type, text: &str, input: Node<'_, '_>) -> Option<Value> {
+        if ty != Type::File || text.is_empty() {
+            return Value::parse(ty, text);
+        }
+        Some(Value::File(FileRef {
+            authored: text.into(),
+            resolved: self.folder.join(text).to_string_lossy().into(),
+            color_space: color_space(input),
+            node: "".into(),
+        }))
+    }
+}
+
+/// The colour space that an element of a graph or definition says, or one around it; that of a document says what is
+/// meant where nothing else is said, and is left out.
+fn color_space(element: Node<'_, '_>) -> Option<Arc<str>> {
+    let inner = element.ancestors().take_while(|element| element.tag_name().name() != "materialx");
+    inner.filter_map(|element| element.attribute("colorspace")).next().map(Into::into)
+}
+
 /// A graph; connections to nodes that do not exist are left out.
-fn graph(element: Node<'_, '_>) -> Graph {
+fn graph(element: Node<'_, '_>, file: &Origin<'_>) -> Graph {
     let is_node = |child: &Node<'_, '_>| {
         child.is_element() && !matches!(child.tag_name().name(), "input" | "output" | "token" | "backdrop")
     };
@@ -125,12 +172,13 @@ fn graph(element: Node<'_, '_>) -> Graph {
         if let Some(name) = child.attribute("nodename") {
             return Some(Source::Node(*numbers.get(name)?, child.attribute("output").unwrap_or_default().into()));
         }
-        Some(Source::Value(Value::parse(ty, child.attribute("value")?)?))
+        Some(Source::Value(file.value(ty, child.attribute("value")?, child)?))
     };
     let of_node = |node: &Node<'_, '_>| GraphNode {
         name: node.attribute("name").unwrap_or_default().into(),
         category: node.tag_name().name().into(),
         definition: node.attribute("nodedef").map(Into::into),
+        namespace: node.attribute("namespace").or(file.namespace).map(Into::into),
         ty: Type::named(node.attribute("type").unwrap_or_default()),
         type_name: node.attribute("type").unwrap_or_default().into(),
         inputs: node
@@ -141,6 +189,7 @@ fn graph(element: Node<'_, '_>) -> Graph {
                     name: child.attribute("name")?.into(),
                     ty: Type::named(child.attribute("type").unwrap_or_default()),
                     source: source(child)?,
+                    color_space: if child.attribute("type") == Some("filename") { color_space(child) } else { None },
                 })
             })
             .collect(),

@@ -3,6 +3,7 @@
 
 use crate::expression::Val;
 use crate::program::{Geometry, Op};
+use crate::uses::Uses;
 use crate::value::Type;
 use crate::walk::{At, Walker};
 
@@ -28,6 +29,7 @@ impl Walker<'_> {
             "frame" => Val::ONE,
             "time" => Val::ZERO,
             "normalmap" => self.normal_map(at),
+            "transformnormal" if self.spaces(at).is_some() => self.transformed_normal(at),
             // Spaces other than the world are not told apart in vectors that come from the surface.
             "transformpoint" | "transformvector" | "transformnormal" => {
                 let (from, to) = (self.text(at, "fromspace"), self.text(at, "tospace"));
@@ -40,6 +42,36 @@ impl Walker<'_> {
             }
             _ => return None,
         })
+    }
+
+    /// Whether a node goes from the world, and to it; the other space is the object's. `None`: it knows others.
+    fn spaces(&mut self, at: At) -> Option<[bool; 2]> {
+        let is_world = |walker: &mut Self, name: &str| match walker.text(at, name).as_deref() {
+            Some("world") => Some(true),
+            Some("object" | "model") => Some(false),
+            _ => None,
+        };
+        Some([is_world(self, "fromspace")?, is_world(self, "tospace")?])
+    }
+
+    /// A normal of the mesh's frame in the world, or the other way round; unit.
+    fn transformed_normal(&mut self, at: At) -> Val {
+        let normal = self.input_in(at);
+        match self.spaces(at) {
+            Some([false, true]) => return self.normal_of_object(normal),
+            Some([true, false]) if !self.is_displacing => {}
+            _ => return self.expressions.normalize(normal, 3),
+        }
+        // The inverse of a map with columns x, y, z has rows y x z, z x x, x x y over x . (y x z).
+        let [x, y, z] = self.object_frame();
+        let e = &mut self.expressions;
+        let rows = [(y, z), (z, x), (x, y)].map(|(a, b)| e.binary(Op::Cross, a, b));
+        let volume = e.dot(x, rows[0], 3);
+        let side = e.unary(Op::Sign, volume);
+        let parts = rows.map(|row| e.dot(row, normal, 3));
+        let vector = e.combine(&parts);
+        let vector = e.multiply(vector, side);
+        e.normalize(vector, 3)
     }
 
     fn by_space(&mut self, at: At, what: Geometry) -> Val {
@@ -94,38 +126,110 @@ impl Walker<'_> {
         said.unwrap_or_else(|| self.expressions.geometry(what))
     }
 
-    /// Whether a normal map is about the surface's own normal and tangents.
+    /// Whether a normal map is one of tangent space, about the surface's own normal and tangents.
+    pub(crate) fn is_of_own_tangents(&mut self, at: At) -> bool {
+        !self.is_of_object(at) && self.is_own_frame(at)
+    }
+
+    /// Whether a normal map is one of the object's space, which `MaterialX` 1.38 has.
+    pub(crate) fn is_of_object(&mut self, at: At) -> bool {
+        self.text(at, "space").as_deref() == Some("object")
+    }
+
+    /// What is said, or what the surface has; of a node of `MaterialX` 1.38, which has no such input, it is at right
+    /// angles to what is said of the normal and the tangent.
+    fn bitangent(&mut self, at: At, normal: Val, tangent: Val) -> Val {
+        let is_said = |name: &str| self.is_said(at, name);
+        let is_free = is_said("normal") || is_said("tangent");
+        if is_free && !is_said("bitangent") && self.is_older(at) && !self.is_own_frame(at) {
+            let e = &mut self.expressions;
+            let across = e.binary(Op::Cross, normal, tangent);
+            return e.normalize(across, 3);
+        }
+        self.said_or(at, "bitangent", Geometry::Bitangent)
+    }
+
+    /// Whether a normal is about the surface's own normal and tangents.
     pub(crate) fn is_own_frame(&mut self, at: At) -> bool {
         let own = [("normal", Geometry::Normal), ("tangent", Geometry::Tangent), ("bitangent", Geometry::Bitangent)];
         own.into_iter().all(|(name, what)| self.said_or(at, name, what) == self.expressions.geometry(what))
     }
 
-    /// The vector in the frame of the surface that a normal map says, not normalised.
-    pub(crate) fn tangent_space_normal(&mut self, at: At) -> Val {
+    /// The vector that a normal map says, 2 x - 1, not normalised.
+    pub(crate) fn decoded_normal(&mut self, at: At) -> Val {
         let mut value = self.number(at, "in").unwrap_or(Val::Constant([0.5, 0.5, 1.0, 0.0]));
         // Nothing is flat. Of texels it is not asked: a map would not be a texture of the surface any more.
         if value.is(0.0, 3) {
             value = Val::Constant([0.5, 0.5, 1.0, 0.0]);
         }
+        let twice = self.expressions.multiply(value, Val::number(2.0));
+        self.expressions.subtract(twice, Val::ONE)
+    }
+
+    /// The vector in the frame of the surface that a normal map says, not normalised.
+    pub(crate) fn tangent_space_normal(&mut self, at: At) -> Val {
+        let vector = self.decoded_normal(at);
         let scale = self.number_or(at, "scale", 1.0);
         let e = &mut self.expressions;
-        let twice = e.multiply(value, Val::number(2.0));
-        let vector = e.subtract(twice, Val::ONE);
         let scale = e.splice(scale, 2, Val::ONE);
         e.multiply(vector, scale)
     }
 
     /// In the world.
     fn normal_map(&mut self, at: At) -> Val {
+        if self.is_of_object(at) {
+            let vector = self.decoded_normal(at);
+            return self.normal_of_object(vector);
+        }
         let local = self.tangent_space_normal(at);
         self.in_world(at, local)
     }
 
+    /// A normal of the mesh's frame in the world, unit: by the map that [`Uses::OBJECT_FRAME`] says. Where a mesh is
+    /// displaced its own frame is the world.
+    pub(super) fn normal_of_object(&mut self, normal: Val) -> Val {
+        if self.is_displacing {
+            return self.expressions.normalize(normal, 3);
+        }
+        let [x, y, z] = self.object_frame();
+        let e = &mut self.expressions;
+        let mut sum = Val::ZERO;
+        for (axis, k) in [x, y, z].into_iter().zip(0..) {
+            let share = e.component(normal, k);
+            let part = e.multiply(axis, share);
+            sum = e.add(sum, part);
+        }
+        e.normalize(sum, 3)
+    }
+
+    /// Where the axes of the mesh's frame go as normals, up to a factor.
+    fn object_frame(&mut self) -> [Val; 3] {
+        // The frame of the world, where there are too many primvars.
+        let at_rest = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]];
+        let [x, y] = [0, 1].map(|k| self.primvar(Uses::OBJECT_FRAME[k], at_rest[k]));
+        let e = &mut self.expressions;
+        // (a, b) is (x, y) / (|x| + |y| + |z|) above the plane z = 0; below it the four triangles are folded out.
+        let [a, b] = [x, y].map(|axis| e.component(axis, 3));
+        let pair = e.combine(&[a, b, Val::ZERO]);
+        let sizes = e.unary(Op::Absolute, pair);
+        let sum = e.dot(sizes, Val::ONE, 2);
+        let above = e.complement(sum);
+        let below = e.subtract(Val::ZERO, above);
+        let fold = e.binary(Op::Max, below, Val::ZERO);
+        let is_right = e.binary(Op::GreaterEqual, pair, Val::ZERO);
+        let back = e.subtract(Val::ZERO, fold);
+        let by = e.op(Op::Select, [back, fold, is_right], 0);
+        let flat = e.add(pair, by);
+        let z = e.splice(flat, 2, above);
+        let z = e.normalize(z, 3);
+        [x, y, z]
+    }
+
     /// A vector in the frame of the surface, about the normal that a node says.
     pub(super) fn in_world(&mut self, at: At, local: Val) -> Val {
-        let normal = self.number(at, "normal").unwrap_or(Val::ZERO);
+        let normal = self.number(at, "normal").unwrap_or_else(|| self.expressions.geometry(Geometry::Normal));
         let tangent = self.said_or(at, "tangent", Geometry::Tangent);
-        let bitangent = self.said_or(at, "bitangent", Geometry::Bitangent);
+        let bitangent = self.bitangent(at, normal, tangent);
         let e = &mut self.expressions;
         let frame = [tangent, bitangent, normal];
         let mut sum = Val::ZERO;

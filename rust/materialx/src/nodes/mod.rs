@@ -54,7 +54,7 @@ impl Walker<'_> {
         if let Some(found) = self.hair_node(at, category, output) {
             return Some(found);
         }
-        if let Some(found) = self.older(at, category) {
+        if let Some(found) = self.older(at, category, ty) {
             return Some(found);
         }
         self.texture_node(at, category, ty, output)

@@ -10,10 +10,15 @@ const ZERO: u16 = 4;
 const ONE: u16 = 5;
 
 impl Walker<'_> {
-    /// `swizzle_color3_float` and the like, which the network names by their definitions.
-    pub(super) fn older(&mut self, at: At, category: &str) -> Option<Val> {
-        let (from, to) = category.strip_prefix("swizzle_")?.split_once('_')?;
-        let (from, to) = (Type::named(from).width(), Type::named(to).width());
+    /// `swizzle_color3_float` and the like, which the network names by their definitions; `swizzle` in graphs, and where
+    /// the data libraries are those of 1.38.
+    pub(super) fn older(&mut self, at: At, category: &str, ty: Type) -> Option<Val> {
+        let rest = category.strip_prefix("swizzle")?;
+        let (from, to) = match rest.strip_prefix('_').and_then(|types| types.split_once('_')) {
+            Some((from, to)) => (Type::named(from).width(), Type::named(to).width()),
+            None if rest.is_empty() => (self.input_type(at, "in").width(), ty.width()),
+            None => return None,
+        };
         if from == 0 || to == 0 {
             return None;
         }

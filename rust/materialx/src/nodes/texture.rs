@@ -40,6 +40,10 @@ impl Walker<'_> {
             _ => None,
         };
         match found {
+            // Of a file that a definition names.
+            Some(file) if !file.resolved.is_empty() && file.node.is_empty() => {
+                Some(FileRef { node: self.path(at), ..file })
+            }
             Some(file) if !file.resolved.is_empty() => Some(file),
             Some(file) => {
                 self.problem(format!("the texture {} of {} was not found", file.authored, file.node));
@@ -67,13 +71,35 @@ impl Walker<'_> {
         if ty.width() < 4 {
             constant[3] = 1.0;
         }
-        let texture = Texture { file, address, fallback: constant, auto_color_space: false };
+        let texture = Texture { file, address, fallback: constant, has_border: true, auto_color_space: false };
         let Some(lookup) = self.uses.lookup(&texture, place) else {
             self.problem("too many texture lookups".to_owned());
             return Some(fallback);
         };
         let texel = self.expressions.op(Op::Texture, [place, Val::ZERO, Val::ZERO], lookup);
-        Some(if ty == Type::Float { self.expressions.component(texel, 0) } else { texel })
+        let texel = if ty == Type::Float { self.expressions.component(texel, 0) } else { texel };
+        if fallback.constant().is_some() {
+            return Some(texel);
+        }
+        // What other nodes work out cannot lie around the image.
+        let constant = address.map(|mode| mode == AddressMode::Constant);
+        let is_outside = self.is_outside(place, constant);
+        Some(self.expressions.op(Op::Select, [fallback, texel, is_outside], 0))
+    }
+
+    /// Whether a place is outside the unit square along one of these axes.
+    fn is_outside(&mut self, place: Val, axes: [bool; 2]) -> Val {
+        let e = &mut self.expressions;
+        let mut found = Val::ZERO;
+        for (axis, _) in (0..).zip(axes).filter(|(_, is_asked)| *is_asked) {
+            let at = e.component(place, axis);
+            let is_below = e.binary(Op::Greater, Val::ZERO, at);
+            let is_above = e.binary(Op::Greater, at, Val::ONE);
+            for is_beyond in [is_below, is_above] {
+                found = e.binary(Op::Max, found, is_beyond);
+            }
+        }
+        found
     }
 
     /// `texel * scale + bias`, then an output.
@@ -101,7 +127,8 @@ impl Walker<'_> {
                     file.color_space = Some(space);
                 }
                 let constant = fallback.constant().unwrap_or_default();
-                let texture = Texture { file, address, fallback: constant, auto_color_space: true };
+                let texture =
+                    Texture { file, address, fallback: constant, has_border: false, auto_color_space: true };
                 let lookup = self.uses.lookup(&texture, place)?;
                 let texel = self.expressions.op(Op::Texture, [place, Val::ZERO, Val::ZERO], lookup);
                 let (scale, bias) = (self.number_or(at, "scale", 1.0), self.number_or(at, "bias", 0.0));

@@ -114,6 +114,9 @@ impl Walker<'_> {
         match &*category {
             "layer" => {
                 let base = inner(self, "base").unwrap_or(Slab::BLACK);
+                if let Some(film) = self.source_node(at, "top").filter(|top| &*self.category(*top) == "thin_film_bsdf") {
+                    return Some(self.filmed(film, base));
+                }
                 match inner(self, "top") {
                     Some(top) => Some(self.layered(at, &top, base)),
                     None => Some(base),
@@ -144,6 +147,36 @@ impl Walker<'_> {
                 }
             },
         }
+    }
+
+    /// A film of `MaterialX` 1.38, which is a closure on top of others: 1.39 has it as inputs of those.
+    fn filmed(&mut self, film: At, base: Slab) -> Slab {
+        let thickness = self.number_or(film, "thickness", 550.0);
+        let ior = self.number_or(film, "ior", 1.5);
+        let weight = if thickness.is(0.0, 1) { Val::ZERO } else { Val::ONE };
+        Slab { film: weight, film_thickness: thickness, film_ior: ior, ..base }
+    }
+
+    /// A sheet of `MaterialX` 1.38, both sides of which have their own closures.
+    pub(super) fn thin_surface(&mut self, at: At) -> Option<Slab> {
+        let mut slab = match self.source_node(at, "front_bsdf") {
+            Some(bsdf) => self.bsdf(bsdf, 0)?,
+            None => Slab::BLACK,
+        };
+        if let Some(edf) = self.source_node(at, "front_edf") {
+            slab.emission = self.edf(edf, 0);
+        }
+        let is_other = ["bsdf", "edf"].into_iter().any(|of| {
+            let [front, back] = ["front", "back"].map(|side| self.source_node(at, &format!("{side}_{of}")));
+            back.is_some() && back != front
+        });
+        if is_other {
+            let path = self.path(at);
+            self.problem(format!("`thin_surface` ({path}): its back looks like its front"));
+        }
+        slab.opacity = self.number_or(at, "opacity", 1.0);
+        slab.thin_walled = true;
+        Some(slab)
     }
 
     /// One lobe.

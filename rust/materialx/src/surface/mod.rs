@@ -55,6 +55,7 @@ impl Walker<'_> {
         }
         match &*category {
             "surface" => self.closures(at),
+            "thin_surface" => self.thin_surface(at),
             "mix" => {
                 let (front, back) = (self.source_node(at, "fg"), self.source_node(at, "bg"));
                 let front = self.shader(front?, depth + 1)?;
@@ -72,14 +73,15 @@ impl Walker<'_> {
         }
     }
 
-    /// The normal that an input says, in the frame of the surface.
+    /// The normal that an input says in the world, in the frame of the surface. It is turned to the surface's own side,
+    /// as `MaterialX`'s closures turn it; 0 says nothing.
     pub(crate) fn normal(&mut self, at: At, name: &str) -> Val {
         if !self.is_said(at, name) {
             return Slab::BLACK.normal;
         }
         if let Some(source) = self.source_node(at, name) {
             match &*self.category(source) {
-                "normalmap" if self.is_own_frame(source) => return self.tangent_space_normal(source),
+                "normalmap" if self.is_of_own_tangents(source) => return self.tangent_space_normal(source),
                 "bump" if self.is_own_frame(source) => return self.height_normal(source, "height"),
                 _ => {}
             }
@@ -87,12 +89,30 @@ impl Walker<'_> {
         let Some(normal) = self.number(at, name) else { return Slab::BLACK.normal };
         let e = &mut self.expressions;
         let own = e.geometry(Geometry::Normal);
-        if normal == own || normal.constant().is_some() {
+        if normal == own || normal.is(0.0, 3) {
             return Slab::BLACK.normal;
         }
-        let frame = [e.geometry(Geometry::Tangent), e.geometry(Geometry::Bitangent), own];
+        let frame = [e.geometry(Geometry::FrameX), e.geometry(Geometry::FrameY), own];
         let parts = frame.map(|axis| e.dot(normal, axis, 3));
-        e.combine(&parts)
+        let local = e.combine(&parts);
+        let turned = e.subtract(Val::ZERO, local);
+        let is_behind = e.binary(Op::Greater, Val::ZERO, parts[2]);
+        e.op(Op::Select, [turned, local, is_behind], 0)
+    }
+
+    /// The normal of a `UsdPreviewSurface`, which is told in the frame of the surface. A normal map of "object space"
+    /// is how files of `MaterialX` 1.38 decode a map for it: `MaterialX` turns it into 2 x - 1, and no more.
+    pub(crate) fn preview_normal(&mut self, at: At) -> Val {
+        if !self.is_said(at, "normal") {
+            return Slab::BLACK.normal;
+        }
+        if let Some(source) = self.source_node(at, "normal")
+            && &*self.category(source) == "normalmap"
+            && self.is_of_object(source)
+        {
+            return self.decoded_normal(source);
+        }
+        self.number(at, "normal").filter(|normal| !normal.is(0.0, 3)).unwrap_or(Slab::BLACK.normal)
     }
 
     /// The inputs that are several numbers: anisotropy, film, what is inside.

@@ -275,7 +275,7 @@ impl Walker<'_> {
             specular_color: Val::ONE,
             roughness,
             ratio,
-            thin_walled: self.is_set(at, "thinSurface"),
+            thin_walled: self.is_set(at, "thinSurface") || self.is_set(at, "thin"),
             ior,
             transmission,
             transmission_color,
@@ -313,11 +313,7 @@ impl Walker<'_> {
             emission: self.number_or(at, "emissiveColor", 0.0),
             opacity: if is_presence { opacity } else { Val::ONE },
             opacity_threshold: threshold.max(0.0),
-            normal: if self.is_said(at, "normal") {
-                self.number(at, "normal").unwrap_or(Slab::BLACK.normal)
-            } else {
-                Slab::BLACK.normal
-            },
+            normal: self.preview_normal(at),
             ..Slab::BLACK
         };
         if !is_specular {

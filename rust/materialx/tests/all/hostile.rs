@@ -29,6 +29,47 @@ fn any_value() -> impl Strategy<Value = Value> {
     ]
 }
 
+/// Ids that the libraries do not define: those of `MaterialX` 1.38, and what nobody defines.
+const OTHER_IDS: &[&str] = &[
+    "ND_normalmap",
+    "ND_swizzle_color3_float",
+    "ND_swizzle_vector2_color4",
+    "ND_swizzle",
+    "ND_thin_film_bsdf",
+    "ND_thin_surface",
+    "ND_disney_brdf_2012_surface",
+    "ND_disney_bsdf_2015_surface",
+    "ND_curveadjust_color3",
+    "ND_arrayappend_floatarray_floatarray",
+    "ND_add_surfaceshader",
+    "mine:ND_none",
+    "ND_",
+    "",
+];
+/// Inputs of those.
+const OTHER_INPUTS: &[&str] =
+    &["in", "space", "channels", "normal", "tangent", "scale", "thickness", "front_bsdf", "back_bsdf", "top", "file"];
+
+prop_compose! {
+    /// A node of an id that the libraries do not define.
+    fn older_node(count: usize)(
+        kind in prop::sample::select(OTHER_IDS),
+        inputs in prop::collection::vec(
+            (prop::sample::select(OTHER_INPUTS), 0..count + 1, any_value(), any::<bool>()), 0..6),
+        space in prop::sample::select(&["object", "tangent", "world", "", "rgx1"][..]),
+    ) -> Node {
+        let mut made = node(kind, &[("space", text(space)), ("channels", text(space))], &[]);
+        for (name, upstream, value, is_connected) in inputs {
+            if is_connected {
+                made.connections.push((name.into(), upstream, "out".into()));
+            } else {
+                made.values.push((name.into(), value));
+            }
+        }
+        made
+    }
+}
+
 prop_compose! {
     pub(crate) fn any_node(count: usize)(
         kind in any::<prop::sample::Index>(),
@@ -73,7 +114,8 @@ fn check(network: &Network) {
         assert!(!translation.problems.is_empty(), "a surface that is none says why");
         return;
     };
-    for input in inputs {
+    for (input, name) in inputs.into_iter().zip(Input::ALL) {
+        let program = if name == Input::Opacity { &translation.opacity_program } else { program };
         match input {
             InputSource::Constant(value) => assert!(value.iter().all(|v| v.is_finite()), "{value:?}"),
             InputSource::Texture(lookup, _) => assert!((lookup.texture as usize) < textures),
@@ -101,6 +143,23 @@ fn check(network: &Network) {
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: networks(), failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn random_networks_of_other_ids_are_translated_or_refused(
+        nodes in (2..12_usize).prop_flat_map(|count| {
+            prop::collection::vec(prop_oneof![older_node(count), any_node(count)], count)
+        }),
+        input in prop::sample::select(&["base_color", "geometry_normal", "geometry_opacity", "emission_color"][..]),
+        is_closure in any::<bool>(),
+    ) {
+        let mut nodes = nodes;
+        nodes[0] = if is_closure {
+            node("ND_surface", &[], &[("bsdf", 1)])
+        } else {
+            node("ND_open_pbr_surface_surfaceshader", &[("emission_luminance", number(1.0))], &[(input, 1)])
+        };
+        check(&Network { nodes, ..Network::default() });
+    }
 
     #[test]
     fn random_networks_are_translated_or_refused(

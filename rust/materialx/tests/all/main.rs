@@ -2,6 +2,8 @@
 //! Networks translated: against what `MaterialX` says they are, and against hostile ones.
 
 #[cfg(test)]
+mod custom;
+#[cfg(test)]
 mod definitions;
 #[cfg(test)]
 mod displacement;
@@ -15,6 +17,8 @@ mod hostile;
 mod mixtures;
 #[cfg(test)]
 mod nodes;
+#[cfg(test)]
+mod older;
 #[cfg(test)]
 mod support;
 #[cfg(test)]

@@ -233,7 +233,7 @@ pub(crate) fn attributes(mesh: &MeshSummary, table: u64, offsets: &[u64]) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-    use oocpt_core::material::{InputName, NORMAL_ID, POSITION_ID};
+    use oocpt_core::material::{FRAME_IDS, InputName, NORMAL_ID, POSITION_ID};
     use oocpt_core::materialx::program::{MAX_OPACITY_LOOKUPS, REGISTERS};
 
     #[test]
@@ -270,6 +270,7 @@ mod tests {
         assert_eq!(abi::MATERIAL_INPUTS, oocpt_core::material::INPUTS);
         assert_eq!((abi::NO_MATERIAL, abi::NAME_PTEX), (NO_MATERIAL, PTEX_SET_ID));
         assert_eq!((abi::NAME_POSITION, abi::NAME_NORMAL), (POSITION_ID, NORMAL_ID));
+        assert_eq!([abi::NAME_FRAME_X, abi::NAME_FRAME_Y], FRAME_IDS);
         assert_eq!(abi::PROGRAM_REGISTERS as usize, REGISTERS);
         let of_core: Vec<_> = MaterialFlags::all().iter_names().map(|(name, flag)| (name, flag.bits())).collect();
         let all = abi::GpuMaterialFlags::all();

@@ -124,7 +124,7 @@ impl EmissionMaps {
             return EmissionMap::even(1.0, self.made);
         }
         let fallback =
-            || EmissionMap::even(emission_weight(finish.color(texture.fallback.map(f64::from), false)), self.made);
+            || EmissionMap::even(emission_weight(finish.color(texture.fallback.map(f64::from), texture.has_border)), self.made);
         if texture.asset.resolved.is_empty() {
             return fallback();
         }

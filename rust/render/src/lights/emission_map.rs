@@ -58,6 +58,8 @@ pub(super) struct EmissionMap {
     /// The finest first; the last has one cell.
     levels: Vec<Level>,
     wrap: [Wrap; 2],
+    /// The weight where the picture is not continued.
+    outside: f64,
     mean: f64,
     /// Different for each that was ever made.
     pub(super) number: u64,
@@ -107,7 +109,8 @@ impl EmissionMap {
             Wrap::UseMetadata => metadata[k],
             wrap => wrap,
         });
-        Ok(Self::of_cells(Level { size, cells }, wrap, number))
+        let border = texture.has_border.then(|| emission_weight(finish.color(texture.fallback.map(f64::from), true)));
+        Ok(Self { outside: border.unwrap_or(0.0), ..Self::of_cells(Level { size, cells }, wrap, number) })
     }
 
     /// A map that is the same everywhere.
@@ -123,7 +126,7 @@ impl EmissionMap {
             levels.push(next);
         }
         let mean = levels.last().and_then(|level| level.cells.first()).copied().map_or(0.0, f64::from);
-        Self { levels, wrap, mean, number }
+        Self { levels, wrap, outside: 0.0, mean, number }
     }
 
     /// The weight of all of it, mean.
@@ -149,14 +152,14 @@ impl EmissionMap {
         let n = (steps.ceil() as u32).clamp(1, LATTICE);
         let Some(level) = self.levels.get(level) else { return self.mean };
         let place = |[u, v]: [f64; 2]| [0, 1].map(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
-        let sum: f64 = lattice(n).map(|weights| level.at(place(weights), self.wrap)).sum();
+        let sum: f64 = lattice(n).map(|weights| level.at(place(weights), self.wrap).unwrap_or(self.outside)).sum();
         let mean = sum / f64::from(n * n);
         (1.0 - FLOOR) * mean + FLOOR * self.mean
     }
 
     /// The weight at a place.
     pub(super) fn at(&self, st: [f64; 2]) -> f64 {
-        self.levels.first().map_or(self.mean, |level| level.at(st, self.wrap))
+        self.levels.first().map_or(self.mean, |level| level.at(st, self.wrap).unwrap_or(self.outside))
     }
 }
 
@@ -193,16 +196,16 @@ impl Level {
         Some(Self { size, cells })
     }
 
-    /// The cell at a place.
-    fn at(&self, st: [f64; 2], wrap: [Wrap; 2]) -> f64 {
+    /// The cell at a place; `None` outside.
+    fn at(&self, st: [f64; 2], wrap: [Wrap; 2]) -> Option<f64> {
         let mut cell = [0_u32; 2];
         for k in 0..2 {
-            let Some(inside) = wrapped(st[k], wrap[k]) else { return 0.0 };
+            let inside = wrapped(st[k], wrap[k])?;
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the size")]
             let at = (inside * f64::from(self.size[k])) as u32;
             cell[k] = at.min(self.size[k] - 1);
         }
-        self.cells.get((cell[1] * self.size[0] + cell[0]) as usize).copied().map_or(0.0, f64::from)
+        Some(self.cells.get((cell[1] * self.size[0] + cell[0]) as usize).copied().map_or(0.0, f64::from))
     }
 }
 

@@ -10,7 +10,7 @@
 use super::emission_map::{EmissionMap, LATTICE, MOST, lattice};
 use super::{emission_weight, narrow};
 use oocpt_core::Material;
-use oocpt_core::material::{NORMAL_ID, POSITION_ID, PTEX_SET_ID};
+use oocpt_core::material::{FRAME_IDS, NORMAL_ID, POSITION_ID, PTEX_SET_ID};
 use oocpt_core::materialx::eval::run;
 use oocpt_core::materialx::program::{Geometry, Lookup, Op, Program};
 use oocpt_core::mesh::{AnyAttribute, AttributeRate, MeshAsset};
@@ -82,7 +82,7 @@ impl EmissionProgram {
         let sets = [set(0, Geometry::Uv0), set(1, Geometry::Uv1)];
         let primvars = [primvar(0, Geometry::Primvar0), primvar(1, Geometry::Primvar1)];
         let is_strange = sets.iter().flatten().any(|set| set.0 == PTEX_SET_ID)
-            || primvars.iter().flatten().any(|slot| slot.0 == NORMAL_ID);
+            || primvars.iter().flatten().any(|slot| slot.0 == NORMAL_ID || FRAME_IDS.contains(&slot.0));
         if is_strange {
             return None;
         }

@@ -143,6 +143,10 @@ impl TextureCache {
         let channel = channel.unwrap_or(0) & 3;
         let (scale, bias) = (scale[usize::from(channel)], bias[usize::from(channel)]);
         let modes = [abi::TEXTURE_WRAP_S_SHIFT, abi::TEXTURE_WRAP_T_SHIFT].map(|shift| record.flags >> shift & 3);
+        // Masks know black around an image, and nothing else.
+        if record.flags & abi::TEXTURE_BORDER != 0 && modes.contains(&abi::WRAP_BLACK) {
+            return None;
+        }
         let threshold = material.opacity_threshold;
         let query = OpacityQuery { wrap: modes.map(wrap_of), scale, bias, threshold };
         let key = (image.id(), channel, modes, [scale, bias, threshold].map(f32::to_bits));

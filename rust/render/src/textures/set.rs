@@ -210,7 +210,7 @@ impl Making<'_> {
                 self.set.warnings.push(format!("{}: none of its tiles is there", named(texture)));
             }
             self.set.records.push(GpuTexture {
-                flags: abi::TEXTURE_UDIM,
+                flags: abi::TEXTURE_UDIM | border(texture),
                 first_page: u32::try_from(first).unwrap_or(0),
                 levels: u32::from(exists),
                 fallback: texture.fallback,
@@ -223,7 +223,7 @@ impl Making<'_> {
 
     /// The record of a texture or of a member of a set.
     fn record(&mut self, texture: &TextureRef, member: u32, wrap: [Wrap; 2]) -> GpuTexture {
-        let missing = GpuTexture { fallback: texture.fallback, ..GpuTexture::default() };
+        let missing = GpuTexture { fallback: texture.fallback, flags: border(texture), ..GpuTexture::default() };
         let Some(at) = self.image(texture, member) else { return missing };
         let (Some(image), Some(&first_page)) = (self.set.images.get(at), self.set.firsts.get(at)) else {
             return missing;
@@ -254,6 +254,7 @@ impl Making<'_> {
             flags: image.channels()
                 | format << abi::TEXTURE_FORMAT_SHIFT
                 | srgb
+                | border(texture)
                 | mode(0) << abi::TEXTURE_WRAP_S_SHIFT
                 | mode(1) << abi::TEXTURE_WRAP_T_SHIFT,
             width,
@@ -299,6 +300,10 @@ impl Making<'_> {
 /// The prim that asks and the file, for messages.
 fn named(texture: &TextureRef) -> Arc<str> {
     format!("{}: texture {}", texture.prim, texture.asset.authored).into()
+}
+
+fn border(texture: &TextureRef) -> u32 {
+    if texture.has_border { abi::TEXTURE_BORDER } else { 0 }
 }
 
 fn wrap_mode(wrap: Wrap) -> u32 {

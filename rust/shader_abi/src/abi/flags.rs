@@ -134,6 +134,8 @@ bitflags! {
         const DISPERSIVE = 1 << 19;
         /// Its program reads random numbers of the hit.
         const MIXTURE = 1 << 20;
+        /// `FRAMED_NORMAL`.
+        const FRAMED_NORMAL = 1 << 21;
     }
 }
 

@@ -18,6 +18,11 @@ pub const NAME_PTEX: u32 = u32::MAX - 1;
 pub const NAME_POSITION: u32 = u32::MAX - 2;
 /// In `GpuMaterial::names`, in place of a primvar: the normal in the mesh's frame.
 pub const NAME_NORMAL: u32 = u32::MAX - 3;
+/// In `GpuMaterial::names`, in place of a primvar: where normals along x of the mesh's frame go in the world, and half
+/// of where those along z go (`oocpt_materialx::uses::Uses::OBJECT_FRAME`).
+pub const NAME_FRAME_X: u32 = u32::MAX - 4;
+/// In `GpuMaterial::names`, in place of a primvar: the same along y, and the other half.
+pub const NAME_FRAME_Y: u32 = u32::MAX - 5;
 /// `GpuInput::kind`: the texture is Ptex, and its set is [`NAME_PTEX`].
 pub const INPUT_PTEX: u32 = 1 << 7;
 /// In `GpuMaterial::names`: no primvar.

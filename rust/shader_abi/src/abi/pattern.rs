@@ -27,6 +27,7 @@ pub const PATTERN_OPS: [(&str, u32); 52] = numbered! { "PATTERN_":
 };
 
 /// Name and number of everything that `PATTERN_SURFACE` gives. The build writes a `const uint` of each.
-pub const PATTERN_GEOMETRY: [(&str, u32); 12] = numbered! { "GEOMETRY_":
-    UV0 UV1 PRIMVAR0 PRIMVAR1 POSITION NORMAL TANGENT BITANGENT VIEW_DIRECTION RANDOM0 RANDOM1 RANDOM2
+pub const PATTERN_GEOMETRY: [(&str, u32); 14] = numbered! { "GEOMETRY_":
+    UV0 UV1 PRIMVAR0 PRIMVAR1 POSITION NORMAL TANGENT BITANGENT VIEW_DIRECTION RANDOM0 RANDOM1 RANDOM2 FRAME_X
+    FRAME_Y
 };

@@ -24,6 +24,8 @@ pub const TEXTURE_SRGB: u32 = 1 << 6;
 pub const TEXTURE_UDIM: u32 = 1 << 7;
 /// Texels by face: `width` is the number of faces, `directory` says where they are.
 pub const TEXTURE_PTEX: u32 = 1 << 12;
+/// The fallback is a texel as others are: it lies where [`WRAP_BLACK`] has black, and scale and bias apply to it.
+pub const TEXTURE_BORDER: u32 = 1 << 13;
 /// Where the flags hold the wrap mode along s, two bits.
 pub const TEXTURE_WRAP_S_SHIFT: u32 = 8;
 /// Where the flags hold the wrap mode along t, two bits.

@@ -89,6 +89,7 @@ pub(super) fn texture(name: &str, wrap: [Wrap; 2], color_space: ColorSpace) -> T
         wrap,
         color_space,
         fallback: [0.25, 0.5, 0.75, 1.0],
+        has_border: false,
         is_ptex: false,
     }
 }

@@ -110,7 +110,8 @@ impl ImageLibrary for PtexLibrary {
 pub(in crate::textures) fn ptex_texture(name: &str, color_space: ColorSpace) -> TextureRef {
     let asset = AssetRef { authored: name.into(), resolved: name.into() };
     let (wrap, fallback) = ([Wrap::UseMetadata; 2], [0.25, 0.5, 0.75, 1.0]);
-    TextureRef { prim: "/Material/Texture".into(), asset, wrap, color_space, fallback, is_ptex: true }
+    let prim = "/Material/Texture".into();
+    TextureRef { prim, asset, wrap, color_space, fallback, has_border: false, is_ptex: true }
 }
 
 fn bench(files: Vec<Vec<u8>>, color_space: &ColorSpace) -> Bench {

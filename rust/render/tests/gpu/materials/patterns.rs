@@ -178,6 +178,8 @@ fn shaders_have_the_numbers_of_the_twin() {
         Geometry::Random0,
         Geometry::Random1,
         Geometry::Random2,
+        Geometry::FrameX,
+        Geometry::FrameY,
     ];
     let geometry = geometry.map(|kind| (shader_name("GEOMETRY_", &format!("{kind:?}")), kind as u32));
     let shader = PATTERN_GEOMETRY.map(|(name, number)| (name.to_owned(), number));

@@ -164,7 +164,7 @@ fn expected(density: [f32; 2], n: u32, width: fn([f64; 2]) -> f64) -> Vec<f64> {
     let density = density.map(f64::from);
     let layout = Layout::new([CHECKS; 2], 1).expect("a layout");
     let texel = |level: u32, x: u32, y: u32| [f64::from(check(level, x, y)) / 255.0; 4];
-    let sampler = Sampler { layout, wrap: [Wrap::Repeat, Wrap::Mirror], texel };
+    let sampler = Sampler { layout, wrap: [Wrap::Repeat, Wrap::Mirror], outside: [0.0; 4], texel };
     let camera = eye();
     let half_height = 0.35_f64.tan();
     let [w, h] = SIZE.map(f64::from);
