@@ -102,6 +102,9 @@ void _ReadEmission(const _Inputs& inputs, oocpt::LightDesc* desc)
         const TfToken format = inputs.Get(tokens.textureFormat, tokens.automatic);
         desc->format = format == tokens.automatic || format.IsEmpty() ? oocpt::DomeFormatTag::Automatic
             : format == tokens.latlong                                ? oocpt::DomeFormatTag::Latlong
+            : format == tokens.mirroredBall                           ? oocpt::DomeFormatTag::MirroredBall
+            : format == tokens.angular                                ? oocpt::DomeFormatTag::Angular
+            : format == tokens.cubeMapVerticalCross                   ? oocpt::DomeFormatTag::CubeMapVerticalCross
                                                                       : oocpt::DomeFormatTag::Other;
     }
     if (desc->kind == oocpt::LightTag::Dome || desc->kind == oocpt::LightTag::Rect) {
@@ -113,14 +116,15 @@ void _ReadShaping(const _Inputs& inputs, oocpt::LightDesc* desc)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     oocpt::ShapingDesc& shaping = desc->shaping;
-    shaping.cone_angle_degrees = inputs.Get(tokens.coneAngle, 90.0f);
+    // Only what has the schema has a cone, of 90 degrees if nobody says otherwise.
+    shaping.cone_angle_degrees = inputs.Get(tokens.coneAngle, 180.0f);
     shaping.cone_softness = inputs.Get(tokens.coneSoftness, 0.0f);
     shaping.focus = inputs.Get(tokens.shapingFocus, 0.0f);
     shaping.focus_tint = inputs.GetColor(tokens.focusTint, GfVec3f(0.0f));
     shaping.ies = HdOocPTDescribeAsset(inputs.Get(tokens.iesFile));
     shaping.ies_angle_scale = inputs.Get(tokens.iesAngleScale, 0.0f);
     shaping.ies_normalize = inputs.Get(tokens.iesNormalize, false);
-    desc->has_shaping = shaping.cone_angle_degrees < 90.0f || shaping.cone_softness != 0.0f || shaping.focus != 0.0f
+    desc->has_shaping = shaping.cone_angle_degrees < 180.0f || shaping.cone_softness != 0.0f || shaping.focus != 0.0f
         || !shaping.ies.authored.empty();
 }
 
@@ -132,6 +136,18 @@ oocpt::LightTag _MaterialSync(const _Inputs& inputs)
     return mode == tokens.independent       ? oocpt::LightTag::IndependentMesh
         : mode == tokens.noMaterialResponse ? oocpt::LightTag::LightOnlyMesh
                                             : oocpt::LightTag::GlowTintedMesh;
+}
+
+/// Lights at infinity have no place that a cone or a profile could be about, as in hdEmbree.
+void _WarnOfShaping(const HdOocPTPrimSource& source, const oocpt::LightDesc& desc)
+{
+    const bool isInfinite = desc.kind == oocpt::LightTag::Distant || desc.kind == oocpt::LightTag::Dome;
+    const oocpt::ShapingDesc& shaping = desc.shaping;
+    const bool isShaped = shaping.cone_angle_degrees < 90.0f || shaping.cone_softness > 0.0f || shaping.focus > 0.0f
+        || !shaping.ies.authored.empty();
+    if (isInfinite && isShaped) {
+        source.warnings->Add(source.path, "its shaping is left out: distant lights and domes have none");
+    }
 }
 
 void _WarnOfFiltersAndPortals(const HdOocPTPrimSource& source, const _Inputs& inputs)
@@ -181,6 +197,7 @@ oocpt::LightDesc HdOocPTReadLight(const HdOocPTPrimSource& source, const TfToken
     _ReadShape(inputs, &desc);
     _ReadEmission(inputs, &desc);
     _ReadShaping(inputs, &desc);
+    _WarnOfShaping(source, desc);
     desc.shadow_enable = inputs.Get(tokens.shadowEnable, true);
     desc.shadow_color = inputs.GetColor(tokens.shadowColor, GfVec3f(0.0f));
     desc.light_link = inputs.GetText(tokens.lightLink);

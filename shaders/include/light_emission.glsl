@@ -86,10 +86,12 @@ vec3 shaped(uint index, vec3 w) {
         const float x = (theta - s.smooth_start) / (s.cone_angle - s.smooth_start);
         share *= 1.0 - x * x * (3.0 - 2.0 * x);
     }
-    if (s.focus > 0.0) share *= mix(s.focus_tint, vec3(1.0), pow(max(cosine, 0.0), s.focus));
+    if (s.focus > 0.0) share *= mix(s.focus_tint, vec3(1.0), pow(abs(cosine), s.focus));
     if (HAS_IES && s.ies != NO_INDEX) {
-        // UsdLux: angles are scaled about straight up, which stays.
-        const float scaled = s.angle_scale > -1.0 ? (theta - PI) / (1.0 + s.angle_scale) + PI : 0.0;
+        // UsdLux: a positive scale is about straight down, a negative one about straight up; 0 is none.
+        float scaled = theta;
+        if (s.angle_scale > 0.0) scaled = theta / s.angle_scale;
+        if (s.angle_scale < 0.0) scaled = PI - (PI - theta) / -s.angle_scale;
         float phi = atan(dot3(w, s.y), dot3(w, s.x));
         if (phi < 0.0) phi += 2.0 * PI;
         share *= s.ies_scale * ies_candela(s.ies, degrees(clamp(scaled, 0.0, PI)), degrees(phi));

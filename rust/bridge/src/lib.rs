@@ -100,6 +100,9 @@ mod ffi {
     enum DomeFormatTag {
         Automatic,
         Latlong,
+        MirroredBall,
+        Angular,
+        CubeMapVerticalCross,
         Other,
     }
 

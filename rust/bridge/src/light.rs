@@ -28,6 +28,9 @@ fn dome_format(tag: ffi::DomeFormatTag) -> DomeFormat {
     match tag {
         ffi::DomeFormatTag::Automatic => DomeFormat::Automatic,
         ffi::DomeFormatTag::Latlong => DomeFormat::Latlong,
+        ffi::DomeFormatTag::MirroredBall => DomeFormat::MirroredBall,
+        ffi::DomeFormatTag::Angular => DomeFormat::Angular,
+        ffi::DomeFormatTag::CubeMapVerticalCross => DomeFormat::CubeMapVerticalCross,
         _ => DomeFormat::Other,
     }
 }

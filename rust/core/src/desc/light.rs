@@ -6,14 +6,20 @@ use std::sync::Arc;
 use super::{AssetRef, PrimDesc};
 
 /// How the picture of a dome is laid out.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum DomeFormat {
     /// Told from the file; here always latlong.
     #[default]
     Automatic,
     /// Longitude and latitude.
     Latlong,
-    /// Something else, which is not supported.
+    /// The world in a mirror ball, seen from +z.
+    MirroredBall,
+    /// The angle to +z from the middle to the rim.
+    Angular,
+    /// Six faces of a cube on a cross that stands.
+    CubeMapVerticalCross,
+    /// Something else, which is read as [`Self::Latlong`].
     Other,
 }
 
@@ -96,11 +102,11 @@ impl LightKind {
 /// Where a light shines, about its local -z axis (`UsdLuxShapingAPI`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shaping {
-    /// Half angle of the cone; 90 and more: no cone.
+    /// Half angle of the cone; 180 and more: no cone.
     pub cone_angle_degrees: f32,
     /// Share of the cone over which it fades out.
     pub cone_softness: f32,
-    /// Exponent of the cosine to the axis.
+    /// Exponent of the cosine to the axis, forwards and backwards.
     pub focus: f32,
     /// Tints what the exponent takes away.
     pub focus_tint: [f32; 3],
@@ -108,7 +114,7 @@ pub struct Shaping {
     pub ies: Option<AssetRef>,
     /// Scales the angles of the profile.
     pub ies_angle_scale: f32,
-    /// Scales the profile to the power of an unshaped light.
+    /// Divides the profile by its mean, so that the light keeps its power.
     pub ies_normalize: bool,
 }
 

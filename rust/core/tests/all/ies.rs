@@ -45,6 +45,29 @@ fn a_cosine_profile_interpolates_and_integrates() {
     assert!(profile.candela(91.0_f64.to_radians(), 0.0).abs() < 1e-12, "nothing above the last angle");
 }
 
+/// What `ies:normalize` divides by: over the sphere, or over the half that a profile covers.
+#[test]
+fn the_mean_is_over_what_the_profile_covers() {
+    let mean = |first: f64, last: f64| {
+        IesProfile::parse(file(&[first, last], &[0.0], |_, _| 3.0).as_bytes()).expect("a profile").mean()
+    };
+    let cap = |first: f64, last: f64| 0.5 * (first.to_radians().cos() - last.to_radians().cos());
+    for (first, last, expected) in [
+        (0.0, 180.0, 3.0),
+        (0.0, 90.0, 3.0),
+        (90.0, 180.0, 3.0),
+        (0.0, 60.0, 3.0 * 2.0 * cap(0.0, 60.0)),
+        (30.0, 120.0, 3.0 * 2.0 * cap(30.0, 120.0)),
+        // hdEmbree takes this much as a half.
+        (0.0, 95.0, 3.0 * 2.0 * cap(0.0, 95.0)),
+        (0.0, 97.0, 3.0 * cap(0.0, 97.0)),
+        (60.0, 180.0, 3.0 * cap(60.0, 180.0)),
+    ] {
+        let given = mean(first, last);
+        assert!((given / expected - 1.0).abs() < 5e-3, "{first} to {last} degrees: {given}, not {expected}");
+    }
+}
+
 #[test]
 fn quarters_and_halves_are_mirrored() {
     let shape = |h: f64| 2.0 + (2.0 * h.to_radians()).cos();

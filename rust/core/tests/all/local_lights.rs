@@ -144,8 +144,17 @@ fn shaping_is_checked_and_left_out_where_it_does_nothing() {
     let hard = with(Shaping { cone_softness: 7.0, focus: -1.0, ..Shaping::default() }).flatten().expect("shaped");
     assert!(hard.smooth_start.abs() < 1e-6 && hard.focus.abs() < 1e-6, "clamped: {hard:?}");
     assert_eq!(with(Shaping { focus: f32::NAN, ..wide.clone() }), None, "not a number");
+    assert!(with(Shaping::default()).flatten().is_some(), "90 degrees of a sphere are a half");
+    let flat = |shaping: Shaping| {
+        let light = Light::from_desc(&LightDesc { shaping: Some(shaping), ..desc(rect(1.0, 1.0), DMat4::IDENTITY) });
+        local(&light.expect("a light")).shaping.clone()
+    };
+    assert_eq!(flat(Shaping::default()), None, "90 degrees of a rectangle are all that it has");
     let profile = Shaping { ies: Some(AssetRef { authored: "a.ies".into(), resolved: "".into() }), ..wide };
-    assert!(with(profile).flatten().is_some_and(|s| s.ies.is_some()), "a file that is missing is still named");
+    let profiled = with(Shaping { cone_angle_degrees: 20.0, cone_softness: 0.5, ..profile }).flatten();
+    let profiled = profiled.expect("a file that is missing is still named");
+    let whole = [profiled.cone_angle, profiled.smooth_start].iter().all(|angle| (f64::from(*angle) - PI).abs() < 1e-6);
+    assert!(profiled.ies.is_some() && whole, "the cone is not the profile's: {profiled:?}");
 }
 
 #[test]

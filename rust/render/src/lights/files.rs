@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What was read of lights' files, from frame to frame.
 
+use super::dome_layout::to_latlong;
 use super::picture::{self, EncodedPicture};
 use crate::light_files::LightFiles;
-use oocpt_core::scene::{AssetRef, IesProfile};
+use oocpt_core::scene::{AssetRef, DomeFormat, IesProfile};
 use rustc_hash::FxHashMap;
 use std::sync::Arc;
 
@@ -13,7 +14,7 @@ const MAX_PROFILE_BYTES: u64 = 16 << 20;
 /// What was read, from frame to frame; files that no light names any more are forgotten.
 #[derive(Debug, Default)]
 pub(crate) struct FileCache {
-    pictures: FxHashMap<(AssetRef, bool), Entry<EncodedPicture>>,
+    pictures: FxHashMap<(AssetRef, Option<DomeFormat>), Entry<EncodedPicture>>,
     profiles: FxHashMap<AssetRef, Entry<IesProfile>>,
 }
 
@@ -24,11 +25,11 @@ struct Entry<T> {
 }
 
 impl FileCache {
-    /// A picture, read once; `is_dome` says what for.
+    /// A picture, read once; `dome` says how that of a dome is laid out, `None`: it is a rectangle's.
     pub(super) fn picture(
         &mut self,
         asset: &AssetRef,
-        is_dome: bool,
+        dome: Option<DomeFormat>,
         files: &dyn LightFiles,
     ) -> Result<Arc<EncodedPicture>, String> {
         let read = || {
@@ -36,9 +37,12 @@ impl FileCache {
             if let Some(fault) = picture::fault(&picture) {
                 return Err(fault);
             }
-            Ok(Arc::new(if is_dome { EncodedPicture::dome(picture) } else { EncodedPicture::flat(picture) }))
+            Ok(Arc::new(match dome {
+                Some(format) => EncodedPicture::dome(to_latlong(picture, format)),
+                None => EncodedPicture::flat(picture),
+            }))
         };
-        let entry = self.pictures.entry((asset.clone(), is_dome));
+        let entry = self.pictures.entry((asset.clone(), dome));
         let entry = entry.or_insert_with(|| Entry { result: read(), is_used: true });
         entry.is_used = true;
         entry.result.clone()

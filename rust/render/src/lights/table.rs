@@ -6,7 +6,7 @@ use super::picture::EncodedPicture;
 use super::tree::{self, LightBounds};
 use super::{EVEN_SHARE, MeshLights, count, local, luminance, narrow};
 use crate::light_files::LightFiles;
-use oocpt_core::scene::{AssetRef, DomeTexture, Emitter, IesProfile, Light, LocalLight, Snapshot};
+use oocpt_core::scene::{AssetRef, DomeFormat, DomeTexture, Emitter, IesProfile, Light, LocalLight, Snapshot};
 use oocpt_shader_abi::{
     Features, GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags,
     Lighting, NO_INDEX,
@@ -59,7 +59,17 @@ pub(crate) struct LightTable {
     bounds: Vec<LightBounds>,
     /// Power of all local lights.
     local_power: f64,
-    profile_words: FxHashMap<AssetRef, (u32, f64)>,
+    profile_words: FxHashMap<AssetRef, ProfilePlace>,
+}
+
+/// A profile in the table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct ProfilePlace {
+    word: u32,
+    /// Lumens.
+    power: f64,
+    /// What a normalised one is divided by.
+    mean: f64,
 }
 
 /// What reading files takes and leaves.
@@ -207,7 +217,7 @@ impl LightTable {
         };
         let mut brightness = 1.0;
         if let Some(asset) = &local.texture {
-            match reading.cache.picture(asset, false, reading.files) {
+            match reading.cache.picture(asset, None, reading.files) {
                 Ok(picture) => {
                     brightness *= picture.mean.max(1e-3);
                     gpu.map = self.map(picture, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
@@ -221,8 +231,8 @@ impl LightTable {
             let mut ies = None;
             if let Some(asset) = &shaping.ies {
                 match self.profile(asset, reading) {
-                    Ok((word, power)) => {
-                        let scale = if shaping.ies_normalize && power > 0.0 { 1.0 / power } else { 1.0 };
+                    Ok(ProfilePlace { word, power, mean }) => {
+                        let scale = if shaping.ies_normalize && mean > 0.0 { 1.0 / mean } else { 1.0 };
                         brightness *= (power * scale / (4.0 * PI)).max(1e-6);
                         ies = Some((word, narrow(scale)));
                     }
@@ -273,13 +283,12 @@ impl LightTable {
         let mut gpu = local::infinite(light, GpuLightKind::Dome);
         let mut mean = 1.0;
         if let Some(texture) = texture {
-            if texture.is_other_format {
-                reading.warnings.push(format!(
-                    "{}: the layout of the dome's texture is read as latlong; others are not supported",
-                    light.path
-                ));
+            if texture.format == DomeFormat::Other {
+                reading
+                    .warnings
+                    .push(format!("{}: the dome's texture:format is not known, and is read as latlong", light.path));
             }
-            match reading.cache.picture(&texture.asset, true, reading.files) {
+            match reading.cache.picture(&texture.asset, Some(texture.format), reading.files) {
                 Ok(picture) => {
                     mean = picture.mean;
                     gpu = local::infinite(light, GpuLightKind::DomeMap);
@@ -312,8 +321,7 @@ impl LightTable {
         u32::try_from(at).unwrap_or(NO_INDEX)
     }
 
-    /// Word of a profile, and its power.
-    fn profile(&mut self, asset: &AssetRef, reading: &mut Reading<'_>) -> Result<(u32, f64), String> {
+    fn profile(&mut self, asset: &AssetRef, reading: &mut Reading<'_>) -> Result<ProfilePlace, String> {
         if let Some(&known) = self.profile_words.get(asset) {
             return Ok(known);
         }
@@ -324,8 +332,9 @@ impl LightTable {
         for list in [&profile.vertical, &profile.horizontal, &profile.candela] {
             self.profiles.extend(list.iter().map(|v| v.to_bits()));
         }
-        self.profile_words.insert(asset.clone(), (word, profile.power));
-        Ok((word, profile.power))
+        let place = ProfilePlace { word, power: profile.power, mean: profile.mean() };
+        self.profile_words.insert(asset.clone(), place);
+        Ok(place)
     }
 
     /// A shadow ray has 16 bits for its category.

@@ -151,6 +151,17 @@ impl IesProfile {
         column(h) * (1.0 - dh) + column(h + 1) * dh
     }
 
+    /// Mean candelas over the sphere, or over a half of it where the profile says no more than that: what `UsdLux`'s
+    /// `ies:normalize` divides by (as `hdEmbree`, Karma and RIS do).
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        // What hdEmbree allows a half to have.
+        const HALF: f64 = 0.5 * PI + 0.1;
+        let extent = |ends: (&f32, &f32)| (f64::from(*ends.1) - f64::from(*ends.0)).to_radians();
+        let is_half = self.vertical.first().zip(self.vertical.last()).map_or(0.0, extent) <= HALF;
+        self.power / (if is_half { 2.0 } else { 4.0 } * PI)
+    }
+
     /// Largest candela value.
     #[must_use]
     pub fn peak(&self) -> f32 {

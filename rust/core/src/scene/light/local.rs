@@ -28,11 +28,12 @@ pub struct LocalLight {
 /// Where a light shines about its -z axis. Checked: finite, in range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightShaping {
-    /// Half angle of the cone, radians, in [0, pi].
+    /// Half angle of the cone, radians, in [0, pi]; pi with a profile, which says itself where no light goes
+    /// (`UsdLux`: the cone does not affect profiles).
     pub cone_angle: f32,
     /// Angle at which the light begins to fade out towards the cone's, radians.
     pub smooth_start: f32,
-    /// Exponent of the cosine to the axis; 0: none.
+    /// Exponent of the cosine to the axis, forwards and backwards; 0: none.
     pub focus: f32,
     /// Colour of what the exponent takes away.
     pub focus_tint: [f32; 3],
@@ -40,26 +41,30 @@ pub struct LightShaping {
     pub ies: Option<AssetRef>,
     /// `UsdLux` `ies:angleScale`.
     pub ies_angle_scale: f32,
-    /// Divide the profile by its power.
+    /// Divide the profile by its mean.
     pub ies_normalize: bool,
 }
 
 impl LightShaping {
-    /// `None` when a value is not finite; `Some(None)` when nothing is left out of the shape's own light.
-    fn new(desc: &Shaping) -> Option<Option<Self>> {
+    /// `None` when a value is not finite; `Some(None)` when nothing is left out of the shape's own light, which of a flat
+    /// one is that to one side.
+    fn new(desc: &Shaping, is_flat: bool) -> Option<Option<Self>> {
         let numbers = [desc.cone_angle_degrees, desc.cone_softness, desc.focus, desc.ies_angle_scale];
         if !numbers.iter().chain(&desc.focus_tint).all(|v| v.is_finite()) {
             return None;
         }
-        let cone_angle = desc.cone_angle_degrees.clamp(0.0, 180.0).to_radians();
         let ies = desc.ies.clone().filter(|asset| !asset.authored.is_empty() || !asset.resolved.is_empty());
         let focus = desc.focus.max(0.0);
-        if desc.cone_angle_degrees >= 180.0 && desc.cone_softness <= 0.0 && focus <= 0.0 && ies.is_none() {
+        let whole = if is_flat { 90.0 } else { 180.0 };
+        let has_cone = ies.is_none() && (desc.cone_angle_degrees < whole || desc.cone_softness > 0.0);
+        if !has_cone && focus <= 0.0 && ies.is_none() {
             return Some(None);
         }
+        let (cone, softness) = if has_cone { (desc.cone_angle_degrees, desc.cone_softness) } else { (180.0, 0.0) };
+        let cone_angle = cone.clamp(0.0, 180.0).to_radians();
         Some(Some(Self {
             cone_angle,
-            smooth_start: cone_angle * (1.0 - desc.cone_softness.clamp(0.0, 1.0)),
+            smooth_start: cone_angle * (1.0 - softness.clamp(0.0, 1.0)),
             focus,
             focus_tint: desc.focus_tint.map(|c| c.max(0.0)),
             ies,
@@ -88,7 +93,7 @@ impl LocalLight {
         // What has no extent keeps a regular matrix: it is only asked for its place.
         let unit = if scale.is_finite() && is_regular(&unit) { unit } else { thin(&unit, &frame) };
         let shaping = match &desc.shaping {
-            Some(shaping) => LightShaping::new(shaping)?,
+            Some(shaping) => LightShaping::new(shaping, shape.is_flat())?,
             None => None,
         };
         let area = if shape.is_thin() { 0.0 } else { area };

@@ -75,7 +75,7 @@ pub enum Emitter {
     Local(Arc<LocalLight>),
 }
 
-/// The picture of a dome: longitude and latitude, as the `OpenEXR` format has it. A direction d of the dome's frame is
+/// The picture of a dome. As longitude and latitude, as the `OpenEXR` format has it, a direction d of the dome's frame is
 /// at `u = 1/2 - atan2(d.x, d.z) / 2 pi` from the left and `v = acos(d.y) / pi` from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DomeTexture {
@@ -83,8 +83,8 @@ pub struct DomeTexture {
     pub asset: AssetRef,
     /// Rows of the rotation (or reflection) from the world to the dome.
     pub dome_from_world: [[f32; 3]; 3],
-    /// The layout is one that is not supported; the picture is read as longitude and latitude.
-    pub is_other_format: bool,
+    /// Layout of the file.
+    pub format: DomeFormat,
 }
 
 impl Light {
@@ -164,8 +164,7 @@ fn dome(texture: Option<&AssetRef>, format: DomeFormat, transform: &DAffine3) ->
     // The transpose is the inverse; its rows are the frame's columns.
     let dome_from_world = [row(frame.x_axis), row(frame.y_axis), row(frame.z_axis)];
     debug_assert!(rows.is_finite(), "orthonormal gives finite axes");
-    let is_other_format = format == DomeFormat::Other;
-    let texture = DomeTexture { asset: asset.clone(), dome_from_world, is_other_format };
+    let texture = DomeTexture { asset: asset.clone(), dome_from_world, format };
     Some(Emitter::Dome { texture: Some(texture) })
 }
 

@@ -57,7 +57,7 @@ fn focus_is_a_power_of_the_cosine_and_tints_what_it_takes() {
     }
 }
 
-/// Irradiance from a small profiled light: the candelas scale its radiance.
+/// Irradiance from a small profiled light: the candelas scale its radiance, over their mean if it is to be normalised.
 #[test]
 fn profiles_scale_radiance_by_candelas() {
     let profile = |degrees: f64, normalize: bool, scale: f32| {
@@ -69,14 +69,33 @@ fn profiles_scale_radiance_by_candelas() {
         let expected = 2.0 * degrees.to_radians().cos();
         let (light, plain) = profile(degrees, false, 0.0);
         expect("profile", 64, plain * expected, 5e-3, &|db| db.upsert_light(light.clone()));
-        // The power of 2 cos(theta) over the lower half is 2 pi.
+        // It says something of all angles: the mean of 2 cos(theta) over the sphere, half of which is 0, is 1 / 2.
         let (light, plain) = profile(degrees, true, 0.0);
-        expect("normalised", 64, plain * expected / (2.0 * PI), 5e-3, &|db| db.upsert_light(light.clone()));
+        expect("normalised", 64, plain * expected / 0.5, 5e-3, &|db| db.upsert_light(light.clone()));
     }
-    // Angles are scaled about straight up: theta' = (theta - pi) / 1.2 + pi.
-    let (light, plain) = profile(10.0, false, 0.2);
-    let theta = (10.0_f64.to_radians() - PI) / 1.2 + PI;
-    expect("scaled", 64, plain * 2.0 * theta.cos(), 5e-3, &|db| db.upsert_light(light.clone()));
+    // Straight down stays.
+    let (light, plain) = profile(40.0, false, 2.0);
+    expect("scaled", 64, plain * 2.0 * 20.0_f64.to_radians().cos(), 5e-3, &|db| db.upsert_light(light.clone()));
+    // Straight up stays: 180 - (180 - 40) / 1.25 = 68.
+    let (light, plain) = profile(40.0, false, -1.25);
+    expect("scaled about up", 64, plain * 2.0 * 68.0_f64.to_radians().cos(), 5e-3, &|db| {
+        db.upsert_light(light.clone());
+    });
+}
+
+/// The cone is not the profile's, and a focus goes backwards as it goes forwards.
+#[test]
+fn lamps_that_point_up_shine_down_by_profile_and_focus() {
+    let upwards = |shaping: Shaping| {
+        let up = DMat4::from_translation(DVec3::Y * 2.0) * DMat4::from_rotation_x(PI / 2.0);
+        LightDesc { shaping: Some(shaping), ..light(sphere(RADIUS), up) }
+    };
+    let plain = PI * f64::from(RADIUS).powi(2) / 4.0;
+    let even = Shaping { ies: Some(TestFiles::asset("even.ies")), ..Shaping::default() };
+    expect("even profile", 64, 3.0 * plain, 5e-3, &|db| db.upsert_light(upwards(even.clone())));
+    let focus = Shaping { focus: 2.0, ..cone(180.0, 0.0) };
+    expect("focus", 64, plain, 5e-3, &|db| db.upsert_light(upwards(focus.clone())));
+    expect("cone", 64, 0.0, 0.0, &|db| db.upsert_light(upwards(cone(120.0, 0.0))));
 }
 
 #[test]
