@@ -93,9 +93,9 @@ PLACED = {
     (7, 0): lit(LEAN),  # a constant of the world, from behind
     (0, 1): lit(LEAN),  # point instances
     (1, 1): TURNED,  # turned half a turn about z
-    (2, 1): lit((0.6, 0.0, 0.4)),  # twice as deep along z
+    (2, 1): lit((0.6, 0.0, 1.6)),  # half as deep along z
     (3, 1): TURNED,  # native instances in each other, a quarter each
-    (4, 1): lit((0.6, 0.0, 0.4)),  # transformnormal
+    (4, 1): lit((0.6, 0.0, 1.6)),  # transformnormal, of the same
     (5, 1): lit(LEAN),  # a height that falls by 12 along u: (12 / 16, 0, 1)
     (6, 1): lit(LEAN),  # the same as a colour, through a normal map of 1.38
     (7, 1): lit(LEAN),  # a UsdPreviewSurface reads 2 x - 1 as tangent space, however the object is turned
