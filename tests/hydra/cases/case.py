@@ -38,12 +38,16 @@ class Case:
     purposes: tuple[str, ...] = ("proxy",)
     edit: str | None = None
     """Runs in the host before the picture, as in host_process.py."""
+    later: str | None = None
+    """The same after a first picture, of which nothing is asked."""
     variant: str = ""
     """Tells cases of one file apart."""
     says: tuple[str, ...] = ()
     """Texts that the host's log must contain."""
     silent: bool = False
     """The log must have no warning."""
+    front_end: str = ""
+    """The only front end that it is for, where hosts differ: "legacy" or "scene_index"."""
 
     @property
     def name(self) -> str:
@@ -58,6 +62,9 @@ class Case:
             if self.edit:
                 view.edit(self.edit)
             picture = view.render()
+            if self.later:
+                view.edit(self.later)
+                picture = view.render()
         for text in self.says:
             assert text in picture.log, f"{self.name} does not say {text!r}:\n{picture.log}"
         if self.silent:
