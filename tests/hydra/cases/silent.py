@@ -4,6 +4,8 @@
 Lights give irradiance pi on what faces them, so albedo 0.5 shines with 0.5. Direct light only, middles of cells.
 """
 
+import math
+
 from cases.case import Case
 
 ACTIVE = "engine.SetActiveRenderSettingsPrimPath(Sdf.Path('/Render/S'))"
@@ -17,6 +19,37 @@ def _shadow(file, value, why):
 def _settings(file, values, why, **more):
     cells = {(x, 0): value for x, value in enumerate(values)}
     return Case(file, (4, 1), cells, why, **{"inset": 0.25, "samples": 16, **more})
+
+
+def _left_out(file, value, why, *says):
+    """What the old front end's host says, and what the new one's or we do."""
+    return [
+        Case(
+            file, (1, 1), {(0, 0): value}, why, bounces=0, inset=0.25, samples=256, variant=variant,
+            front_end=front_end, says=(text,),
+        )
+        for front_end, variant, text in zip(("legacy", "scene_index"), ("legacy", ""), says)
+    ]
+
+
+def _corner(x, y):
+    """Configuration factor of a point under the corner of a rectangle x wide and y high at a distance of 1."""
+    a, b = math.hypot(1, x), math.hypot(1, y)
+    return (x / a * math.atan(y / a) + y / b * math.atan(x / b)) / math.tau
+
+
+def _under_a_square(distance, corner, albedo, cells=64):
+    """Mean radiance over the middle half of the cell at (0, 0) under a parallel square of side 1 and radiance 1."""
+    total = 0.0
+    for i in range(cells):
+        for j in range(cells):
+            sides = []
+            for at, low in ((i, corner[0]), (j, corner[1])):
+                p = 0.25 + 0.5 * (at + 0.5) / cells
+                sides.append(((low + 1 - p) / distance, (low - p) / distance))
+            (right, left), (top, bottom) = sides
+            total += _corner(right, top) - _corner(left, top) - _corner(right, bottom) + _corner(left, bottom)
+    return albedo * total / cells**2
 
 
 _PURPOSES = "quads of no purpose, proxy, render, guide; material red for all purposes, of the first green for full"
@@ -97,5 +130,49 @@ CASES = [
         inset=0.125,
         silent=True,
         variant="by_host",
+    ),
+    *_left_out(
+        "29_silent_geometry_light",
+        0,
+        "there is no other light",
+        "doesn't support prim type 'GeometryLight'",
+        "UsdImagingGeometryLightAdapter",
+    ),
+    *_left_out(
+        "29_silent_plugin_light",
+        0,
+        "there is no other light",
+        "doesn't support prim type 'PluginLight'",
+        "/G: a pluginLight is not supported yet",
+    ),
+    *_left_out(
+        "29_silent_portal",
+        0.5,
+        "the dome shines without its portal",
+        "doesn't support prim type 'PortalLight'",
+        "/D: has portals, which are not supported yet",
+    ),
+    *_left_out(
+        "29_silent_volume",
+        0,
+        "there is no light",
+        "doesn't support prim type 'Volume'",
+        "/V: a volume is not supported yet",
+    ),
+    *_left_out(
+        "29_silent_light_shader_id",
+        _under_a_square(2.0, (-0.5, -0.5), 0.5),
+        "a square of side 1 and radiance 1 about (0, 0, 3), over the quad at z = 1",
+        "PxrRectLight node: /G",
+        "/G: its shader PxrRectLight is not supported",
+    ),
+    Case(
+        "29_silent_unknown_type",
+        (1, 1),
+        {(0, 0): 0},
+        "a prim of an unknown type reaches no renderer, and there is no light",
+        bounces=0,
+        inset=0.25,
+        samples=16,
     ),
 ]
