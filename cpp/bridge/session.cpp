@@ -15,6 +15,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <initializer_list>
 #include <iterator>
 #include <mutex>
 #include <optional>
@@ -61,6 +62,7 @@ public:
 
     void ForwardSetting(const TfToken& key, const VtValue& value);
     void ForwardPrimSettings();
+    bool IsAnySet(std::initializer_list<TfToken> switches) const;
     bool IsStill() const;
 
     std::optional<rust::Box<oocpt::Session>> session;
@@ -121,19 +123,23 @@ void HdOocPTSession::_Impl::ForwardPrimSettings()
     primSettings = current;
 }
 
-/// Whether a setting of the host, or a namespaced one of the scene, turns motion blur off.
-bool HdOocPTSession::_Impl::IsStill() const
+/// Whether a setting of the host, or a namespaced one of the scene, turns one of these switches on.
+bool HdOocPTSession::_Impl::IsAnySet(std::initializer_list<TfToken> switches) const
 {
-    bool still = false;
+    bool isSet = false;
     for (const HdOocPTSettingMap* settings : { &hostSettings, &primSettings }) {
-        for (const TfToken& name :
-            { HdOocPTSceneTokens->disableMotionBlur, HdOocPTSceneTokens->instantaneousShutter }) {
+        for (const TfToken& name : switches) {
             const auto setting = settings->find(name);
             bool value = false;
-            still = still || (setting != settings->end() && HdOocPTConvert(setting->second, &value) && value);
+            isSet = isSet || (setting != settings->end() && HdOocPTConvert(setting->second, &value) && value);
         }
     }
-    return still;
+    return isSet;
+}
+
+bool HdOocPTSession::_Impl::IsStill() const
+{
+    return IsAnySet({ HdOocPTSceneTokens->disableMotionBlur, HdOocPTSceneTokens->instantaneousShutter });
 }
 
 HdOocPTSession::HdOocPTSession()
@@ -218,11 +224,13 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
         return;
     }
     _impl->Try([&] {
-        const HdOocPTLens lens = _impl->reader ? _impl->reader->GetLens(request.cameraPath) : HdOocPTLens {};
+        const bool hasLens = _impl->reader && !_impl->IsAnySet({ HdOocPTSceneTokens->disableDepthOfField });
+        const HdOocPTLens lens = hasLens ? _impl->reader->GetLens(request.cameraPath) : HdOocPTLens {};
         oocpt::RenderDesc desc = HdOocPTDescribeRender(request, lens);
         desc.exposure_scale = 1.0f;
         if (_impl->reader) {
             desc.exposure_scale = _impl->reader->GetExposureScale(request.cameraPath, &_impl->warnings);
+            _impl->reader->CheckPurposes(request.renderTags, &_impl->warnings);
             GfMatrix4d viewToWorld(1.0);
             std::copy_n(desc.world_from_view.begin(), 16, viewToWorld.GetArray());
             HdOocPTFillMotion(_impl->reader->GetCameraMotion(request.cameraPath, viewToWorld), &desc.camera_motion);

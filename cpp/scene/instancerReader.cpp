@@ -32,14 +32,24 @@ void _ReadTopology(const HdOocPTPrimSource& source, HdOocPTInstancerState* state
                                        .GetWithDefault<VtArray<SdfPath>>();
     const HdVectorDataSourceHandle indices
         = HdVectorDataSource::Cast(HdOocPTFind(source.container, { tokens.instancerTopology, tokens.instanceIndices }));
-    const size_t count = indices ? std::min(roots.size(), indices->GetNumElements()) : 0;
-    if (count != roots.size()) {
-        source.warnings->Add(source.path,
-            "has " + std::to_string(roots.size()) + " prototypes but instance indices for " + std::to_string(count)
-                + "; the others are left out");
+    const size_t count = indices ? indices->GetNumElements() : 0;
+    const auto isUsed = [&](size_t i) { return HdOocPTSample(indices->GetElement(i)).GetArraySize() > 0; };
+    size_t strays = 0;
+    for (size_t i = roots.size(); i < count; ++i) {
+        strays += isUsed(i) ? 1 : 0;
     }
-    state->prototypes.reserve(count);
-    for (size_t i = 0; i < count; ++i) {
+    if (strays > 0) {
+        source.warnings->Add(source.path,
+            "has " + std::to_string(roots.size()) + " prototypes but instances of " + std::to_string(strays)
+                + " more; they are left out");
+    }
+    state->prototypes.reserve(roots.size());
+    for (size_t i = 0; i < roots.size(); ++i) {
+        if (i >= count) {
+            // The new front end has indices up to the last prototype that some instance shows.
+            state->prototypes.emplace_back(roots[i], VtValue(VtArray<int>()));
+            continue;
+        }
         std::string reason;
         const VtValue numbers
             = HdOocPTNormalizeArray(HdOocPTSample(indices->GetElement(i)), HdOocPTArrayRole::Integers, &reason);

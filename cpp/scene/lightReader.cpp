@@ -11,6 +11,7 @@
 #include "scene/tokens.h"
 
 #include <array>
+#include <set>
 #include <string>
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -30,6 +31,7 @@ public:
         const TfTokenVector names = nodes ? nodes->GetNames() : TfTokenVector();
         if (names.size() == 1) {
             _params = HdOocPTFindContainer(nodes, { names.front(), tokens.parameters });
+            HdOocPTConvert(HdOocPTRead(nodes, { names.front(), tokens.nodeIdentifier }), &_shader);
         }
     }
 
@@ -52,11 +54,15 @@ public:
         return { color[0], color[1], color[2] };
     }
 
+    /// The identifier of the light's shading node.
+    const TfToken& GetShader() const { return _shader; }
+
     rust::String GetText(const TfToken& name) const { return rust::String::lossy(Get(name, TfToken()).GetString()); }
 
 private:
     HdContainerDataSourceHandle _light;
     HdContainerDataSourceHandle _params;
+    TfToken _shader;
 };
 
 oocpt::LightTag _Kind(const TfToken& type)
@@ -126,6 +132,18 @@ void _ReadShaping(const _Inputs& inputs, oocpt::LightDesc* desc)
     shaping.ies_normalize = inputs.Get(tokens.iesNormalize, false);
     desc->has_shaping = shaping.cone_angle_degrees < 180.0f || shaping.cone_softness != 0.0f || shaping.focus != 0.0f
         || !shaping.ies.authored.empty();
+}
+
+/// Shaders of lights of other renderers, which may have any inputs. A schema's own is named as its type, with a version.
+void _WarnOfShader(const HdOocPTPrimSource& source, const _Inputs& inputs)
+{
+    static const std::set<std::string> own { "", "CylinderLight", "DiskLight", "DistantLight", "DomeLight", "DomeLight_1",
+        "MeshLight", "RectLight", "SphereLight", "simpleLight" };
+    const std::string& shader = inputs.GetShader().GetString();
+    if (own.count(shader) == 0) {
+        source.warnings->Add(
+            source.path, "its shader " + shader + " is not supported; the light is what its schema says");
+    }
 }
 
 /// How the light of a mesh and the mesh's material go together.
@@ -200,12 +218,16 @@ oocpt::LightDesc HdOocPTReadLight(const HdOocPTPrimSource& source, const TfToken
     _WarnOfShaping(source, desc);
     desc.shadow_enable = inputs.Get(tokens.shadowEnable, true);
     desc.shadow_color = inputs.GetColor(tokens.shadowColor, GfVec3f(0.0f));
+    desc.shadow_distance = inputs.Get(tokens.shadowDistance, -1.0f);
+    desc.shadow_falloff = inputs.Get(tokens.shadowFalloff, -1.0f);
+    desc.shadow_falloff_gamma = inputs.Get(tokens.shadowFalloffGamma, 1.0f);
     desc.light_link = inputs.GetText(tokens.lightLink);
     desc.shadow_link = inputs.GetText(tokens.shadowLink);
     desc.camera_visible = true;
     HdOocPTConvert(HdOocPTRead(source.container, { tokens.primvars, tokens.cameraVisibility, tokens.primvarValue }),
         &desc.camera_visible);
     _WarnOfFiltersAndPortals(source, inputs);
+    _WarnOfShader(source, inputs);
     return desc;
 }
 

@@ -52,7 +52,8 @@ HdOocPTLightLinks HdOocPTLinks::Read(const HdOocPTPrimSource& light)
     return links;
 }
 
-bool HdOocPTLinks::Set(const SdfPath& light, const HdOocPTLightLinks& links, HdOocPTWarnings* warnings)
+HdOocPTLinkChange HdOocPTLinks::Set(
+    const SdfPath& light, const HdOocPTLightLinks& links, HdOocPTWarnings* warnings)
 {
     const auto link = [&](const std::optional<SdfPathExpression>& expression, const TfToken& name) {
         if (!expression) {
@@ -80,15 +81,15 @@ bool HdOocPTLinks::Set(const SdfPath& light, const HdOocPTLightLinks& links, HdO
     const bool isNamed = !read.names.first.IsEmpty() || !read.names.second.IsEmpty();
     const auto known = _lights.find(light);
     if (!read.light && !read.shadow && !isNamed) {
-        return known != _lights.end() && (_lights.erase(known), true);
+        return _lights.erase(light) > 0 ? HdOocPTLinkChange::Everything : HdOocPTLinkChange::Nothing;
     }
-    // What is in a collection that has only a name is not known here.
-    if (!isNamed && known != _lights.end() && same(known->second.light, read.light)
-        && same(known->second.shadow, read.shadow) && known->second.names == read.names) {
-        return false;
+    const bool isSame = known != _lights.end() && same(known->second.light, read.light)
+        && same(known->second.shadow, read.shadow) && known->second.names == read.names;
+    if (!isSame) {
+        _lights.insert_or_assign(light, std::move(read));
+        return HdOocPTLinkChange::Everything;
     }
-    _lights.insert_or_assign(light, std::move(read));
-    return true;
+    return isNamed ? HdOocPTLinkChange::Instances : HdOocPTLinkChange::Nothing;
 }
 
 void HdOocPTLinks::Remove(const SdfPath& light)

@@ -40,6 +40,15 @@ struct HdOocPTInstanceLinks
     std::vector<uint32_t> of;
 };
 
+/// What may be in other collections than before.
+enum class HdOocPTLinkChange
+{
+    Nothing,
+    /// Instances: scene delegates say of prims that their collections have changed, but not of instancers.
+    Instances,
+    Everything,
+};
+
 /// Which prims the lights of a scene are linked to.
 ///
 /// Only UsdImaging's scene delegate says itself in which collections a prim is ("categories"); the new front end hands
@@ -57,9 +66,8 @@ public:
     /// Reads the collections of a light. Safe on any thread.
     static HdOocPTLightLinks Read(const HdOocPTPrimSource& light);
 
-    /// Takes what was read of a light; whether anything is different now. Warns of expressions that cannot be used, and
-    /// links the light to everything then.
-    bool Set(const SdfPath& light, const HdOocPTLightLinks& links, HdOocPTWarnings* warnings);
+    /// Takes what was read of a light. Warns of expressions that cannot be used, and links the light to everything then.
+    HdOocPTLinkChange Set(const SdfPath& light, const HdOocPTLightLinks& links, HdOocPTWarnings* warnings);
     void Remove(const SdfPath& light);
 
     /// The categories of a light and of its shadows; empty means everything.

@@ -19,6 +19,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <string>
+#include <utility>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -119,7 +120,9 @@ int32_t _NumberOf(const TfToken& name, const TfTokenVector& names)
     return found == names.end() || *found != name ? -1 : static_cast<int32_t>(found - names.begin());
 }
 
-void _ReadConnections(const HdContainerDataSourceHandle& node, const TfTokenVector& nodes, oocpt::NodeDesc* desc)
+/// `first`: the number that the first of `nodes` has in the material.
+void _ReadConnections(
+    const HdContainerDataSourceHandle& node, const TfTokenVector& nodes, uint32_t first, oocpt::NodeDesc* desc)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     const HdContainerDataSourceHandle inputs = HdOocPTFindContainer(node, { tokens.inputConnections });
@@ -136,10 +139,72 @@ void _ReadConnections(const HdContainerDataSourceHandle& node, const TfTokenVect
         HdOocPTConvert(HdOocPTRead(connection, { tokens.upstreamNodeOutputName }), &output);
         const int32_t number = _NumberOf(upstream, nodes);
         if (number >= 0) {
-            desc->connections.push_back({ _Text(name), static_cast<uint32_t>(number), _Text(output) });
+            desc->connections.push_back({ _Text(name), first + static_cast<uint32_t>(number), _Text(output) });
         }
     }
 }
+
+/// The network of a render context, whose nodes are added to a material once one of its terminals is used.
+class _Network
+{
+public:
+    _Network(const HdOocPTPrimSource& source, const TfToken& context)
+        : _source(source)
+        , _container(HdOocPTFindContainer(source.container, { HdOocPTSceneTokens->material, context }))
+        , _nodes(HdOocPTFindContainer(_container, { HdOocPTSceneTokens->nodes }))
+        , _names(_SortedNames(_nodes))
+    {
+    }
+
+    bool HasTerminal(const TfToken& name) const
+    {
+        return static_cast<bool>(HdOocPTFind(_container, { HdOocPTSceneTokens->terminals, name }));
+    }
+
+    /// The number in the material of the node at a terminal, or -1.
+    int32_t Use(const TfToken& name, oocpt::MaterialDesc* desc)
+    {
+        const auto& tokens = *HdOocPTSceneTokens;
+        TfToken node;
+        HdOocPTConvert(HdOocPTRead(_container, { tokens.terminals, name, tokens.upstreamNodePath }), &node);
+        const int32_t number = _NumberOf(node, _names);
+        if (number < 0) {
+            return -1;
+        }
+        if (!_isRead) {
+            _Read(desc);
+        }
+        return static_cast<int32_t>(_first) + number;
+    }
+
+private:
+    void _Read(oocpt::MaterialDesc* desc)
+    {
+        _isRead = true;
+        _first = static_cast<uint32_t>(desc->nodes.size());
+        for (const TfToken& name : _names) {
+            const HdContainerDataSourceHandle node = HdContainerDataSource::Cast(_nodes->Get(name));
+            oocpt::NodeDesc item {};
+            // The new front end names nodes relative to the material.
+            const std::string& text = name.GetString();
+            const bool isAbsolute = !text.empty() && text.front() == '/';
+            item.path = rust::String::lossy(isAbsolute ? text : _source.path.GetString() + "/" + text);
+            TfToken kind;
+            HdOocPTConvert(HdOocPTRead(node, { HdOocPTSceneTokens->nodeIdentifier }), &kind);
+            item.kind = _Text(kind);
+            _ReadParams(node, &item);
+            _ReadConnections(node, _names, _first, &item);
+            desc->nodes.push_back(std::move(item));
+        }
+    }
+
+    const HdOocPTPrimSource& _source;
+    const HdContainerDataSourceHandle _container;
+    const HdContainerDataSourceHandle _nodes;
+    const TfTokenVector _names;
+    bool _isRead = false;
+    uint32_t _first = 0;
+};
 
 } // namespace
 
@@ -148,34 +213,15 @@ oocpt::MaterialDesc HdOocPTReadMaterial(const HdOocPTPrimSource& source)
     const auto& tokens = *HdOocPTSceneTokens;
     oocpt::MaterialDesc desc {};
     desc.path = rust::String::lossy(source.path.GetString());
-    HdContainerDataSourceHandle network = HdOocPTFindContainer(source.container, { tokens.material, tokens.mtlx });
-    if (!network) {
-        network = HdOocPTFindContainer(source.container, { tokens.material, tokens.universal });
-    }
-    const HdContainerDataSourceHandle nodes = HdOocPTFindContainer(network, { tokens.nodes });
-    const TfTokenVector names = _SortedNames(nodes);
-    for (const TfToken& name : names) {
-        const HdContainerDataSourceHandle node = HdContainerDataSource::Cast(nodes->Get(name));
-        oocpt::NodeDesc item {};
-        // The new front end names nodes relative to the material.
-        const bool isAbsolute = !name.GetString().empty() && name.GetString().front() == '/';
-        item.path
-            = rust::String::lossy(isAbsolute ? name.GetString() : source.path.GetString() + "/" + name.GetString());
-        TfToken kind;
-        HdOocPTConvert(HdOocPTRead(node, { tokens.nodeIdentifier }), &kind);
-        item.kind = _Text(kind);
-        _ReadParams(node, &item);
-        _ReadConnections(node, names, &item);
-        desc.nodes.push_back(std::move(item));
-    }
+    // A terminal that a context does not have is that of the next one, each by itself.
+    _Network networks[] { { source, tokens.mtlx }, { source, tokens.universal } };
     const auto terminal = [&](const TfToken& name) {
-        TfToken node;
-        HdOocPTConvert(HdOocPTRead(network, { tokens.terminals, name, tokens.upstreamNodePath }), &node);
-        return _NumberOf(node, names);
+        const int32_t number = networks[0].Use(name, &desc);
+        return number >= 0 ? number : networks[1].Use(name, &desc);
     };
     desc.surface = terminal(tokens.surface);
     desc.displacement = terminal(tokens.displacement);
-    if (HdOocPTFind(network, { tokens.terminals, tokens.volume })) {
+    if (networks[0].HasTerminal(tokens.volume) || networks[1].HasTerminal(tokens.volume)) {
         source.warnings->Add(source.path, "volume shaders are not supported yet; only the surface is shaded");
     }
     return desc;

@@ -99,17 +99,22 @@ oocpt::SubdivisionDesc _DescribeSubdivision(const HdOocPTMeshState& mesh)
     return desc;
 }
 
-/// The material bound for the purpose "full", which is the one that the delegate asks for, else for all purposes.
-SdfPath _ReadMaterial(const HdContainerDataSourceHandle& container)
+/// The material bound for the purposes asked for, by default "full", which is the one that the delegate asks for; else
+/// for all purposes.
+SdfPath _ReadMaterial(const HdContainerDataSourceHandle& container, const TfTokenVector* purposes)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    SdfPath path
-        = HdOocPTRead(container, { tokens.materialBindings, tokens.full, tokens.path }).GetWithDefault<SdfPath>();
-    if (path.IsEmpty()) {
-        path = HdOocPTRead(container, { tokens.materialBindings, tokens.allPurpose, tokens.path })
-                   .GetWithDefault<SdfPath>();
+    const auto bound = [&](const TfToken& purpose) {
+        return HdOocPTRead(container, { tokens.materialBindings, purpose, tokens.path }).GetWithDefault<SdfPath>();
+    };
+    const TfTokenVector usual { tokens.full };
+    for (const TfToken& purpose : purposes ? *purposes : usual) {
+        const SdfPath path = bound(purpose);
+        if (!path.IsEmpty()) {
+            return path;
+        }
     }
-    return path;
+    return bound(tokens.allPurpose);
 }
 
 void _ReadSubsets(const HdSceneIndexBase& scene, const HdOocPTPrimSource& mesh, HdOocPTMeshState* state)
@@ -123,7 +128,7 @@ void _ReadSubsets(const HdSceneIndexBase& scene, const HdOocPTPrimSource& mesh, 
         }
         TfToken type;
         HdOocPTConvert(HdOocPTRead(prim.dataSource, { tokens.geomSubset, tokens.type }), &type);
-        const SdfPath material = _ReadMaterial(prim.dataSource);
+        const SdfPath material = _ReadMaterial(prim.dataSource, mesh.bindingPurposes);
         // Subsets of points or edges, and those that only group faces, say nothing about shading.
         if (type != tokens.typeFaceSet || material.IsEmpty()) {
             continue;
@@ -174,7 +179,7 @@ void HdOocPTReadMesh(
             source, { tokens.points, tokens.widths, tokens.normals, tokens.displayColor, tokens.displayOpacity });
     }
     if (source.dirtyBits & HdOocPTDirtyMaterialBinding) {
-        state->material = _ReadMaterial(source.container);
+        state->material = _ReadMaterial(source.container, source.bindingPurposes);
     }
     if (source.dirtyBits & HdOocPTDirtySubsets) {
         _ReadSubsets(scene, source, state);

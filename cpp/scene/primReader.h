@@ -32,6 +32,8 @@ struct HdOocPTPrimSource
     /// Null where nobody needs to know.
     HdOocPTWarnings* warnings;
     HdOocPTShutter shutter {};
+    /// Purposes of material bindings, the one that counts most first; null: those that the delegate asks for.
+    const TfTokenVector* bindingPurposes = nullptr;
 };
 
 /// What every prim has, as last read. Kept between commits, so that an edit reads only what it dirtied.

@@ -98,6 +98,7 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
         }
     }
     _ReadLinks(&dirty, warnings);
+    _ReadPurposes(&dirty, warnings);
     std::vector<_Job> jobs = _MakeJobs(dirty, warnings);
     _RunJobs(&jobs, primIdOf, warnings);
     // What lies below a prim that is left out goes with it in the renderer, and there once more, from the kept state.
@@ -204,6 +205,9 @@ void HdOocPTSceneReader::_TakeChanges(
                 record = std::make_shared<_Record>();
                 record->kind = kind;
                 record->type = change.type;
+                if (kind == HdOocPTPrimKind::RenderSettings) {
+                    _settingsPrims.insert(path);
+                }
             }
         }
         const auto known = _records.find(path);
@@ -223,7 +227,8 @@ void HdOocPTSceneReader::_ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings
     for (const auto& [path, bits] : *dirty) {
         const auto known = _records.find(path);
         const bool isLight = known != _records.end() && known->second && known->second->kind == HdOocPTPrimKind::Light;
-        if (isLight && (bits & HdOocPTDirtyLinks)) {
+        // Of a light of a scene delegate, a change of its collection is a change of the light.
+        if (isLight && (bits & (HdOocPTDirtyLinks | HdOocPTDirtyLight))) {
             lights.push_back({ path, {} });
         }
     }
@@ -233,16 +238,85 @@ void HdOocPTSceneReader::_ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings
             lights[i].second = HdOocPTLinks::Read({ lights[i].first, prim.dataSource, HdOocPTDirtyLinks, warnings });
         }
     });
-    bool changed = false;
+    HdOocPTLinkChange changed = HdOocPTLinkChange::Nothing;
     for (const auto& [path, links] : lights) {
-        changed |= _links.Set(path, links, warnings);
+        changed = std::max(changed, _links.Set(path, links, warnings));
     }
-    if (changed) {
+    if (changed != HdOocPTLinkChange::Nothing) {
+        const bool isAll = changed == HdOocPTLinkChange::Everything;
         // Any mesh or instance may be in the collection, or no longer be.
         for (const auto& [path, record] : _records) {
-            if (record && (record->kind == HdOocPTPrimKind::Mesh || record->kind == HdOocPTPrimKind::Instancer)) {
+            if (record
+                && (record->kind == HdOocPTPrimKind::Instancer
+                    || (isAll && record->kind == HdOocPTPrimKind::Mesh))) {
                 (*dirty)[path] |= HdOocPTDirtyCategories;
             }
+        }
+    }
+}
+
+void HdOocPTSceneReader::_ReadPurposes(_DirtyBits* dirty, HdOocPTWarnings* warnings)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    _arePurposesChecked = false;
+    HdOocPTPurposes purposes;
+    for (const SdfPath& path : _settingsPrims) {
+        if (purposes.settings.IsEmpty()) {
+            purposes = HdOocPTReadPurposes(*_scene, path);
+        }
+    }
+    if (purposes == _purposes) {
+        return;
+    }
+    const bool bindsOtherwise = purposes.bindings != _purposes.bindings;
+    _purposes = std::move(purposes);
+    if (bindsOtherwise) {
+        for (const auto& [path, record] : _records) {
+            if (record && record->kind == HdOocPTPrimKind::Mesh) {
+                (*dirty)[path] |= HdOocPTDirtyMaterialBinding | HdOocPTDirtySubsets;
+            }
+        }
+    }
+    const bool isUsual
+        = !_purposes.bindings || _purposes.bindings->empty() || _purposes.bindings->front() == tokens.full;
+    if (_purposes.isNamedByDelegate && !isUsual) {
+        warnings->Add(_purposes.settings,
+            "its materialBindingPurposes are not used: this front end hands over one material a prim, the one that is"
+            " bound for the purpose full, else for all");
+    }
+    const TfToken& space = _purposes.colorSpace;
+    if (!space.IsEmpty() && space != tokens.lin_rec709 && space != tokens.lin_rec709_scene) {
+        warnings->Add(_purposes.settings,
+            "its renderingColorSpace " + space.GetString() + " is not supported; rendering is in linear Rec. 709");
+    }
+}
+
+void HdOocPTSceneReader::CheckPurposes(const TfTokenVector& renderTags, HdOocPTWarnings* warnings)
+{
+    if (!_purposes.included || (_arePurposesChecked && _checkedTags == renderTags)) {
+        return;
+    }
+    _arePurposesChecked = true;
+    _checkedTags = renderTags;
+    const auto& tokens = *HdOocPTSceneTokens;
+    std::set<TfToken> shown;
+    for (const TfToken& tag : renderTags) {
+        shown.insert(HdOocPTPurposeOfTag(tag));
+    }
+    if (shown.empty()) {
+        shown = { tokens.defaultPurpose, tokens.render, tokens.proxy, tokens.guide };
+    }
+    const std::set<TfToken> included(_purposes.included->begin(), _purposes.included->end());
+    for (const auto& [path, record] : _records) {
+        if (!record || !record->mesh || !record->mesh->prim.visible) {
+            continue;
+        }
+        const TfToken& purpose = record->mesh->prim.purpose;
+        if (shown.count(purpose) != included.count(purpose)) {
+            warnings->Add(_purposes.settings,
+                "its includedPurposes are not those that the host shows (" + purpose.GetString()
+                    + (shown.count(purpose) ? " is shown" : " is not shown") + "): the host decides");
+            return;
         }
     }
 }
@@ -258,8 +332,10 @@ std::vector<HdOocPTSceneReader::_Job> HdOocPTSceneReader::_MakeJobs(const _Dirty
         }
         const _RecordPtr& record = known->second;
         if (record->kind == HdOocPTPrimKind::RenderSettings) {
-            _settingsPrims.insert(path);
-        } else if (record->kind == HdOocPTPrimKind::Unsupported) {
+            // Read as a whole, below.
+            continue;
+        }
+        if (record->kind == HdOocPTPrimKind::Unsupported) {
             warnings->Add(path, "a " + record->type.GetString() + " is not supported yet; left out");
         } else {
             _Job job;
@@ -301,6 +377,7 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
     }
     _Record& record = *job->record;
     HdOocPTPrimSource source { job->path, prim.dataSource, job->dirtyBits, warnings, _shutter };
+    source.bindingPurposes = _purposes.bindings ? &*_purposes.bindings : nullptr;
     switch (record.kind) {
     case HdOocPTPrimKind::Mesh:
         if (!record.mesh) {
@@ -394,11 +471,13 @@ void HdOocPTSceneReader::_ReadSettings()
 {
     _settings.clear();
     _isMotionDisabled = false;
+    _isLensDisabled = false;
     for (const SdfPath& path : _settingsPrims) {
         for (auto& [name, value] : HdOocPTReadRenderSettings(*_scene, path)) {
             _settings[name] = value;
         }
         _isMotionDisabled = _isMotionDisabled || HdOocPTReadsMotionDisabled(*_scene, path);
+        _isLensDisabled = _isLensDisabled || HdOocPTReadsLensDisabled(*_scene, path);
     }
 }
 

@@ -65,8 +65,14 @@ public:
     /// The settings of the active render settings prim, as of the last Read().
     const HdOocPTSettingMap& GetSettings() const { return _settings; }
 
-    /// The lens of a camera prim, as it is now.
-    HdOocPTLens GetLens(const SdfPath& camera) const { return HdOocPTReadLens(*_scene, camera); }
+    /// The lens of a camera prim, as it is now; none if the active render settings turn it off.
+    HdOocPTLens GetLens(const SdfPath& camera) const
+    {
+        return _isLensDisabled ? HdOocPTLens {} : HdOocPTReadLens(*_scene, camera);
+    }
+
+    /// Says if the render settings want other purposes than the host shows, and something is of one of them.
+    void CheckPurposes(const TfTokenVector& renderTags, HdOocPTWarnings* warnings);
 
     /// See HdOocPTReadExposureScale().
     float GetExposureScale(const SdfPath& camera, HdOocPTWarnings* warnings) const
@@ -94,6 +100,8 @@ private:
     void _TakeRemovals(const std::vector<SdfPath>& removed, oocpt::SceneEdits* edits, _DirtyBits* dirty);
     void _TakeChanges(const HdOocPTSceneChanges& changes, oocpt::SceneEdits* edits, _DirtyBits* dirty);
     void _ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings);
+    /// Reads what the active render settings say of purposes and colours.
+    void _ReadPurposes(_DirtyBits* dirty, HdOocPTWarnings* warnings);
     std::vector<_Job> _MakeJobs(const _DirtyBits& dirty, HdOocPTWarnings* warnings);
     void _RemoveAlone(const SdfPath& path, oocpt::SceneEdits* edits, _DirtyBits* dirty);
     /// Adds what is below a prim.
@@ -116,6 +124,10 @@ private:
     bool _isShutterNew = false;
     bool _isMotionBlurred = true;
     bool _isMotionDisabled = false;
+    bool _isLensDisabled = false;
+    HdOocPTPurposes _purposes;
+    bool _arePurposesChecked = false;
+    TfTokenVector _checkedTags;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/settingsReader.h"
 
+#include "pxr/base/vt/array.h"
 #include "scene/dataSource.h"
 #include "scene/tokens.h"
 
@@ -47,43 +48,87 @@ HdOocPTSettingMap HdOocPTReadRenderSettings(const HdSceneIndexBase& scene, const
     return settings;
 }
 
-bool HdOocPTReadsMotionDisabled(const HdSceneIndexBase& scene, const SdfPath& path)
+namespace {
+
+// UsdImaging's scene delegate answers names that it does not have with an error.
+bool _Has(const HdContainerDataSourceHandle& container, const TfToken& name)
+{
+    const TfTokenVector names = container ? container->GetNames() : TfTokenVector();
+    return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+HdContainerDataSourceHandle _FindActive(const HdSceneIndexBase& scene, const SdfPath& path)
+{
+    const HdSceneIndexPrim prim = scene.GetPrim(path);
+    return _IsActive(scene, prim, path)
+        ? HdOocPTFindContainer(prim.dataSource, { HdOocPTSceneTokens->renderSettings })
+        : nullptr;
+}
+
+/// Whether one of the switches is on, of the settings or of all products.
+bool _IsAnySet(const HdContainerDataSourceHandle& settings, const TfTokenVector& switches)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    const HdSceneIndexPrim prim = scene.GetPrim(path);
-    if (!_IsActive(scene, prim, path)) {
-        return false;
-    }
-    const HdContainerDataSourceHandle settings = HdOocPTFindContainer(prim.dataSource, { tokens.renderSettings });
-    // UsdImaging's scene delegate answers names that it does not have with an error.
-    const auto has = [](const HdContainerDataSourceHandle& container, const TfToken& name) {
-        const TfTokenVector names = container ? container->GetNames() : TfTokenVector();
-        return std::find(names.begin(), names.end(), name) != names.end();
-    };
     const auto isSet = [&](const HdContainerDataSourceHandle& container) {
-        bool set = false;
-        for (const TfToken& name :
-            { HdOocPTSceneTokens->disableMotionBlur, HdOocPTSceneTokens->instantaneousShutter }) {
+        return std::any_of(switches.begin(), switches.end(), [&](const TfToken& name) {
             bool value = false;
-            set = set || (has(container, name) && HdOocPTConvert(HdOocPTRead(container, { name }), &value) && value);
-        }
-        return set;
+            return _Has(container, name) && HdOocPTConvert(HdOocPTRead(container, { name }), &value) && value;
+        });
     };
     if (isSet(settings)) {
         return true;
     }
-    if (!has(settings, tokens.renderProducts)) {
+    if (!_Has(settings, tokens.renderProducts)) {
         return false;
     }
     const HdVectorDataSourceHandle products
         = HdVectorDataSource::Cast(HdOocPTFind(settings, { tokens.renderProducts }));
     const size_t count = products ? products->GetNumElements() : 0;
-    // There is one picture here: it is at rest if all that are wanted are.
-    size_t still = 0;
+    // There is one picture here: it is without if all that are wanted are.
+    size_t without = 0;
     for (size_t i = 0; i < count; ++i) {
-        still += isSet(HdContainerDataSource::Cast(products->GetElement(i))) ? 1 : 0;
+        without += isSet(HdContainerDataSource::Cast(products->GetElement(i))) ? 1 : 0;
     }
-    return count > 0 && still == count;
+    return count > 0 && without == count;
+}
+
+std::optional<TfTokenVector> _ReadTokens(const HdContainerDataSourceHandle& settings, const TfToken& name)
+{
+    const VtValue value = _Has(settings, name) ? HdOocPTRead(settings, { name }) : VtValue();
+    if (!value.IsHolding<VtArray<TfToken>>()) {
+        return std::nullopt;
+    }
+    const VtArray<TfToken>& array = value.UncheckedGet<VtArray<TfToken>>();
+    return TfTokenVector(array.begin(), array.end());
+}
+
+} // namespace
+
+bool HdOocPTReadsMotionDisabled(const HdSceneIndexBase& scene, const SdfPath& path)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    return _IsAnySet(_FindActive(scene, path), { tokens.disableMotionBlur, tokens.instantaneousShutter });
+}
+
+bool HdOocPTReadsLensDisabled(const HdSceneIndexBase& scene, const SdfPath& path)
+{
+    return _IsAnySet(_FindActive(scene, path), { HdOocPTSceneTokens->disableDepthOfField });
+}
+
+HdOocPTPurposes HdOocPTReadPurposes(const HdSceneIndexBase& scene, const SdfPath& path)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    HdOocPTPurposes purposes;
+    if (const HdContainerDataSourceHandle settings = _FindActive(scene, path)) {
+        purposes.settings = path;
+        purposes.included = _ReadTokens(settings, tokens.includedPurposes);
+        purposes.bindings = _ReadTokens(settings, tokens.materialBindingPurposes);
+        purposes.isNamedByDelegate = static_cast<bool>(HdOocPTFind(scene.GetPrim(path).dataSource, { tokens.sceneDelegate }));
+        if (_Has(settings, tokens.renderingColorSpace)) {
+            HdOocPTConvert(HdOocPTRead(settings, { tokens.renderingColorSpace }), &purposes.colorSpace);
+        }
+    }
+    return purposes;
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -9,6 +9,7 @@
 #include "pxr/usd/sdf/path.h"
 
 #include <map>
+#include <optional>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -22,6 +23,30 @@ HdOocPTSettingMap HdOocPTReadRenderSettings(const HdSceneIndexBase& scene, const
 /// Whether a render settings prim, if it is the active one, turns motion blur off: disableMotionBlur, or
 /// instantaneousShutter, of itself or of all its products.
 bool HdOocPTReadsMotionDisabled(const HdSceneIndexBase& scene, const SdfPath& path);
+
+/// Whether it turns the lens off: disableDepthOfField, of itself or of all its products.
+bool HdOocPTReadsLensDisabled(const HdSceneIndexBase& scene, const SdfPath& path);
+
+/// What a render settings prim, if it is the active one, says of purposes and colours.
+struct HdOocPTPurposes
+{
+    /// The prim; empty if it is not active.
+    SdfPath settings;
+    std::optional<TfTokenVector> included;
+    /// Purposes of material bindings, the one that counts most first.
+    std::optional<TfTokenVector> bindings;
+    /// The front end hands over one binding a prim.
+    bool isNamedByDelegate = false;
+    TfToken colorSpace;
+
+    bool operator==(const HdOocPTPurposes& other) const
+    {
+        return settings == other.settings && included == other.included && bindings == other.bindings
+            && isNamedByDelegate == other.isNamedByDelegate && colorSpace == other.colorSpace;
+    }
+};
+
+HdOocPTPurposes HdOocPTReadPurposes(const HdSceneIndexBase& scene, const SdfPath& path);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

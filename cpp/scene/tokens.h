@@ -52,6 +52,8 @@ PXR_NAMESPACE_OPEN_SCOPE
     ((shadowColor, "shadow:color"))((coneAngle, "shaping:cone:angle"))((coneSoftness, "shaping:cone:softness"))       \
     ((shapingFocus, "shaping:focus"))((focusTint, "shaping:focusTint"))((iesFile, "shaping:ies:file"))                \
     ((iesAngleScale, "shaping:ies:angleScale"))((iesNormalize, "shaping:ies:normalize"))                              \
+    ((shadowDistance, "shadow:distance"))((shadowFalloff, "shadow:falloff"))                                           \
+    ((shadowFalloffGamma, "shadow:falloffGamma"))                                                                     \
     ((cameraVisibility, "ri:attributes:visibility:camera"))                                                           \
     /* cameras */                                                                                                     \
     (camera)(focalLength)(fStop)(focusDistance)(projection)(orthographic)(shutterOpen)(shutterClose)                  \
@@ -59,11 +61,12 @@ PXR_NAMESPACE_OPEN_SCOPE
     (linearExposureScale)(exposureTime)(exposureIso)(exposureFStop)(exposureResponsivity)                             \
     /* motion */                                                                                                      \
     (velocities)(accelerations)(angularVelocities)(timeCodesPerSecond)(startTimeCode)(primaryCameraPrim)              \
-    (disableMotionBlur)(instantaneousShutter)(motion)(renderProducts)                                                 \
+    (disableMotionBlur)(instantaneousShutter)(motion)(renderProducts)(disableDepthOfField)                            \
     /* render settings */                                                                                             \
-    (namespacedSettings)(active)(sceneGlobals)(activeRenderSettingsPrim)                                              \
+    (namespacedSettings)(active)(sceneGlobals)(activeRenderSettingsPrim)(includedPurposes)(materialBindingPurposes)   \
+    (renderingColorSpace)(lin_rec709)(lin_rec709_scene)                                                               \
     /* purposes and render tags */                                                                                    \
-    (geometry)((defaultPurpose, "default"))
+    (geometry)((defaultPurpose, "default"))(render)(proxy)(guide)
 // clang-format on
 
 TF_DECLARE_PUBLIC_TOKENS(HdOocPTSceneTokens, HDOOCPT_SCENE_TOKENS);

@@ -99,7 +99,8 @@ float local_share(float linked) {
 }
 
 bool is_shadow_only(uint flags) {
-    return (flags & (LIGHT_NO_SHADOWS | LIGHT_SHADOW_COLOR | LIGHT_SHADOW_LINK)) != 0u;
+    return (flags & (LIGHT_NO_SHADOWS | LIGHT_SHADOW_COLOR | LIGHT_SHADOW_LINK | LIGHT_SHADOW_REACH)) !=
+           0u;
 }
 
 // The light's multipliers on what a BSDF ray carries.

@@ -29,6 +29,19 @@ LightSample no_light_sample() {
     return LightSample(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u, 0.0, 1.0, false, false, false, false, 1.0, 1.0);
 }
 
+// With HAS_SHADOW_REACH: a random number of the shadow ray's own, in [0, 1).
+float reach_u = 0.0;
+
+// Where the shadow ray of light `index` of those at `reaches` ends. At distance t a shadow is there with the share
+// ((d - t) / f)^gamma of its strength, at most 1: the probability that a ray of the length d - f u^(1 / gamma) gets as
+// far as t. What is met first decides alone, as the share is largest there.
+float shadow_end(uint64_t reaches, uint index, float end) {
+    if (!HAS_SHADOW_REACH) return end;
+    const vec4 reach = ConstVec4s(reaches).v[index];
+    const float faded = reach.y > 0.0 ? reach.y * pow(reach_u, reach.z) : 0.0;
+    return min(end, reach.x - faded);
+}
+
 // Share of the BSDF's value that is diffuse, by colour. Not asked for where every light has one multiplier for both.
 vec3 diffuse_share(vec3 diffuse, vec3 specular) {
     const vec3 all = diffuse + specular;
@@ -54,7 +67,7 @@ LightSample sample_local_light(Double3 origin, uint link_set, Receiver receiver,
     const float distance = sqrt(dot3(towards, towards));
     if (!(distance > 0.0)) return ls;
     ls.direction = towards / distance;
-    ls.distance = distance * SHADOW_END;
+    ls.distance = shadow_end(LIGHTING.local_reaches, index, distance * SHADOW_END);
     ls.flags = light.flags;
     ls.shadow_color = light.shadow_color;
     ls.shadow_link = light.shadow_link;
@@ -105,6 +118,7 @@ LightSample sample_infinite_light(const Bsdf bsdf, vec3 wo, uint link_set, float
     const GpuInfiniteLight light = load_infinite_light(index);
     const uint kind = light_kind(light.flags);
     const float chosen = (1.0 - LIGHTING.local_share) * light.probability / linked;
+    ls.distance = shadow_end(LIGHTING.infinite_reaches, index, INFINITE);
     ls.flags = light.flags;
     ls.shadow_color = light.shadow_color;
     ls.shadow_link = light.shadow_link;
@@ -228,6 +242,8 @@ LightSample sample_one_light(uint path, uint bounce, const Bsdf bsdf, vec3 wo, D
     // Another scramble of the same set: mesh lights take more numbers than one has.
     vec4 u_mesh = vec4(0.0);
     if (HAS_MESH_LIGHTS) u_mesh = sample_4d(index, 2u + 2u * bounce, hash_u32(seed + 1u));
+    // Another one still.
+    if (HAS_SHADOW_REACH) reach_u = sample_4d(index, 2u + 2u * bounce, hash_u32(seed + 2u)).x;
     set_light_time(path);
     ask_path = path;
     ask_width = width;

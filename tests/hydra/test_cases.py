@@ -16,6 +16,8 @@ from cases.case import FOLDER, Case
 @pytest.mark.parametrize("case", ALL, ids=[case.name for case in ALL])
 def test_case(host, case: Case):
     """Every cell has the value that its derivation gives."""
+    if case.front_end not in ("", "scene_index" if host.scene_index else "legacy"):
+        pytest.skip(f"for the front end {case.front_end}")
     made = case.render(host)
     wrong = case.compare(made)
     assert not wrong, f"{case.name}: {case.why}\n" + "\n".join(wrong)

@@ -3,7 +3,7 @@
 
 use crate::convert::{asset, optional_text, prim};
 use crate::ffi;
-use oocpt_core::scene::{DomeFormat, LightDesc, LightKind, MaterialSync, Shaping};
+use oocpt_core::scene::{DomeFormat, LightDesc, LightKind, MaterialSync, ShadowReach, Shaping};
 
 fn light_kind(desc: &mut ffi::LightDesc) -> LightKind {
     let texture =
@@ -47,6 +47,11 @@ fn shaping(desc: ffi::ShapingDesc) -> Shaping {
     }
 }
 
+/// Negative distances are no limit, as `UsdLux` says -1 by default.
+fn shadow_reach(distance: f32, falloff: f32, gamma: f32) -> Option<ShadowReach> {
+    (distance >= 0.0 && distance.is_finite()).then_some(ShadowReach { distance, falloff, gamma })
+}
+
 /// The core's light.
 pub(crate) fn light(mut desc: ffi::LightDesc) -> LightDesc {
     let kind = light_kind(&mut desc);
@@ -64,6 +69,7 @@ pub(crate) fn light(mut desc: ffi::LightDesc) -> LightDesc {
         shaping: desc.has_shaping.then(|| shaping(desc.shaping)),
         shadow_enable: desc.shadow_enable,
         shadow_color: desc.shadow_color,
+        shadow_reach: shadow_reach(desc.shadow_distance, desc.shadow_falloff, desc.shadow_falloff_gamma),
         light_link: optional_text(desc.light_link),
         shadow_link: optional_text(desc.shadow_link),
     }
@@ -106,6 +112,9 @@ mod tests {
             },
             shadow_enable: false,
             shadow_color: [0.0, 0.5, 0.0],
+            shadow_distance: -1.0,
+            shadow_falloff: -1.0,
+            shadow_falloff_gamma: 1.0,
             light_link: "/L.collection:lightLink".into(),
             shadow_link: String::new(),
             color: [1.0; 3],
@@ -144,6 +153,16 @@ mod tests {
         }
         let plain = ffi::LightDesc { texture: no_asset(), ..light_desc(ffi::LightTag::Rect) };
         assert_eq!(light(plain).kind, LightKind::Rect { width: 2.0, height: 3.0, texture: None }, "no texture");
+    }
+
+    #[test]
+    fn shadows_end_where_a_distance_says_so() {
+        let reach = |distance| light(ffi::LightDesc { shadow_distance: distance, ..light_desc(ffi::LightTag::Disk) });
+        let expected = ShadowReach { distance: 2.0, falloff: -1.0, gamma: 1.0 };
+        assert_eq!(reach(2.0).shadow_reach, Some(expected), "as authored");
+        for none in [-1.0, f32::NAN, f32::INFINITY] {
+            assert_eq!(reach(none).shadow_reach, None, "{none} is no limit");
+        }
     }
 
     #[test]

@@ -35,6 +35,8 @@ struct Lighting {
     uint64_t infinite_motion;
     uint64_t mesh_motion;
     uint64_t mesh_keys;
+    uint64_t local_reaches;
+    uint64_t infinite_reaches;
 };
 
 struct GpuLightKey {

@@ -38,6 +38,8 @@ class Case:
     purposes: tuple[str, ...] = ("proxy",)
     edit: str | None = None
     """Runs in the host before the picture, as in host_process.py."""
+    later: str | None = None
+    """The same after a first picture, of which nothing is asked."""
     variant: str = ""
     """Tells cases of one file apart."""
     says: tuple[str, ...] = ()
@@ -46,6 +48,8 @@ class Case:
     """The log must have no warning."""
     covers: bool = False
     """The values are shares of the cells that are covered (alpha), which need no light."""
+    front_end: str = ""
+    """The only front end that it is for, where hosts differ: "legacy" or "scene_index"."""
 
     @property
     def name(self) -> str:
@@ -60,6 +64,9 @@ class Case:
             if self.edit:
                 view.edit(self.edit)
             picture = view.render()
+            if self.later:
+                view.edit(self.later)
+                picture = view.render()
         for text in self.says:
             assert text in picture.log, f"{self.name} does not say {text!r}:\n{picture.log}"
         if self.silent:

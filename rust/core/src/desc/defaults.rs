@@ -89,6 +89,7 @@ impl Default for LightDesc {
             shaping: None,
             shadow_enable: true,
             shadow_color: [0.0; 3],
+            shadow_reach: None,
             light_link: None,
             shadow_link: None,
         }

@@ -111,17 +111,64 @@ impl DroppedData {
         self.entries().iter().fold(0, |sum, (_, n)| sum.saturating_add(*n))
     }
 
+    /// The counters above 0 with their texts, in the order of [`Self::message`]: of bad data, then those of limits of the
+    /// renderer that were reached by data that are not bad.
+    #[must_use]
+    pub fn told(&self) -> [Vec<(&'static str, u64)>; 2] {
+        let limits = Self {
+            oversized_meshes: self.oversized_meshes,
+            huge_faces: self.huge_faces,
+            coarse_meshes: self.coarse_meshes,
+            deep_instancers: self.deep_instancers,
+            instanced_lights: self.instanced_lights,
+            ..Self::NONE
+        };
+        let rest = Self {
+            oversized_meshes: 0,
+            huge_faces: 0,
+            coarse_meshes: 0,
+            deep_instancers: 0,
+            instanced_lights: 0,
+            ..*self
+        };
+        [rest, limits].map(|part| part.entries().into_iter().filter(|(_, n)| *n > 0).collect())
+    }
+
     /// One line naming every kind with its count, or `None` when nothing was dropped.
     #[must_use]
     pub fn message(&self) -> Option<String> {
         let mut line = String::new();
-        for (text, n) in self.entries() {
-            if n > 0 {
-                let separator = if line.is_empty() { "bad data: " } else { ", " };
+        for (entries, what) in self.told().iter().zip(["bad data: ", "limits of the renderer: "]) {
+            for (at, (text, n)) in entries.iter().enumerate() {
+                let separator = match (at, line.is_empty()) {
+                    (0, true) => "",
+                    (0, false) => "; ",
+                    _ => ", ",
+                };
                 // Writing to a String cannot fail.
-                write!(line, "{separator}{n} {text}").unwrap_or_default();
+                write!(line, "{separator}{}{n} {text}", if at == 0 { what } else { "" }).unwrap_or_default();
             }
         }
         (!line.is_empty()).then_some(line)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_are_not_called_bad_data() {
+        let dropped = DroppedData { hole_indices: 3, oversized_meshes: 1, lights: 2, deep_instancers: 4, ..DroppedData::NONE };
+        assert_eq!(
+            dropped.message().as_deref(),
+            Some(
+                "bad data: 3 hole indices out of range, 2 lights with unusable values; limits of the renderer: 1 meshes \
+                 above the size limit, 4 instancers nested too deeply"
+            )
+        );
+        let limits = DroppedData { coarse_meshes: 1, ..DroppedData::NONE };
+        assert!(limits.message().is_some_and(|line| line.starts_with("limits of the renderer: 1 ")), "alone");
+        assert_eq!(DroppedData::NONE.message(), None, "nothing");
     }
 }

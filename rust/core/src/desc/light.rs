@@ -118,6 +118,18 @@ pub struct Shaping {
     pub ies_normalize: bool,
 }
 
+/// How far from what casts it a shadow reaches (`shadow:distance`, `shadow:falloff`, `shadow:falloffGamma` of
+/// `UsdLuxShadowAPI`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShadowReach {
+    /// Distance, in units of the scene, from which on there is none; 0: no shadow at all.
+    pub distance: f32,
+    /// Length of the stretch before that over which it fades out; 0 and less: none.
+    pub falloff: f32,
+    /// Exponent of the share of that stretch that is left.
+    pub gamma: f32,
+}
+
 /// A light with the `UsdLux` inputs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightDesc {
@@ -147,6 +159,8 @@ pub struct LightDesc {
     pub shadow_enable: bool,
     /// Colour of its shadows.
     pub shadow_color: [f32; 3],
+    /// How far its shadows reach; none: without end.
+    pub shadow_reach: Option<ShadowReach>,
     /// Category of the prims it lights; none or empty: all.
     pub light_link: Option<Arc<str>>,
     /// Category of the prims that shadow it; none or empty: all.

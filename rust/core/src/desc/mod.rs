@@ -11,7 +11,7 @@ mod shape;
 mod subdivision;
 
 pub use dropped::DroppedData;
-pub use light::{DomeFormat, LightDesc, LightKind, MaterialSync, Shaping};
+pub use light::{DomeFormat, LightDesc, LightKind, MaterialSync, ShadowReach, Shaping};
 pub use motion::{InstancerMotion, InstancerSample, PointsMotion, PointsSample, TransformSample};
 pub use shape::{CurveBasis, CurveWrap, CurvesDesc, Shape};
 pub use subdivision::{Boundary, Creasing, FaceVaryingLinear, Subdivision, SubdivisionTags, TriangleRule};

@@ -69,6 +69,7 @@ fn unsupported(desc: &LightDesc, is_instanced: bool) -> Vec<&'static str> {
         (is_named(&desc.light_link), "light linking"),
         (is_named(&desc.shadow_link), "shadow linking"),
         (!desc.shadow_enable || desc.shadow_color.iter().any(|&c| c > 0.0), "shadows that are off or have a colour"),
+        (desc.shadow_reach.is_some(), "shadows of limited length"),
         (!is_one(desc.diffuse) || !is_one(desc.specular), "multipliers of diffuse and specular reflection"),
         (desc.normalize && is_instanced, "normalize by the area of each instance (that of the prototype counts)"),
     ];

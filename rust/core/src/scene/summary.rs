@@ -60,8 +60,7 @@ impl<'a> Group<'a> {
             true => format!("{path} and {more} more prims: {message}"),
             false => format!("{path}: {message}; and the like for {more} more prims"),
         };
-        let sums: Vec<String> =
-            self.dropped.entries().iter().filter(|(_, n)| *n > 0).map(|(_, n)| n.to_string()).collect();
+        let sums: Vec<String> = self.dropped.told().iter().flatten().map(|(_, n)| n.to_string()).collect();
         if !sums.is_empty() {
             // Writing to a String cannot fail.
             write!(line, " ({} in all)", sums.join(", ")).unwrap_or_default();

@@ -50,6 +50,8 @@ mod instance_primvars;
 mod instancing;
 #[cfg(test)]
 mod lights;
+#[cfg(test)]
+mod links;
 mod local_lights;
 #[cfg(test)]
 mod materials;

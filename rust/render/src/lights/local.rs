@@ -18,7 +18,14 @@ pub(super) fn flags(light: &Light, kind: u32) -> u32 {
     flags.set(LightFlags::NO_SHADOWS, !light.has_shadows);
     flags.set(LightFlags::SHADOW_COLOR, light.has_shadows && pack_color(light.shadow_color) != 0);
     flags.set(LightFlags::SHADOW_LINK, light.has_shadows && light.shadow_link != 0);
+    flags.set(LightFlags::SHADOW_REACH, light.shadow_reach.is_some());
     kind | flags.bits()
+}
+
+/// How far the light's shadows reach: see `Lighting::local_reaches`.
+pub(super) fn reach(light: &Light) -> [f32; 4] {
+    let Some(reach) = light.shadow_reach else { return [f32::MAX, 0.0, 1.0, 0.0] };
+    [reach.distance, reach.falloff, 1.0 / reach.gamma, 0.0]
 }
 
 /// A light at infinity without its direction, picture and probability.

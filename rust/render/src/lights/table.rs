@@ -48,6 +48,10 @@ pub(crate) struct LightTable {
     pub(crate) local_motion: Vec<[u32; 2]>,
     /// The same of each light at infinity.
     pub(crate) infinite_motion: Vec<[u32; 2]>,
+    /// How far shadows reach, of each local light; empty where none ends, as the next.
+    pub(crate) local_reaches: Vec<[f32; 4]>,
+    /// The same of each light at infinity.
+    pub(crate) infinite_reaches: Vec<[f32; 4]>,
     /// What the passes are compiled for.
     pub(crate) features: Features,
     /// Meshes that emit light.
@@ -112,6 +116,10 @@ impl LightTable {
                 }
             }
             table.add_motion(light, counts);
+            table.add_reach(light, counts);
+        }
+        if lights.iter().all(|light| light.shadow_reach.is_none()) {
+            (table.local_reaches, table.infinite_reaches) = (Vec::new(), Vec::new());
         }
         if table.keys.is_empty() {
             (table.local_motion, table.infinite_motion) = (Vec::new(), Vec::new());
@@ -199,6 +207,8 @@ impl LightTable {
         features.set(Features::LIGHT_TEXTURE, self.locals.iter().any(|light| light.map != NO_INDEX));
         features.set(Features::LIGHT_LINKS, !self.link_bits.is_empty());
         features.set(Features::MOVING_LIGHTS, !self.keys.is_empty());
+        let ends = !self.local_reaches.is_empty() || !self.infinite_reaches.is_empty();
+        features.set(Features::SHADOW_REACH, ends);
         features.set(Features::MESH_LIGHTS, self.meshes.is_some());
         let moves = self.meshes.as_ref().is_some_and(|meshes| !meshes.motion.is_empty());
         features.set(Features::MOVING_MESH_LIGHTS, moves);
@@ -209,10 +219,13 @@ impl LightTable {
     }
 
     fn add_local(&mut self, light: &Light, local: &LocalLight, origin: [f64; 3], reading: &mut Reading<'_>) {
-        let Some(mut gpu) = local::encode(light, local, origin).filter(|_| self.locals.len() < tree::MAX_LIGHTS) else {
-            reading
-                .warnings
-                .push(format!("{}: the light is too small, too large or one too many, and is left out", light.path));
+        if self.locals.len() >= tree::MAX_LIGHTS {
+            let (path, most) = (&light.path, tree::MAX_LIGHTS);
+            reading.warnings.push(format!("{path}: a limit of the renderer: of more than {most} lights it is left out"));
+            return;
+        }
+        let Some(mut gpu) = local::encode(light, local, origin) else {
+            reading.warnings.push(format!("{}: the light is too small or too large, and is left out", light.path));
             return;
         };
         let mut brightness = 1.0;
@@ -269,6 +282,16 @@ impl LightTable {
         }
         if self.infinite.len() > counts[1] {
             self.infinite_motion.push(place);
+        }
+    }
+
+    /// The same of how far its shadows reach.
+    fn add_reach(&mut self, light: &Light, counts: [usize; 2]) {
+        if self.locals.len() > counts[0] {
+            self.local_reaches.push(local::reach(light));
+        }
+        if self.infinite.len() > counts[1] {
+            self.infinite_reaches.push(local::reach(light));
         }
     }
 

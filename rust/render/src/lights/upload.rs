@@ -122,6 +122,8 @@ impl LightTables {
             light_keys: put("light keys", bytemuck::cast_slice(&lights.keys))?,
             local_motion: put("motion of local lights", bytemuck::cast_slice(&lights.local_motion))?,
             infinite_motion: put("motion of lights at infinity", bytemuck::cast_slice(&lights.infinite_motion))?,
+            local_reaches: put("reach of shadows", bytemuck::cast_slice(&lights.local_reaches))?,
+            infinite_reaches: put("reach of shadows at infinity", bytemuck::cast_slice(&lights.infinite_reaches))?,
             ..meshes.with(lights.block())
         };
         let lighting = put("lighting", bytemuck::bytes_of(&block))?;

@@ -189,6 +189,8 @@ features! {
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
     /// Some mesh is made of balls: points.
     POINTS: "points", [], Always;
+    /// The shadows of some light end at a distance.
+    SHADOW_REACH: "shadows that end", [], Never;
     /// The lobe that tests add.
     #[cfg(feature = "faults")]
     TOY_LOBE: "toy lobe", [MATERIALS], Never;

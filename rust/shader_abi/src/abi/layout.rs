@@ -268,7 +268,9 @@ pub const LAYOUTS: &[StructLayout] = &[
         local_motion,
         infinite_motion,
         mesh_motion,
-        mesh_keys
+        mesh_keys,
+        local_reaches,
+        infinite_reaches
     }),
     layout!(GpuLightKey { key, translation_lo, radiance }),
     layout!(GpuMeshLight {

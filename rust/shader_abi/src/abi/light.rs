@@ -43,6 +43,8 @@ bitflags! {
         const SHADOW_COLOR = 64;
         /// `shadow_link` is not 0.
         const SHADOW_LINK = 128;
+        /// Its shadows end: `Lighting::local_reaches` or `Lighting::infinite_reaches` counts.
+        const SHADOW_REACH = 256;
     }
 }
 
@@ -118,6 +120,11 @@ pub struct Lighting {
     pub mesh_motion: u64,
     /// [`GpuLightKey`](super::scene::GpuLightKey) array: the map to the frame around; its `radiance` is 1.
     pub mesh_keys: u64,
+    /// f32x4 for each local light: how far its shadows reach, over how much of that they fade out, one over the exponent
+    /// of what is left, 0. 0 without `Features::SHADOW_REACH`, as the next.
+    pub local_reaches: u64,
+    /// The same for each light at infinity.
+    pub infinite_reaches: u64,
 }
 
 /// A placement of a mesh that emits light, 96 B. World points are `position + x p.x + y p.y + z p.z` for points p of

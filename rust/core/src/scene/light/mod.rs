@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use crate::desc::{AssetRef, DomeFormat, LightDesc, LightKind};
+use crate::desc::{AssetRef, DomeFormat, LightDesc, LightKind, ShadowReach};
 
 pub use blackbody::blackbody;
 pub use ies::{IesError, IesProfile};
@@ -47,6 +47,9 @@ pub struct Light {
     pub has_shadows: bool,
     /// Share of its light, by colour, that reaches what is in shadow.
     pub shadow_color: [f32; 3],
+    /// How far its shadows reach; none: without end. Its numbers are usable: no stretch is longer than the distance, and
+    /// the exponent is above 0.
+    pub shadow_reach: Option<ShadowReach>,
     /// Number in [`LinkTable`] of the category of prims that it lights; 0: all.
     pub light_link: u32,
     /// Number of the category of prims that shadow it; 0: all.
@@ -127,6 +130,7 @@ impl Light {
             } else {
                 return None;
             },
+            shadow_reach: desc.shadow_reach.filter(|_| desc.shadow_enable).map(shadow_reach),
             light_link: 0,
             shadow_link: 0,
             motion: None,
@@ -138,6 +142,20 @@ impl Light {
     pub fn is_black(&self) -> bool {
         let is_dark = self.radiance.iter().all(|&c| c <= 0.0);
         is_dark || (self.diffuse <= 0.0 && self.specular <= 0.0)
+    }
+}
+
+/// Least exponent of what is left of a stretch over which shadows fade out: less is none to single precision.
+const LEAST_GAMMA: f32 = 1e-3;
+
+/// What is usable of how far shadows reach. What is no number limits nothing.
+fn shadow_reach(desc: ShadowReach) -> ShadowReach {
+    let usable = |value: f32, otherwise: f32| if value.is_nan() { otherwise } else { value };
+    let distance = usable(desc.distance, f32::MAX).clamp(0.0, f32::MAX);
+    ShadowReach {
+        distance,
+        falloff: usable(desc.falloff, 0.0).clamp(0.0, distance),
+        gamma: usable(desc.gamma, 1.0).clamp(LEAST_GAMMA, 1.0 / LEAST_GAMMA),
     }
 }
 

@@ -7,7 +7,7 @@ use crate::lights::{TestFiles, light};
 use crate::scenes::{dome, sun};
 use glam::{DMat4, DVec3};
 use oocpt_core::DomeFormat;
-use oocpt_core::scene::{LightDesc, LightKind, MeshDesc, Shaping, TransformSample};
+use oocpt_core::scene::{LightDesc, LightKind, MeshDesc, ShadowReach, Shaping, TransformSample};
 
 pub(crate) const ROWS: &[Row] = &[
     Row {
@@ -130,6 +130,16 @@ pub(crate) const ROWS: &[Row] = &[
         },
         features: &["LOCAL_LIGHTS", "LIGHT_LINKS"],
         buffers: &[OF_LIGHTS, &["light links", "light links of prims"]],
+        ..BARE
+    },
+    Row {
+        what: "a shadow that ends",
+        build: |db| {
+            let reach = ShadowReach { distance: 1.0, falloff: 0.5, gamma: 2.0 };
+            lit(db, LightDesc { shadow_reach: Some(reach), ..ball() });
+        },
+        features: &["LOCAL_LIGHTS", "SHADOW_REACH"],
+        buffers: &[OF_LIGHTS, &["reach of shadows"]],
         ..BARE
     },
 ];
