@@ -14,6 +14,7 @@
 #include "pxr/usd/sdf/assetPath.h"
 #include "scene/assetPath.h"
 #include "scene/dataSource.h"
+#include "scene/nodeDefinition.h"
 #include "scene/tokens.h"
 
 #include <algorithm>
@@ -161,10 +162,16 @@ oocpt::MaterialDesc HdOocPTReadMaterial(const HdOocPTPrimSource& source)
         const bool isAbsolute = !name.GetString().empty() && name.GetString().front() == '/';
         item.path
             = rust::String::lossy(isAbsolute ? name.GetString() : source.path.GetString() + "/" + name.GetString());
-        TfToken kind;
-        HdOocPTConvert(HdOocPTRead(node, { tokens.nodeIdentifier }), &kind);
-        item.kind = _Text(kind);
+        const HdOocPTNodeDefinition definition = HdOocPTFindNodeDefinition(node);
+        item.kind = _Text(definition.name);
         _ReadParams(node, &item);
+        if (!definition.file.IsEmpty()) {
+            oocpt::ParamDesc param {};
+            param.tag = oocpt::ParamTag::Asset;
+            param.name = "info:mtlx:sourceAsset";
+            param.asset = HdOocPTDescribeAsset(definition.file);
+            item.params.push_back(std::move(param));
+        }
         _ReadConnections(node, names, &item);
         desc.nodes.push_back(std::move(item));
     }
