@@ -19,8 +19,8 @@ struct HdOocPTNodeDefinition
 };
 
 /// Reads a node. Documents of MaterialX with definitions of their own come as `info:mtlx:sourceAsset`: front ends that
-/// pass on what is authored have it in the node's `nodeTypeInfo`; others ask OpenUSD's registry of shaders, and name the
-/// node by what that gave, `number<definition><mtlx>`. Any thread.
+/// pass on what is authored have it in the node's `nodeTypeInfo`; others ask OpenUSD's registry of shaders, and name
+/// the node by what that gave, `number<definition><mtlx>`. Any thread.
 HdOocPTNodeDefinition HdOocPTFindNodeDefinition(const HdContainerDataSourceHandle& node);
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -309,9 +309,8 @@ impl Library {
             let known = |found: &&Arc<Definition>| {
                 node.inputs.iter().filter(|input| found.input(&input.name).is_some_and(|of| of.ty == input.ty)).count()
             };
-            let of_type = |found: &&Arc<Definition>| {
-                found.outputs.first().is_some_and(|(.., name)| *name == node.type_name)
-            };
+            let of_type =
+                |found: &&Arc<Definition>| found.outputs.first().is_some_and(|(.., name)| *name == node.type_name);
             // The first of those that know as many.
             candidates.iter().filter(of_type).rev().max_by_key(known)
         };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Files that nodes name for their own definitions (`info:mtlx:sourceAsset`): OpenUSD names them where a document that a
-//! scene references defines nodes. Read again when they change. Any thread; reading waits for the disk.
+//! Files that nodes name for their own definitions (`info:mtlx:sourceAsset`): OpenUSD names them where a document that
+//! a scene references defines nodes. Read again when they change. Any thread; reading waits for the disk.
 
 use std::fs;
 use std::path::PathBuf;
