@@ -9,7 +9,7 @@ if(NOT EXISTS "${OOCPT_USD_ROOT}/include/pxr/pxr.h")
 endif()
 
 # The libraries that the plugin names; the rest of OpenUSD comes along.
-set(oocpt_usd_parts hd hdsi hf cameraUtil sdf ar vt plug work gf tf arch)
+set(oocpt_usd_parts hd hdsi hf cameraUtil sdr sdf ar vt plug work gf tf arch)
 
 list(PREPEND CMAKE_PREFIX_PATH "${OOCPT_USD_ROOT}")
 find_package(pxr CONFIG QUIET PATHS "${OOCPT_USD_ROOT}" NO_DEFAULT_PATH)

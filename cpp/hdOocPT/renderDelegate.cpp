@@ -22,7 +22,7 @@ TF_DEFINE_PRIVATE_TOKENS(_tokens,
     (tetMesh)(camera)(distantLight)(domeLight)(rectLight)
     (sphereLight)(diskLight)(cylinderLight)(material)(extComputation)(renderBuffer)(renderSettings)
     // names of settings, purposes and commands
-    (oocpt)(full)(restart)(stop)(mtlx));
+    (oocpt)(full)(restart)(stop)(mtlx)(glslfx));
 // clang-format on
 
 HdOocPTRenderDelegate::HdOocPTRenderDelegate(HdRenderSettingsMap const& settingsMap)
@@ -89,6 +89,13 @@ TfToken HdOocPTRenderDelegate::GetMaterialBindingPurpose() const
 TfTokenVector HdOocPTRenderDelegate::GetMaterialRenderContexts() const
 {
     return { _tokens->mtlx, TfToken() };
+}
+
+TfTokenVector HdOocPTRenderDelegate::GetShaderSourceTypes() const
+{
+    // Front ends that ask OpenUSD's registry find definitions in MaterialX documents by the first, and what nodes of
+    // UsdPreviewSurface read by the second, as with no types at all.
+    return { _tokens->mtlx, _tokens->glslfx };
 }
 
 TfTokenVector HdOocPTRenderDelegate::GetRenderSettingsNamespaces() const

@@ -39,6 +39,7 @@ public:
     HdResourceRegistrySharedPtr GetResourceRegistry() const override;
     TfToken GetMaterialBindingPurpose() const override;
     TfTokenVector GetMaterialRenderContexts() const override;
+    TfTokenVector GetShaderSourceTypes() const override;
     TfTokenVector GetRenderSettingsNamespaces() const override;
     bool IsParallelSyncEnabled(TfToken const& primType) const override;
 

@@ -14,6 +14,7 @@
 #include "pxr/usd/sdf/assetPath.h"
 #include "scene/assetPath.h"
 #include "scene/dataSource.h"
+#include "scene/nodeDefinition.h"
 #include "scene/tokens.h"
 
 #include <algorithm>
@@ -189,10 +190,16 @@ private:
             const std::string& text = name.GetString();
             const bool isAbsolute = !text.empty() && text.front() == '/';
             item.path = rust::String::lossy(isAbsolute ? text : _source.path.GetString() + "/" + text);
-            TfToken kind;
-            HdOocPTConvert(HdOocPTRead(node, { HdOocPTSceneTokens->nodeIdentifier }), &kind);
-            item.kind = _Text(kind);
+            const HdOocPTNodeDefinition definition = HdOocPTFindNodeDefinition(node);
+            item.kind = _Text(definition.name);
             _ReadParams(node, &item);
+            if (!definition.file.IsEmpty()) {
+                oocpt::ParamDesc param {};
+                param.tag = oocpt::ParamTag::Asset;
+                param.name = "info:mtlx:sourceAsset";
+                param.asset = HdOocPTDescribeAsset(definition.file);
+                item.params.push_back(std::move(param));
+            }
             _ReadConnections(node, _names, _first, &item);
             desc->nodes.push_back(std::move(item));
         }

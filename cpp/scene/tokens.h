@@ -31,7 +31,8 @@ PXR_NAMESPACE_OPEN_SCOPE
     (materialBindings)(path)(full)((allPurpose, ""))                                                                  \
     /* materials */                                                                                                   \
     ((universal, ""))(mtlx)(nodes)(parameters)(value)(colorSpace)(inputConnections)(upstreamNodePath)                 \
-    (upstreamNodeOutputName)(nodeIdentifier)(terminals)(surface)(displacement)(volume)                                \
+    (upstreamNodeOutputName)(nodeIdentifier)(terminals)(surface)(displacement)(volume)(nodeTypeInfo)                  \
+    ((mtlxSourceAsset, "mtlx:sourceAsset"))((mtlxSubIdentifier, "mtlx:sourceAsset:subIdentifier"))                    \
     /* primvars */                                                                                                    \
     (primvars)(primvarValue)(indexedPrimvarValue)(indices)(interpolation)(extComputationPrimvars)(points)(normals)    \
     (displayColor)(displayOpacity)(constant)(uniform)(varying)(vertex)(faceVarying)(instance)                         \

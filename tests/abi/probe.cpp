@@ -6,6 +6,9 @@
 /// - oocpt_abi_run(): passes values through functions of the runtime and back through inline members of the headers.
 #include "probe_classes.h"
 
+#include "pxr/usd/sdr/registry.h"
+#include "pxr/usd/sdr/shaderNode.h"
+
 #include <sstream>
 #include <string>
 #include <vector>
@@ -45,6 +48,16 @@ void _CheckPrims()
     _Expect(ProbeSprim(path).GetId() == path && HdCamera(path).GetId() == path, "HdSprim: path");
     _Expect(ProbeBprim(path).GetId() == path && ProbeRenderSettings(path).GetId() == path, "HdBprim: path");
     _Expect(!ProbeRenderSettings(path).IsActive(), "HdRenderSettings: active without a scene");
+}
+
+void _CheckShaders()
+{
+    SdrRegistry& registry = SdrRegistry::GetInstance();
+    SdrShaderNode const* const node = registry.GetShaderNodeByIdentifier(TfToken("UsdPreviewSurface"), {});
+    std::string const words = node ? node->SdrShaderNode::GetInfoString() : "";
+    bool const isIt = words.rfind("UsdPreviewSurface", 0) == 0;
+    _Expect(isIt && words.find("implementation URI: '") != std::string::npos, "SdrShaderNode: what is said of it");
+    _Expect(!registry.GetShaderNodeByIdentifier(TfToken("no such shader"), {}), "SdrRegistry: one that is not there");
 }
 
 void _CheckPassState()
@@ -194,6 +207,7 @@ extern "C" char const* oocpt_abi_run()
     static std::string const lines = [] {
         _CheckPrims();
         _CheckPassState();
+        _CheckShaders();
         _CheckDelegate();
         _CheckFormats();
         _CheckSceneIndices();

@@ -149,6 +149,71 @@ def test_what_is_not_understood_is_one_warning_with_the_prim(host, old, new, wor
     assert len(lines) == 1 and words in lines[0], log
 
 
+DEFINITIONS = """<?xml version="1.0"?>
+<materialx version="1.38"{space}>
+  <nodedef name="ND_half_color3" node="half">
+    <input name="in" type="color3" value="1, 1, 1" />
+    <output name="out" type="color3" />
+  </nodedef>
+  <nodegraph name="NG_half" nodedef="ND_half_color3">
+    <multiply name="m" type="color3">
+      <input name="in1" type="color3" interfacename="in" />
+      <input name="in2" type="float" value="0.5" />
+    </multiply>
+    <output name="out" type="color3" nodename="m" />
+  </nodegraph>
+</materialx>
+"""
+
+USER = """<?xml version="1.0"?>
+<materialx version="1.38">
+  <xi:include href="{include}" />
+  <nodegraph name="NG">
+    <half name="h" type="color3"{space}><input name="in" type="color3" value="0.2, 0.4, 0.6" /></half>
+    <output name="out" type="color3" nodename="h" />
+  </nodegraph>
+  <surface_unlit name="S" type="surfaceshader">
+    <input name="emission_color" type="color3" nodegraph="NG" output="out" />
+  </surface_unlit>
+  <surfacematerial name="Half" type="material">
+    <input name="surfaceshader" type="surfaceshader" nodename="S" />
+  </surfacematerial>
+</materialx>
+"""
+
+
+def half(folder, include: str, space: str = ""):
+    """A scene whose material halves (0.2, 0.4, 0.6) by a node that a document of its own defines."""
+    (folder / "user.mtlx").write_text(USER.format(include=include, space=space))
+    reference = f'def "Looks" (references = @{folder}/user.mtlx@</MaterialX>) {{ }}'
+    scene = folder / "scene.usda"
+    scene.write_text(SCENE.format(binding="/World/Looks/Materials/Half", materials=reference))
+    return scene
+
+
+def test_definitions_of_a_referenced_document_are_nodes(host, tmp_path):
+    """Nobody names them but the document that includes them."""
+    (tmp_path / "defs.mtlx").write_text(DEFINITIONS.format(space=""))
+    with host.open(half(tmp_path, "defs.mtlx"), (8, 8), settings=SETTINGS) as view:
+        picture = view.render()
+    compare.near(picture["color"][..., :3], (0.1, 0.2, 0.3), 1e-5, "halved")
+    assert "OocPT: warning" not in picture.log, picture.log
+
+
+@pytest.mark.parametrize("scene_index", [False, True], ids=["legacy", "scene index"])
+def test_definitions_of_search_paths_are_nodes(fresh_host, tmp_path, scene_index):
+    """OpenUSD finds what a namespace defines where its search paths lead."""
+    own = tmp_path / "own"
+    own.mkdir()
+    (own / "defs.mtlx").write_text(DEFINITIONS.format(space=' namespace="mine"'))
+    scene = half(tmp_path, "own/defs.mtlx", ' namespace="mine"')
+    host = fresh_host(scene_index, PXR_MTLX_PLUGIN_SEARCH_PATHS=str(own))
+    with host.open(scene, (8, 8), settings=SETTINGS) as view:
+        picture = view.render()
+    compare.near(picture["color"][..., :3], (0.1, 0.2, 0.3), 1e-5, "halved")
+    assert "OocPT: warning" not in picture.log, picture.log
+
+
 FIBRE = """#usda 1.0
 (
     defaultPrim = "World"

@@ -215,8 +215,7 @@ fn emission(
     let mut assembler = Assembler::new(expressions, lookups, MAX_LOOKUPS);
     let register = assembler.compile_one(value).ok()?;
     let program = assembler.program;
-    let unknown =
-        [Geometry::Normal, Geometry::Tangent, Geometry::Bitangent, Geometry::FrameX, Geometry::FrameY];
+    let unknown = [Geometry::Normal, Geometry::Tangent, Geometry::Bitangent, Geometry::FrameX, Geometry::FrameY];
     let is_known = !unknown.into_iter().any(|geometry| program.reads(geometry));
     (!program.is_random() && is_known).then_some(Emission { program, register })
 }

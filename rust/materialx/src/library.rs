@@ -20,6 +20,8 @@ use crate::value::{Type, Value};
 pub const MAX_FILE_BYTES: u64 = 16 << 20;
 /// Most files of a library.
 pub const MAX_FILES: usize = 512;
+/// Most files that a material names for definitions, with those that they include.
+pub const MAX_INCLUDED: usize = 64;
 
 /// Folders of data libraries, as OpenUSD takes them from the environment.
 const SEARCH_PATHS: &str = "PXR_MTLX_STDLIB_SEARCH_PATHS";
@@ -143,7 +145,7 @@ impl Definition {
 }
 
 /// All definitions.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Library {
     definitions: HashMap<Arc<str>, Arc<Definition>>,
     by_category: HashMap<Arc<str>, Vec<Arc<Definition>>>,
@@ -184,6 +186,50 @@ impl Library {
         library
     }
 
+    /// This library and what these files define, and those that they include: relative to the file that does, at most
+    /// [`MAX_INCLUDED`]. What is of the same name stands for what was there.
+    #[must_use]
+    pub fn with_files(&self, files: &[PathBuf]) -> Self {
+        let mut problems = Vec::new();
+        let mut texts = Vec::new();
+        let mut rest: Vec<PathBuf> = files.iter().rev().cloned().collect();
+        let mut known: Vec<PathBuf> = Vec::new();
+        while let Some(file) = rest.pop() {
+            if known.contains(&file) {
+                continue;
+            }
+            if known.len() >= MAX_INCLUDED {
+                problems.push(format!("{} is one of more than {MAX_INCLUDED} files: it is left out", file.display()));
+                break;
+            }
+            match text_of(&file) {
+                Ok(text) => {
+                    let folder = file.parent().unwrap_or(Path::new(""));
+                    rest.extend(parse::included(&text).iter().map(|name| folder.join(name)));
+                    texts.push((file.display().to_string(), text));
+                }
+                Err(error) => problems.push(format!("{}: {error}", file.display())),
+            }
+            known.push(file);
+        }
+        // What includes others comes after them.
+        texts.reverse();
+        let added = Self::parse(&texts);
+        problems.extend(added.problems);
+        let mut library = Self { problems, ..self.clone() };
+        for definition in added.definitions.into_values() {
+            library.insert(definition);
+        }
+        library
+    }
+
+    fn insert(&mut self, definition: Arc<Definition>) {
+        let of_category = self.by_category.entry(Arc::clone(&definition.category)).or_default();
+        of_category.retain(|known| known.name != definition.name);
+        of_category.push(Arc::clone(&definition));
+        self.definitions.insert(Arc::clone(&definition.name), definition);
+    }
+
     /// Reads library files given as name and text. Files that their definitions name are relative to them.
     #[must_use]
     pub fn parse(texts: &[(String, String)]) -> Self {
@@ -195,9 +241,7 @@ impl Library {
             }
         }
         for definition in parser.finish() {
-            let definition = Arc::new(definition);
-            library.by_category.entry(Arc::clone(&definition.category)).or_default().push(Arc::clone(&definition));
-            library.definitions.insert(Arc::clone(&definition.name), definition);
+            library.insert(Arc::new(definition));
         }
         library
     }
@@ -265,9 +309,8 @@ impl Library {
             let known = |found: &&Arc<Definition>| {
                 node.inputs.iter().filter(|input| found.input(&input.name).is_some_and(|of| of.ty == input.ty)).count()
             };
-            let of_type = |found: &&Arc<Definition>| {
-                found.outputs.first().is_some_and(|(.., name)| *name == node.type_name)
-            };
+            let of_type =
+                |found: &&Arc<Definition>| found.outputs.first().is_some_and(|(.., name)| *name == node.type_name);
             // The first of those that know as many.
             candidates.iter().filter(of_type).rev().max_by_key(known)
         };

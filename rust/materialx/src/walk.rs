@@ -166,7 +166,8 @@ impl<'a> Walker<'a> {
     /// Whether a node is one of `MaterialX` 1.38, as far as that is seen: by its definition, or by an input that later
     /// versions do not have.
     pub(crate) fn is_older(&self, at: At) -> bool {
-        let is_named = at.frame == 0 && self.network.nodes.get(at.node).is_some_and(|node| &*node.kind == "ND_normalmap");
+        let is_named =
+            at.frame == 0 && self.network.nodes.get(at.node).is_some_and(|node| &*node.kind == "ND_normalmap");
         is_named || self.is_said(at, "space")
     }
 

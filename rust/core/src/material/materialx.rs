@@ -2,7 +2,10 @@
 //! Networks of `MaterialX` nodes made into materials, through the crate `oocpt-materialx`.
 //!
 //! The definitions of nodes come from `MaterialX`'s data libraries, which are read once for a process
-//! ([`oocpt_materialx::library::standard`]); but for that, pure.
+//! ([`oocpt_materialx::library::standard`]), and from files that nodes name, which are read when they change
+//! ([`definitions`]); but for that, pure.
+
+mod definitions;
 
 use std::sync::Arc;
 
@@ -19,12 +22,17 @@ use super::spaces::{linear_from_srgb, named};
 use super::{ColorSpace, INPUTS, Input, InputName, Material, MaterialFlags, PrimvarSlot, TextureRef, UvSet, Wrap};
 use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 
-/// What the kinds of `MaterialX` nodes begin with.
+/// What the kinds of `MaterialX` nodes begin with, in their namespace.
 const PREFIX: &str = "ND_";
 
 /// Whether a terminal of a network is a node of `MaterialX`.
 pub(super) fn is_materialx(desc: &MaterialDesc, terminal: Option<usize>) -> bool {
-    terminal.and_then(|at| desc.nodes.get(at)).is_some_and(|node| node.kind.starts_with(PREFIX))
+    let Some(node) = terminal.and_then(|at| desc.nodes.get(at)) else { return false };
+    let name = node.kind.rsplit(':').next().unwrap_or_default();
+    // Who defines a node of one's own may call it otherwise.
+    name.starts_with(PREFIX)
+        || definitions::of_node(node).is_some()
+        || !node.kind.is_empty() && !node.kind.starts_with("Usd") && standard().definition(&node.kind).is_some()
 }
 
 /// Reads the terminals of a network that are such nodes.
@@ -42,6 +50,14 @@ pub(super) fn compile(desc: &MaterialDesc, problems: &mut Problems) -> Compiled 
         nodes: desc.nodes.iter().map(node).collect(),
         surface: desc.surface.unwrap_or(usize::MAX),
         displacement: desc.displacement,
+    };
+    let own = definitions::own(desc, library);
+    let library = match &own {
+        Some(own) => {
+            own.problems().iter().for_each(|problem| problems.add(format!("node definitions: {problem}")));
+            own
+        }
+        None => library,
     };
     let mut compiled = Compiled::default();
     if is_materialx(desc, desc.surface) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Library files (XML) made into definitions.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -29,13 +30,8 @@ pub(super) struct Parser {
 impl Parser {
     /// Reads a file; what it names lies beside it.
     pub(super) fn file(&mut self, path: &Path, text: &str) -> Result<(), roxmltree::Error> {
-        let options = ParsingOptions { nodes_limit: MAX_ELEMENTS, ..ParsingOptions::default() };
-        // Nobody declares the prefix of an include, and what it includes is found by itself.
-        let declared = match text.contains("<xi:include") && !text.contains("xmlns:xi") {
-            true => Some(text.replacen("<materialx", "<materialx xmlns:xi=\"http://www.w3.org/2001/XInclude\"", 1)),
-            false => None,
-        };
-        let document = Document::parse_with_options(declared.as_deref().unwrap_or(text), options)?;
+        let text = &declared(text);
+        let document = Document::parse_with_options(text, options())?;
         let root = document.root_element();
         let folder = path.parent().unwrap_or(Path::new(""));
         for element in root.children().filter(Node::is_element) {
@@ -116,6 +112,26 @@ impl Parser {
         }
         finished
     }
+}
+
+fn options<'a>() -> ParsingOptions<'a> {
+    ParsingOptions { nodes_limit: MAX_ELEMENTS, ..ParsingOptions::default() }
+}
+
+/// The text of a file, with the prefix of includes, which nobody declares.
+fn declared(text: &str) -> Cow<'_, str> {
+    match text.contains("<xi:include") && !text.contains("xmlns:xi") {
+        true => text.replacen("<materialx", "<materialx xmlns:xi=\"http://www.w3.org/2001/XInclude\"", 1).into(),
+        false => text.into(),
+    }
+}
+
+/// Files that a file includes, as it names them; none where it cannot be read.
+pub(super) fn included(text: &str) -> Vec<String> {
+    let text = declared(text);
+    let Ok(document) = Document::parse_with_options(&text, options()) else { return Vec::new() };
+    let elements = document.root_element().children().filter(|child| child.tag_name().name() == "include");
+    elements.filter_map(|element| element.attribute("href")).map(str::to_owned).collect()
 }
 
 /// Where elements come from.

@@ -10,8 +10,8 @@ const ZERO: u16 = 4;
 const ONE: u16 = 5;
 
 impl Walker<'_> {
-    /// `swizzle_color3_float` and the like, which the network names by their definitions; `swizzle` in graphs, and where
-    /// the data libraries are those of 1.38.
+    /// `swizzle_color3_float` and the like, which the network names by their definitions; `swizzle` in graphs, and
+    /// where the data libraries are those of 1.38.
     pub(super) fn older(&mut self, at: At, category: &str, ty: Type) -> Option<Val> {
         let rest = category.strip_prefix("swizzle")?;
         let (from, to) = match rest.strip_prefix('_').and_then(|types| types.split_once('_')) {

@@ -127,8 +127,7 @@ impl Walker<'_> {
                     file.color_space = Some(space);
                 }
                 let constant = fallback.constant().unwrap_or_default();
-                let texture =
-                    Texture { file, address, fallback: constant, has_border: false, auto_color_space: true };
+                let texture = Texture { file, address, fallback: constant, has_border: false, auto_color_space: true };
                 let lookup = self.uses.lookup(&texture, place)?;
                 let texel = self.expressions.op(Op::Texture, [place, Val::ZERO, Val::ZERO], lookup);
                 let (scale, bias) = (self.number_or(at, "scale", 1.0), self.number_or(at, "bias", 0.0));

@@ -114,7 +114,8 @@ impl Walker<'_> {
         match &*category {
             "layer" => {
                 let base = inner(self, "base").unwrap_or(Slab::BLACK);
-                if let Some(film) = self.source_node(at, "top").filter(|top| &*self.category(*top) == "thin_film_bsdf") {
+                if let Some(film) = self.source_node(at, "top").filter(|top| &*self.category(*top) == "thin_film_bsdf")
+                {
                     return Some(self.filmed(film, base));
                 }
                 match inner(self, "top") {

@@ -198,6 +198,33 @@ fn definitions_without_a_graph_are_named() {
     assert!(line.contains("`code` (/m/ND_code_color3) is not supported") && line.contains("graph"), "{line}");
 }
 
+/// A file that a scene names, with what it includes: in a circle, too many, not there.
+#[test]
+fn files_bring_what_they_include() {
+    let half = TWO.replace(" namespace=\"mine\"", "").replace("other.mtlx", "user.mtlx");
+    let user = r#"<materialx><xi:include href="two.mtlx" /><xi:include href="none.mtlx" />
+      <nodedef name="uses_half" node="uses_half"><output name="out" type="color3" /></nodedef>
+      <nodegraph name="NG_uses_half" nodedef="uses_half">
+        <half name="h" type="color3"><input name="in" type="color3" value="0.8, 0.4, 0.2" /></half>
+        <output name="out" type="color3" nodename="h" />
+      </nodegraph></materialx>"#;
+    let folder = Folder::new("includes", &[("two.mtlx", &half), ("user.mtlx", user)]);
+    let library = crate::support::library().with_files(&[folder.0.join("user.mtlx")]);
+    let translation = color_of(&library, "uses_half", &[], "out");
+    assert_eq!(color(&translation), [0.4, 0.2, 0.1]);
+    let words = library.problems().join("\n");
+    assert!(library.problems().len() == 1 && words.contains("none.mtlx"), "{words}");
+    assert!(library.definition("ND_standard_surface_surfaceshader").is_some(), "beside the data libraries");
+
+    let chain = |at: usize| format!(r#"<materialx><xi:include href="{}.mtlx" /></materialx>"#, at + 1);
+    let folder = Folder::new("chain", &[]);
+    for at in 0..200 {
+        fs::write(folder.0.join(format!("{at}.mtlx")), chain(at)).expect("a file");
+    }
+    let library = crate::support::library().with_files(&[folder.0.join("0.mtlx")]);
+    assert!(library.problems().len() == 1 && library.problems()[0].contains("left out"), "{:?}", library.problems());
+}
+
 /// Nothing is waited for, nothing is read without an end.
 #[cfg(unix)]
 #[test]

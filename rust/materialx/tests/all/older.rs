@@ -55,7 +55,8 @@ fn a_normal_map_of_1_38_is_about_the_normal_of_the_world() {
     let through =
         given(vec![node("ND_normalmap", &[("in", leaning())], &[]), node("ND_normalize_vector3", &[], &[("in", 1)])]);
     assert!(near(through, expected), "normalised: {through:?}");
-    let facing = vec![node("ND_normalmap", &[("in", leaning())], &[]), node("ND_facingratio_float", &[], &[("normal", 1)])];
+    let facing =
+        vec![node("ND_normalmap", &[("in", leaning())], &[]), node("ND_facingratio_float", &[], &[("normal", 1)])];
     assert!(near(given(facing), [0.28; 3]), "its cosine to the view");
 }
 

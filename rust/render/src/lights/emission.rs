@@ -123,8 +123,12 @@ impl EmissionMaps {
         if texture.asset.resolved.contains("<UDIM>") || self.known.len() >= MAX_MAPS {
             return EmissionMap::even(1.0, self.made);
         }
-        let fallback =
-            || EmissionMap::even(emission_weight(finish.color(texture.fallback.map(f64::from), texture.has_border)), self.made);
+        let fallback = || {
+            EmissionMap::even(
+                emission_weight(finish.color(texture.fallback.map(f64::from), texture.has_border)),
+                self.made,
+            )
+        };
         if texture.asset.resolved.is_empty() {
             return fallback();
         }
