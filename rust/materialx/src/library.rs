@@ -9,8 +9,8 @@
 mod parse;
 
 use std::collections::HashMap;
-use std::fs::{self, File};
-use std::io::Read;
+use std::fs;
+use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
@@ -333,15 +333,9 @@ fn renamed(name: &str) -> Option<&'static str> {
 }
 
 /// What is in a file. A pipe or a device, which could be waited for without an end, is not opened.
-fn text_of(file: &Path) -> Result<String, String> {
-    let words = |error: std::io::Error| error.to_string();
-    if !fs::metadata(file).map_err(words)?.is_file() {
-        return Err("is no regular file".to_owned());
-    }
-    let mut text = String::new();
-    let opened = File::open(file).map_err(words)?;
-    opened.take(MAX_FILE_BYTES + 1).read_to_string(&mut text).map_err(words)?;
-    if text.len() as u64 > MAX_FILE_BYTES { Err("too large".to_owned()) } else { Ok(text) }
+fn text_of(file: &Path) -> std::io::Result<String> {
+    let bytes = oocpt_files::read(file, MAX_FILE_BYTES)?;
+    String::from_utf8(bytes).map_err(|error| Error::new(ErrorKind::InvalidData, error))
 }
 
 fn collect(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) {
