@@ -17,7 +17,7 @@ from cases.case import FOLDER, Case
 def test_case(host, case: Case):
     """Every cell has the value that its derivation gives."""
     made = case.render(host)
-    wrong = case.compare(made)
+    wrong = case.compare(made, host.scene_index)
     assert not wrong, f"{case.name}: {case.why}\n" + "\n".join(wrong)
 
 

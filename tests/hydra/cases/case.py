@@ -38,6 +38,8 @@ class Case:
     purposes: tuple[str, ...] = ("proxy",)
     edit: str | None = None
     """Runs in the host before the picture, as in host_process.py."""
+    unlike: Mapping[tuple[int, int], Value] = dataclasses.field(default_factory=dict)
+    """Cells of which the scene-index front end of Hydra hands over something else, and what they must show there."""
     variant: str = ""
     """Tells cases of one file apart."""
     says: tuple[str, ...] = ()
@@ -64,11 +66,11 @@ class Case:
             assert "warning" not in picture.log.lower(), f"{self.name} warns:\n{picture.log}"
         return picture["color"][..., :3].astype(np.float64)
 
-    def compare(self, made: np.ndarray) -> list[str]:
+    def compare(self, made: np.ndarray, scene_index: bool = False) -> list[str]:
         """A line for each cell whose mean is not as it must be."""
         cut = round(self.inset * self.pixels)
         wrong = []
-        for (x, y), value in self.cells.items():
+        for (x, y), value in {**self.cells, **(self.unlike if scene_index else {})}.items():
             rows = slice(y * self.pixels + cut, (y + 1) * self.pixels - cut)
             columns = slice(x * self.pixels + cut, (x + 1) * self.pixels - cut)
             mean = made[rows, columns].mean(axis=(0, 1))
