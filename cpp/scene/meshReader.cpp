@@ -2,11 +2,14 @@
 #include "scene/meshReader.h"
 
 #include "oocpt-bridge/src/lib.rs.h"
+#include "pxr/base/vt/array.h"
 #include "scene/dataSource.h"
 #include "scene/sceneObserver.h"
 #include "scene/tokens.h"
+#include "scene/usdProperties.h"
 
 #include <algorithm>
+#include <string>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -39,15 +42,21 @@ void _ReadTopology(const TfToken& primType, const HdOocPTPrimSource& source, HdO
     double refineLevel = 0;
     HdOocPTConvert(HdOocPTRead(source.container, { tokens.displayStyle, tokens.refineLevel }), &refineLevel);
     state->refineLevel = refineLevel;
-    if (primType != tokens.mesh) {
-        state->subdivisionScheme = tokens.none;
-        HdOocPTReadShape(primType, source, &state->shape, &state->points, &state->widths);
-        return;
-    }
     const auto integers = [&](const TfToken& name) {
         return HdOocPTReadArray(source, { tokens.mesh, tokens.topology, name }, HdOocPTArrayRole::Integers);
     };
-    state->faceVertexCounts = integers(tokens.faceVertexCounts);
+    TfToken shape = primType;
+    if (primType == tokens.mesh) {
+        state->faceVertexCounts = integers(tokens.faceVertexCounts);
+        shape = HdOocPTFindSolid(source, state->faceVertexCounts);
+    }
+    if (!shape.IsEmpty()) {
+        state->subdivisionScheme = tokens.none;
+        state->faceVertexCounts = VtValue();
+        HdOocPTReadShape(shape, source, &state->shape);
+        return;
+    }
+    state->shape = HdOocPTShapeState();
     state->faceVertexIndices = integers(tokens.faceVertexIndices);
     state->holeIndices = integers(tokens.holeIndices);
 
@@ -97,6 +106,75 @@ oocpt::SubdivisionDesc _DescribeSubdivision(const HdOocPTMeshState& mesh)
     desc.corner_indices = HdOocPTHoldArray(state.cornerIndices);
     desc.corner_sharpnesses = HdOocPTHoldArray(state.cornerSharpnesses);
     return desc;
+}
+
+/// Whether curves have no widths in the scene, though Hydra hands over one of a unit, where it means lines.
+bool _AreLines(const HdOocPTPrimSource& source, const HdOocPTPrimvarState& widths)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const VtValue& values = widths.values;
+    if (!values.IsHolding<VtArray<float>>() || values.GetArraySize() != 1
+        || values.UncheckedGet<VtArray<float>>()[0] != 1.0F) {
+        return false;
+    }
+    const HdOocPTUsdProperties properties(source);
+    if (!properties) {
+        // What stands for a model whose draw mode is "bounds" or "origin" is no prim of USD.
+        const TfToken& name = source.path.GetNameToken();
+        return (name == tokens.boundsCurves || name == tokens.originCurves)
+            && !HdOocPTFind(source.container, { tokens.usdPrimInfo });
+    }
+    // UsdImaging's scene delegate gives stand-ins the model's own path, and a model is no curves. Curves without widths
+    // get one at the frame's own time alone: beside it the attribute itself is asked.
+    constexpr HdSampledDataSource::Time beside = 1e-3F;
+    const HdSampledDataSourceHandle sampled = HdSampledDataSource::Cast(
+        HdOocPTFind(source.container, { tokens.primvars, tokens.widths, tokens.primvarValue }));
+    return properties.Get(tokens.curveVertexCounts).IsEmpty() || (sampled && sampled->GetValue(beside).IsEmpty());
+}
+
+/// How values are spread that UsdImaging does not say it of: as their number fits.
+TfToken _Interpolation(size_t count, const HdOocPTMeshState& mesh)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const bool isCurves = mesh.shape.kind == HdOocPTShapeState::Kind::Curves;
+    const VtValue& faces = isCurves ? mesh.shape.counts : mesh.faceVertexCounts;
+    return count == 1                                   ? tokens.constant
+        : count == mesh.points.GetArraySize()           ? tokens.vertex
+        : count == faces.GetArraySize()                 ? tokens.uniform
+        : count == mesh.faceVertexIndices.GetArraySize() ? tokens.faceVarying
+                                                        : tokens.constant;
+}
+
+/// displayColor or displayOpacity, `property` in USD. UsdImaging's scene delegate leaves both out where their type is
+/// not the schema's own (a single value, doubles, halves), and of constant ones takes the first value, whatever their
+/// index says.
+HdOocPTPrimvarState _ReadDisplay(const HdOocPTPrimSource& source, const TfToken& name, const TfToken& property,
+    HdOocPTArrayRole role, const HdOocPTMeshState& mesh)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    HdOocPTPrimvarState primvar = HdOocPTReadPrimvar(source, name, role);
+    const bool isFirst = primvar.interpolation == tokens.constant && primvar.indices.GetArraySize() == 1;
+    if (primvar.values.GetArraySize() != 0 && !isFirst) {
+        return primvar;
+    }
+    const HdOocPTUsdProperties properties(source);
+    HdOocPTPrimvarState own;
+    std::string reason;
+    own.values = HdOocPTNormalizeArray(properties.GetIndexed(property, &own.indices), role, &reason);
+    if (own.values.GetArraySize() == 0) {
+        if (isFirst) {
+            return primvar;
+        }
+        if (!properties && !primvar.values.IsEmpty()) {
+            // UsdImaging's scene index reads the schema's type, whatever was authored.
+            source.warnings->Add(source.path,
+                name.GetString() + " is empty, or has another type than its schema and is not handed over; ignored");
+        }
+        return HdOocPTPrimvarState();
+    }
+    const size_t count = own.indices.IsEmpty() ? own.values.GetArraySize() : own.indices.GetArraySize();
+    own.interpolation = isFirst ? tokens.constant : _Interpolation(count, mesh);
+    return own;
 }
 
 /// The material bound for the purposes asked for, by default "full", which is the one that the delegate asks for; else
@@ -154,25 +232,33 @@ void HdOocPTReadMesh(
 {
     const auto& tokens = *HdOocPTSceneTokens;
     HdOocPTReadPrim(source, &state->prim);
-    if (source.dirtyBits & HdOocPTDirtyTopology) {
+    // Where UsdImaging made a mesh of a solid, its points say that it has another size.
+    const bool wasSolid = state->shape.kind == HdOocPTShapeState::Kind::Solid;
+    if (source.dirtyBits & (HdOocPTDirtyTopology | (wasSolid ? HdOocPTDirtyPoints : 0u))) {
         _ReadTopology(primType, source, state);
     }
-    if ((source.dirtyBits & HdOocPTDirtyPoints) && !HdOocPTIsExactShape(primType)) {
+    const bool isSolid = state->shape.kind == HdOocPTShapeState::Kind::Solid;
+    if ((source.dirtyBits & HdOocPTDirtyPoints) && !isSolid) {
         _ReadPoints(source, state);
         state->widths = primType == tokens.mesh ? HdOocPTPrimvarState()
                                                 : HdOocPTReadPrimvar(source, tokens.widths, HdOocPTArrayRole::Scalars);
+        if (primType == tokens.basisCurves && _AreLines(source, state->widths)) {
+            state->widths = HdOocPTPrimvarState();
+        }
     }
-    if ((source.dirtyBits & (HdOocPTDirtyPoints | HdOocPTDirtyNormals)) && !HdOocPTIsExactShape(primType)) {
+    if ((source.dirtyBits & (HdOocPTDirtyPoints | HdOocPTDirtyNormals)) && !isSolid) {
         state->pointMotion = HdOocPTReadPointsMotion(source, primType != tokens.mesh);
     }
-    if (source.dirtyBits & HdOocPTDirtyNormals) {
+    if ((source.dirtyBits & HdOocPTDirtyNormals) && !isSolid) {
         state->normals = HdOocPTReadPrimvar(source, tokens.normals, HdOocPTArrayRole::Vectors3);
     }
     if (source.dirtyBits & HdOocPTDirtyColor) {
-        state->displayColor = HdOocPTReadPrimvar(source, tokens.displayColor, HdOocPTArrayRole::Vectors3);
+        state->displayColor = _ReadDisplay(
+            source, tokens.displayColor, tokens.displayColorProperty, HdOocPTArrayRole::Vectors3, *state);
     }
     if (source.dirtyBits & HdOocPTDirtyOpacity) {
-        state->displayOpacity = HdOocPTReadPrimvar(source, tokens.displayOpacity, HdOocPTArrayRole::Scalars);
+        state->displayOpacity = _ReadDisplay(
+            source, tokens.displayOpacity, tokens.displayOpacityProperty, HdOocPTArrayRole::Scalars, *state);
     }
     if (source.dirtyBits & HdOocPTDirtyPrimvars) {
         state->primvars = HdOocPTReadOtherPrimvars(

@@ -67,7 +67,7 @@ struct HdOocPTMeshState
     TfTokenVector categories;
 };
 
-/// Reads the dirty parts of a mesh, curves, points, a sphere or a capsule. Its subsets are children of it in `scene`.
+/// Reads the dirty parts of a mesh, curves, points or a solid of revolution. Its subsets are children of it in `scene`.
 void HdOocPTReadMesh(
     const HdSceneIndexBase& scene, const TfToken& primType, const HdOocPTPrimSource& source, HdOocPTMeshState* state);
 

@@ -105,6 +105,16 @@ HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& 
     return shutter;
 }
 
+std::vector<HdSampledDataSource::Time> HdOocPTReadSampleTimes(
+    const std::vector<HdSampledDataSourceHandle>& sources, const HdOocPTShutter& shutter)
+{
+    _Times times;
+    for (const HdSampledDataSourceHandle& source : sources) {
+        _AddTimes(_SampleTimes(source, shutter), &times);
+    }
+    return times;
+}
+
 HdOocPTTransformSamples HdOocPTReadTransformSamples(
     const HdContainerDataSourceHandle& container, const HdOocPTShutter& shutter)
 {

@@ -69,6 +69,11 @@ struct HdOocPTPointsMotionState
 /// The shutter of a camera prim. Warns of one that closes before it opens.
 HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& camera, HdOocPTWarnings* warnings);
 
+/// The times at which some of the values have to be read; none if nothing changes while the shutter is open. Values may
+/// be null.
+std::vector<HdSampledDataSource::Time> HdOocPTReadSampleTimes(
+    const std::vector<HdSampledDataSourceHandle>& sources, const HdOocPTShutter& shutter);
+
 /// The transform of a prim about the shutter.
 HdOocPTTransformSamples HdOocPTReadTransformSamples(
     const HdContainerDataSourceHandle& container, const HdOocPTShutter& shutter);

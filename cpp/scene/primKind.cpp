@@ -14,7 +14,7 @@ TF_DEFINE_PRIVATE_TOKENS(_unsupported,
     /* lights */
     (geometryLight)(meshLight)(pluginLight)(portalLight)(lightFilter)
     /* implicit shapes that no filter has turned into meshes */
-    (cone)(cube)(cylinder)(plane));
+    (cube)(plane));
 
 namespace {
 
@@ -29,6 +29,8 @@ _KindMap _MakeKinds()
         { tokens.points, HdOocPTPrimKind::Mesh },
         { tokens.sphere, HdOocPTPrimKind::Mesh },
         { tokens.capsule, HdOocPTPrimKind::Mesh },
+        { tokens.cylinder, HdOocPTPrimKind::Mesh },
+        { tokens.cone, HdOocPTPrimKind::Mesh },
         { tokens.instancer, HdOocPTPrimKind::Instancer },
         { tokens.domeLight, HdOocPTPrimKind::Light },
         { tokens.distantLight, HdOocPTPrimKind::Light },

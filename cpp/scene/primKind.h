@@ -12,7 +12,7 @@ enum class HdOocPTPrimKind
 {
     /// Nothing: a group, a camera…
     Other,
-    /// A mesh, curves, points, a sphere, a capsule.
+    /// A mesh, curves, points, a solid of revolution.
     Mesh,
     /// Faces of the mesh above it.
     GeomSubset,

@@ -13,7 +13,7 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-TF_DEFINE_PRIVATE_TOKENS(_tokens, (toMesh)(cone)(cube)(cylinder)(plane));
+TF_DEFINE_PRIVATE_TOKENS(_tokens, (toMesh)(cube)(plane));
 
 namespace {
 
@@ -34,12 +34,12 @@ private:
     const TfToken _token;
 };
 
-/// Arguments of the implicit surface scene index: make a mesh of every kind of shape but spheres and capsules, which
+/// Arguments of the implicit surface scene index: make a mesh of every kind of shape but solids of revolution, which
 /// scene/shapeReader.h reads.
 class _OtherShapesToMesh final : public HdContainerDataSource
 {
 public:
-    TfTokenVector GetNames() override { return { _tokens->cone, _tokens->cube, _tokens->cylinder, _tokens->plane }; }
+    TfTokenVector GetNames() override { return { _tokens->cube, _tokens->plane }; }
 
     HdDataSourceBaseHandle Get(const TfToken& name) override
     {

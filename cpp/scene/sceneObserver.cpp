@@ -30,6 +30,8 @@ std::vector<_Row> _MakeTable()
         { HdDataSourceLocator(tokens.tetMesh), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.sphere), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.capsule), HdOocPTDirtyTopology },
+        { HdDataSourceLocator(tokens.cylinder), HdOocPTDirtyTopology },
+        { HdDataSourceLocator(tokens.cone), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.primvars, tokens.widths), HdOocPTDirtyPoints },
         { HdDataSourceLocator(tokens.primvars, tokens.points), HdOocPTDirtyPoints },
         { HdDataSourceLocator(tokens.primvars, tokens.velocities), HdOocPTDirtyPoints },

@@ -395,7 +395,7 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
             record.isMeshLight = isLight;
         }
         if (record.isMeshLight) {
-            job->light = HdOocPTReadLight(source, record.type);
+            job->light = HdOocPTReadLight(source, HdOocPTSceneTokens->mesh);
         }
         break;
     case HdOocPTPrimKind::Instancer:

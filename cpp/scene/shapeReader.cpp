@@ -2,74 +2,98 @@
 #include "scene/shapeReader.h"
 
 #include "oocpt-bridge/src/lib.rs.h"
-#include "pxr/base/gf/vec3f.h"
 #include "pxr/base/vt/array.h"
 #include "scene/dataSource.h"
 #include "scene/tokens.h"
+#include "scene/usdProperties.h"
 
 #include <algorithm>
+#include <iterator>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-double _Number(const HdOocPTPrimSource& source, const TfToken& shape, const TfToken& name, double fallback)
+TfToken _Token(const VtValue& value, const TfToken& fallback)
 {
-    double value = fallback;
-    HdOocPTConvert(HdOocPTRead(source.container, { shape, name }), &value);
-    return value;
+    TfToken token;
+    HdOocPTConvert(value, &token);
+    return token.IsEmpty() ? fallback : token;
 }
 
-TfToken _Token(const HdOocPTPrimSource& source, std::initializer_list<TfToken> path, const TfToken& fallback)
-{
-    TfToken value;
-    HdOocPTConvert(HdOocPTRead(source.container, path), &value);
-    return value.IsEmpty() ? fallback : value;
-}
+/// Most faces of the meshes that legacy front ends make of solids: large meshes are not asked what they were.
+constexpr size_t _mostFacesOfSolid = 1024;
 
-/// Balls around `centers`: one is a point, two are a tube.
-void _SetBalls(const VtArray<GfVec3f>& centers, const VtArray<float>& diameters, HdOocPTShapeState* state,
-    VtValue* points, HdOocPTPrimvarState* widths)
+/// The parameters of a solid: data sources of the scene index, or properties of a USD prim.
+class _Parameters
 {
-    const auto& tokens = *HdOocPTSceneTokens;
-    *points = VtValue(centers);
-    *widths = HdOocPTPrimvarState { tokens.vertex, VtValue(diameters), VtValue() };
-    if (centers.size() > 1) {
-        state->kind = HdOocPTShapeState::Kind::Curves;
-        state->type = tokens.linear;
-        state->counts = VtValue(VtArray<int>(1, static_cast<int>(centers.size())));
+public:
+    _Parameters(const HdOocPTPrimSource& source, const TfToken& type)
+        : _container(HdOocPTFindContainer(source.container, { type }))
+        , _properties(source)
+    {
     }
-}
 
-void _ReadSphere(
-    const HdOocPTPrimSource& source, HdOocPTShapeState* state, VtValue* points, HdOocPTPrimvarState* widths)
+    VtValue Get(const TfToken& name, HdSampledDataSource::Time time) const
+    {
+        if (!_container) {
+            return _properties.Get(name);
+        }
+        const HdSampledDataSourceHandle sampled = Find(name);
+        return sampled ? sampled->GetValue(time) : VtValue();
+    }
+
+    double GetNumber(const TfToken& name, HdSampledDataSource::Time time, double fallback) const
+    {
+        HdOocPTConvert(Get(name, time), &fallback);
+        return fallback;
+    }
+
+    /// Null for properties: UsdImaging does not say how they change while the shutter is open.
+    HdSampledDataSourceHandle Find(const TfToken& name) const
+    {
+        return _container ? HdSampledDataSource::Cast(_container->Get(name)) : nullptr;
+    }
+
+private:
+    const HdContainerDataSourceHandle _container;
+    const HdOocPTUsdProperties _properties;
+};
+
+/// Adds part of the shutter, radii at the lower and the upper end, height. What is not said is the schema's default.
+void _AddSize(const TfToken& type, const _Parameters& parameters, double part, HdSampledDataSource::Time time,
+    std::vector<double>* sizes)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    const auto diameter = static_cast<float>(2.0 * _Number(source, tokens.sphere, tokens.radius, 1.0));
-    _SetBalls({ GfVec3f(0.0F) }, { diameter }, state, points, widths);
+    const bool isFlat = type == tokens.cylinder || type == tokens.cone;
+    const double radius = parameters.GetNumber(tokens.radius, time, type == tokens.capsule ? 0.5 : 1.0);
+    const double lower = parameters.GetNumber(tokens.radiusBottom, time, radius);
+    const double upper = type == tokens.cone ? 0.0 : parameters.GetNumber(tokens.radiusTop, time, radius);
+    const double height = type == tokens.sphere ? 0.0 : parameters.GetNumber(tokens.height, time, isFlat ? 2.0 : 1.0);
+    sizes->insert(sizes->end(), { part, lower, upper, height });
 }
 
-void _ReadCapsule(
-    const HdOocPTPrimSource& source, HdOocPTShapeState* state, VtValue* points, HdOocPTPrimvarState* widths)
+void _ReadSolid(const TfToken& type, const HdOocPTPrimSource& source, HdOocPTShapeState* state)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    const double height = _Number(source, tokens.capsule, tokens.height, 1.0);
-    const double radius = _Number(source, tokens.capsule, tokens.radius, 0.5);
-    const double bottom = _Number(source, tokens.capsule, tokens.radiusBottom, radius);
-    const double top = _Number(source, tokens.capsule, tokens.radiusTop, radius);
-    const TfToken axis = _Token(source, { tokens.capsule, tokens.axis }, tokens.axisZ);
-    const int along = axis == tokens.axisX ? 0 : axis == tokens.axisY ? 1 : 2;
-    GfVec3f half(0.0F);
-    half[along] = static_cast<float>(0.5 * height);
-    _SetBalls(
-        { -half, half }, { static_cast<float>(2.0 * bottom), static_cast<float>(2.0 * top) }, state, points, widths);
+    const _Parameters parameters(source, type);
+    state->sizes.clear();
+    _AddSize(type, parameters, 0.0, 0.0F, &state->sizes);
+    const std::vector<HdSampledDataSourceHandle> sources { parameters.Find(tokens.radius),
+        parameters.Find(tokens.radiusBottom), parameters.Find(tokens.radiusTop), parameters.Find(tokens.height) };
+    for (const HdSampledDataSource::Time time : HdOocPTReadSampleTimes(sources, source.shutter)) {
+        _AddSize(type, parameters, source.shutter.Part(time), time, &state->sizes);
+    }
+    const TfToken axis = _Token(parameters.Get(tokens.axis, 0.0F), tokens.axisZ);
+    state->axis = HdOocPTPlaceOf(axis, { tokens.axisX, tokens.axisY, tokens.axisZ }, 2);
+    state->isRound = type == tokens.sphere || type == tokens.capsule;
 }
 
 void _ReadCurves(const HdOocPTPrimSource& source, HdOocPTShapeState* state)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     const auto read = [&](const TfToken& name, const TfToken& fallback) {
-        return _Token(source, { tokens.basisCurves, tokens.topology, name }, fallback);
+        return _Token(HdOocPTRead(source.container, { tokens.basisCurves, tokens.topology, name }), fallback);
     };
     state->type = read(tokens.type, tokens.cubic);
     state->basis = read(tokens.basis, tokens.bezier);
@@ -96,23 +120,43 @@ uint8_t HdOocPTPlaceOf(const TfToken& name, std::initializer_list<TfToken> names
     return found == names.end() ? fallback : static_cast<uint8_t>(found - names.begin());
 }
 
-bool HdOocPTIsExactShape(const TfToken& primType)
+bool HdOocPTIsSolid(const TfToken& primType)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    return primType == tokens.sphere || primType == tokens.capsule;
+    return primType == tokens.sphere || primType == tokens.capsule || primType == tokens.cylinder
+        || primType == tokens.cone;
 }
 
-void HdOocPTReadShape(const TfToken& primType, const HdOocPTPrimSource& source, HdOocPTShapeState* state,
-    VtValue* points, HdOocPTPrimvarState* widths)
+TfToken HdOocPTFindSolid(const HdOocPTPrimSource& source, const VtValue& faceVertexCounts)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const VtArray<int> counts = faceVertexCounts.GetWithDefault<VtArray<int>>();
+    if (counts.empty() || counts.size() > _mostFacesOfSolid) {
+        return TfToken();
+    }
+    const HdOocPTUsdProperties properties(source);
+    const auto has = [&](const TfToken& name) { return !properties.Get(name).IsEmpty(); };
+    if (!properties || !(has(tokens.radius) || has(tokens.radiusTop)) || has(tokens.faceVertexCounts)) {
+        return TfToken();
+    }
+    if (!has(tokens.height)) {
+        return tokens.sphere;
+    }
+    // The faces of a capsule are quads but for its poles, those of a cylinder are triangles at both ends, and a cone
+    // has triangles at one end, where it comes to a point perhaps quads.
+    const auto triangles = static_cast<size_t>(std::count(counts.begin(), counts.end(), 3));
+    const size_t others = counts.size() - triangles;
+    return others > triangles ? tokens.capsule : others > 0 && triangles >= 2 * others ? tokens.cylinder : tokens.cone;
+}
+
+void HdOocPTReadShape(const TfToken& primType, const HdOocPTPrimSource& source, HdOocPTShapeState* state)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     if (primType == tokens.points) {
         state->kind = HdOocPTShapeState::Kind::Points;
-    } else if (primType == tokens.sphere) {
-        state->kind = HdOocPTShapeState::Kind::Points;
-        _ReadSphere(source, state, points, widths);
-    } else if (primType == tokens.capsule) {
-        _ReadCapsule(source, state, points, widths);
+    } else if (HdOocPTIsSolid(primType)) {
+        state->kind = HdOocPTShapeState::Kind::Solid;
+        _ReadSolid(primType, source, state);
     } else {
         state->kind = HdOocPTShapeState::Kind::Curves;
         _ReadCurves(source, state);
@@ -129,6 +173,10 @@ oocpt::ShapeDesc HdOocPTDescribeShape(const HdOocPTShapeState& state)
     desc.wrap = HdOocPTPlaceOf(state.wrap, { tokens.nonperiodic, tokens.periodic, tokens.pinned, tokens.segmented }, 0);
     desc.counts = HdOocPTHoldArray(state.counts);
     desc.indices = HdOocPTHoldArray(state.indices);
+    desc.sizes.reserve(state.sizes.size());
+    std::copy(state.sizes.begin(), state.sizes.end(), std::back_inserter(desc.sizes));
+    desc.axis = state.axis;
+    desc.is_round = state.isRound;
     return desc;
 }
 

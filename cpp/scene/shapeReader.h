@@ -6,10 +6,10 @@
 #include "pxr/base/vt/value.h"
 #include "pxr/pxr.h"
 #include "scene/primReader.h"
-#include "scene/primvarReader.h"
 
 #include <cstdint>
 #include <initializer_list>
+#include <vector>
 
 namespace oocpt {
 struct ShapeDesc;
@@ -24,7 +24,9 @@ struct HdOocPTShapeState
     {
         Mesh,
         Curves,
-        Points
+        Points,
+        /// None: a solid of revolution, which Rust gives some.
+        Solid
     };
     Kind kind = Kind::Mesh;
     /// Of curves: linear or cubic, and how points make them.
@@ -33,15 +35,24 @@ struct HdOocPTShapeState
     TfToken wrap;
     VtValue counts;
     VtValue indices;
+    /// Of a solid, four numbers each: part of the shutter, radii at the lower and the upper end, height. First what it
+    /// is at the frame's own time.
+    std::vector<double> sizes;
+    /// Of a solid: 0 x, 1 y, 2 z.
+    uint8_t axis = 2;
+    /// Of a solid: half balls end it.
+    bool isRound = false;
 };
 
-/// True for prims whose points, widths and curves HdOocPTReadShape makes: spheres, capsules.
-bool HdOocPTIsExactShape(const TfToken& primType);
+/// True for spheres, capsules, cylinders and cones.
+bool HdOocPTIsSolid(const TfToken& primType);
 
-/// Reads what the points of curves, points, a sphere or a capsule are. Spheres and capsules are a ball and a tube, and
-/// are drawn as what they are: `points` and `widths` are set for them.
-void HdOocPTReadShape(const TfToken& primType, const HdOocPTPrimSource& source, HdOocPTShapeState* state,
-    VtValue* points, HdOocPTPrimvarState* widths);
+/// The type of the solid that UsdImaging's scene delegate made a mesh with these faces of; empty where it is a mesh in
+/// USD, too, or where nobody knows.
+TfToken HdOocPTFindSolid(const HdOocPTPrimSource& source, const VtValue& faceVertexCounts);
+
+/// Reads what the points of curves, points or a solid are.
+void HdOocPTReadShape(const TfToken& primType, const HdOocPTPrimSource& source, HdOocPTShapeState* state);
 
 /// The place of a token in a list, which is how variants are named to Rust.
 uint8_t HdOocPTPlaceOf(const TfToken& name, std::initializer_list<TfToken> names, uint8_t fallback);

@@ -21,10 +21,12 @@ PXR_NAMESPACE_OPEN_SCOPE
     (catmullClark)(loop)(bilinear)(subdivisionTags)(interpolateBoundary)(faceVaryingLinearInterpolation)              \
     (triangleSubdivisionRule)(creaseIndices)(creaseLengths)(creaseSharpnesses)(cornerIndices)(cornerSharpnesses)      \
     (none)(edgeOnly)(edgeAndCorner)(cornersOnly)(cornersPlus1)(cornersPlus2)(boundaries)(all)(smooth)                 \
-    /* curves, points, shapes that are drawn as what they are */                                                      \
+    /* curves that stand for models */                                                                                \
+    (boundsCurves)(originCurves)((usdPrimInfo, "__usdPrimInfo"))                                                      \
+    /* curves, points, solids of revolution */                                                                        \
     (basisCurves)(curveVertexCounts)(curveIndices)(basis)(wrap)(linear)(cubic)(bezier)(bspline)(catmullRom)           \
-    (nonperiodic)(periodic)(pinned)(segmented)(widths)(sphere)(capsule)(axis)((axisX, "X"))((axisY, "Y"))             \
-    ((axisZ, "Z"))(radiusTop)(radiusBottom)                                                                           \
+    (nonperiodic)(periodic)(pinned)(segmented)(widths)(sphere)(capsule)(cylinder)(cone)(axis)((axisX, "X"))           \
+    ((axisY, "Y"))((axisZ, "Z"))(radiusTop)(radiusBottom)                                                             \
     (displayStyle)(refineLevel)(doubleSided)(type)(typeFaceSet)(categories)(instanceCategories)(collections)       \
     (membershipExpression)(instanceLocations)(categoriesValues)                                                       \
     /* bindings */                                                                                                    \
@@ -36,6 +38,7 @@ PXR_NAMESPACE_OPEN_SCOPE
     /* primvars */                                                                                                    \
     (primvars)(primvarValue)(indexedPrimvarValue)(indices)(interpolation)(extComputationPrimvars)(points)(normals)    \
     (displayColor)(displayOpacity)(constant)(uniform)(varying)(vertex)(faceVarying)(instance)                         \
+    ((displayColorProperty, "primvars:displayColor"))((displayOpacityProperty, "primvars:displayOpacity"))            \
     /* the whole scene */                                                                                             \
     (system)(assetResolution)(resolverContext)                                                                        \
     /* prims of legacy front ends */                                                                                  \

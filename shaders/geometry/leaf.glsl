@@ -6,6 +6,10 @@
 //   bool NAME_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv)
 //                                  whether a ray meets the item in front of its origin, the distance in units of d, and
 //                                  the weights there. rust/traverse/src/leaf/NAME.rs does the same operations
+//   bool NAME_exit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv)
+//                                  the same for the second surface, where a ray leaves the item that it enters in front
+//                                  of its origin: a ray that goes through the first one (opacity, cutouts) comes to it.
+//                                  False where there is none. The Rust file does the same operations
 //   vec3 NAME_point(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv, const vec3 met, out vec3 normal)
 //                                  the point of the surface at a hit, and the unit normal there, outwards; `met` is
 //                                  where the ray is at the hit's distance, and rounded

@@ -21,6 +21,19 @@ bool point_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const 
     return t > 0.0;
 }
 
+bool point_exit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv) {
+    t = 0.0;
+    uv = vec2(0.0);
+    const float dd = dot3(d, d);
+    const vec3 from = o - v0;
+    const float nearest = dot3(-from, d) / dd;
+    RoundHit hit = RoundHit(3.0e38, 0.0, -3.0e38, 0.0);
+    meet_ball(hit, from + nearest * d, v2.x, d, dd, 0.0);
+    if (!(hit.entry <= hit.exit)) return false;
+    t = nearest + hit.exit;
+    return nearest + hit.entry > 0.0;
+}
+
 float point_radius(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv) {
     return round_radius(v0, v1, v2, uv);
 }

@@ -61,10 +61,11 @@ bool passes_by(vec3 from, vec3 d, float dd, vec3 axis, float radius) {
     return apart2 > 2.0 * radius2 * dot(across, across) + rounding && apart2 > 1.0e-30;
 }
 
-// Where the ray enters the hull, or leaves it if the ray begins inside. NaN is no hit.
-bool round_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv) {
-    t = 0.0;
-    uv = vec2(0.0);
+// Where the ray's line enters and leaves the hull, from `nearest` on the ray. NaN is no hit.
+bool round_span(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out RoundHit hit,
+                out float nearest) {
+    hit = RoundHit(3.0e38, 0.0, -3.0e38, 0.0);
+    nearest = 0.0;
     const float r0 = v2.x;
     const float r1 = v2.y;
     const float dd = dot3(d, d);
@@ -72,9 +73,8 @@ bool round_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const 
     // From here on, distances along the ray are from the point nearest to the middle.
     const vec3 from = o - v0;
     if (passes_by(from, d, dd, axis, max(r0, r1))) return false;
-    const float nearest = dot3(0.5 * axis - from, d) / dd;
+    nearest = dot3(0.5 * axis - from, d) / dd;
     const vec3 c = from + nearest * d;
-    RoundHit hit = RoundHit(3.0e38, 0.0, -3.0e38, 0.0);
     meet_ball(hit, c, r0, d, dd, 0.0);
     const float squared = dot3(axis, axis);
     if (squared > 0.0) {
@@ -107,11 +107,31 @@ bool round_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const 
             }
         }
     }
-    if (!(hit.entry <= hit.exit)) return false;
+    return hit.entry <= hit.exit;
+}
+
+// Where the ray enters the hull, or leaves it if the ray begins inside.
+bool round_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv) {
+    t = 0.0;
+    uv = vec2(0.0);
+    RoundHit hit;
+    float nearest;
+    if (!round_span(v0, v1, v2, o, d, hit, nearest)) return false;
     const bool inside = !(nearest + hit.entry > 0.0);
     t = nearest + (inside ? hit.exit : hit.entry);
     uv.x = inside ? hit.exit_u : hit.entry_u;
     return t > 0.0;
+}
+
+bool round_exit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv) {
+    t = 0.0;
+    uv = vec2(0.0);
+    RoundHit hit;
+    float nearest;
+    if (!round_span(v0, v1, v2, o, d, hit, nearest)) return false;
+    t = nearest + hit.exit;
+    uv.x = hit.exit_u;
+    return nearest + hit.entry > 0.0;
 }
 
 float round_radius(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv) {

@@ -12,11 +12,9 @@ float toy_box_share(const vec3 v0, const vec3 v1, const float x) {
 }
 
 // The ray is inside between its last entry into a pair of planes and its first exit (Kay and Kajiya 1986).
-bool toy_box_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv) {
-    t = 0.0;
-    uv = vec2(0.0);
-    float entry = -3.0e38;
-    float exit = 3.0e38;
+bool toy_box_span(const vec3 v0, const vec3 v1, const vec3 o, const vec3 d, out float entry, out float exit) {
+    entry = -3.0e38;
+    exit = 3.0e38;
     for (uint i = 0u; i < 3u; ++i) {
         const float a = v0[i] - o[i];
         const float b = v1[i] - o[i];
@@ -31,10 +29,27 @@ bool toy_box_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, cons
         if (near > entry) entry = near;
         if (far < exit) exit = far;
     }
-    if (!(entry <= exit)) return false;
+    return entry <= exit;
+}
+
+bool toy_box_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv) {
+    t = 0.0;
+    uv = vec2(0.0);
+    float entry, exit;
+    if (!toy_box_span(v0, v1, o, d, entry, exit)) return false;
     t = entry > 0.0 ? entry : exit;
     uv.x = toy_box_share(v0, v1, o.x + t * d.x);
     return t > 0.0;
+}
+
+bool toy_box_exit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv) {
+    t = 0.0;
+    uv = vec2(0.0);
+    float entry, exit;
+    if (!toy_box_span(v0, v1, o, d, entry, exit)) return false;
+    t = exit;
+    uv.x = toy_box_share(v0, v1, o.x + t * d.x);
+    return entry > 0.0;
 }
 
 // The point of the face that is next to where the ray meets it.

@@ -48,7 +48,14 @@ bool visit_triangles(uint begin, uint end) {
         t = max(t, walk.entry * ENTRY_SCALE);
         if (!is_closest(t, triangle)) continue;
 #endif
-        if (HAS_OPACITY && !is_opaque(triangle, uv)) continue;
+        if (HAS_OPACITY && !is_opaque(triangle, uv, false)) {
+            bool is_second = false;
+            if (HAS_LEAF_KINDS && walk.other) {
+                const float first = t;
+                is_second = meets_second(triangle, first, t, uv) && is_opaque(triangle, uv, true);
+            }
+            if (!is_second) continue;
+        }
         if (ASKS_CUTOUTS) {
             candidate = Candidate(t, uv, triangle, end);
             return true;
@@ -74,7 +81,13 @@ uint answer_candidate() {
     candidate.end = 0u;
     // A helper may have handed in a closer hit since.
     const bool counts = ANY_HIT == 1 || !SHARES || is_closest(candidate.t, candidate.triangle);
-    if (counts && is_cut_in(candidate.triangle, candidate.uv, candidate.t)) {
+    bool is_there = counts && is_cut_in(candidate.triangle, candidate.uv, candidate.t, false);
+    if (HAS_LEAF_KINDS && counts && !is_there && walk.other) {
+        const float first = candidate.t;
+        is_there = meets_second(candidate.triangle, first, candidate.t, candidate.uv)
+                && is_cut_in(candidate.triangle, candidate.uv, candidate.t, true);
+    }
+    if (is_there) {
         accept(candidate.triangle, candidate.uv, candidate.t);
 #if ANY_HIT
         return DONE;

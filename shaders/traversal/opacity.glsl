@@ -6,8 +6,37 @@
 
 #include "traversal/cutout_program.glsl"
 
+// Items that are no triangles are closed: a ray that goes through their first surface comes to the second one, of which
+// is asked by itself. Without opacity and cutouts none of it is compiled in.
+// Above the number of an item: that of its second surface.
+const uint SECOND_SURFACE = 1u << 31;
+
+// The number of a surface of an item, of whose opacity a hash decides. All pieces of a curve have the same: where they
+// overlap at a joint, a ray meets one surface and not two.
+uint surface_number(uint triangle, bool is_second) {
+    uint number = triangle;
+    if (HAS_ROUND && walk.other && walk_kind == LEAF_ROUND) {
+        number = floatBitsToUint(ConstVec4s(walk.pose.triangles).v[triangle * 3u].w);
+    }
+    return HAS_LEAF_KINDS && is_second ? number | SECOND_SURFACE : number;
+}
+
+// The second surface of an item whose first one, at distance `first`, is not there. Not before that one: so it is as
+// far behind the entries of boxes.
+bool meets_second(uint triangle, float first, out float t, out vec2 uv) {
+    vec3 v0, v1, v2;
+    posed_item(walk.pose, triangle, v0, v1, v2);
+    if (!leaf_exit(walk_kind, v0, v1, v2, walk.o, walk.d, t, uv)) return false;
+    t = max(t, first);
+#if ANY_HIT
+    return t < walk.limit;
+#else
+    return is_closest(t, triangle);
+#endif
+}
+
 // Whether the surface is there for this ray.
-bool is_opaque(uint triangle, vec2 uv) {
+bool is_opaque(uint triangle, vec2 uv, bool is_second) {
     Meshes meshes = Meshes(FRAME.meshes);
     const uint flags = meshes.v[walk.mesh].flags;
     const bool of_mesh = (flags & MESH_HAS_OPACITIES) != 0u;
@@ -31,7 +60,8 @@ bool is_opaque(uint triangle, vec2 uv) {
     if ((push.flags & PUSH_AOVS) != 0u) return opacity > 0.0;
     uint h = hash_combine(walk.seed, walk.chunk_instance);
     for (uint i = 0u; i <= level_index(); ++i) h = hash_combine(h, chain[i]);
-    return float(hash_u32(hash_combine(h, triangle)) >> 8) * 5.9604644775390625e-8 < opacity;
+    const uint number = surface_number(triangle, is_second);
+    return float(hash_u32(hash_combine(h, number)) >> 8) * 5.9604644775390625e-8 < opacity;
 }
 
 // Whether the material says that the surface is there for this ray. With streaming, where a tile of its texture is
@@ -39,10 +69,10 @@ bool is_opaque(uint triangle, vec2 uv) {
 // a chunk instance only the nearest cutout without an answer is asked about; resolve_cutouts answers, without the
 // chunk; the ray comes back with the answer when the chunk is there. All nearer ones are not there, or the ray would
 // have met them. So each tile or chunk that comes, by itself, gets it on.
-bool is_cut_in(uint triangle, vec2 uv, float t) {
-    uint id = walk.chunk_instance;
-    for (uint i = 0u; i <= level_index(); ++i) id = hash_combine(id, chain[i]);
-    id = hash_combine(id, triangle);
+bool is_cut_in(uint triangle, vec2 uv, float t, bool is_second) {
+    uint above = walk.chunk_instance;
+    for (uint i = 0u; i <= level_index(); ++i) above = hash_combine(above, chain[i]);
+    const uint id = hash_combine(above, HAS_LEAF_KINDS && is_second ? triangle | SECOND_SURFACE : triangle);
     if (HAS_STREAMING && answer.chunk_instance == walk.chunk_instance) {
         if (key_before(t, id, answer.t, answer.id)) return false;
         if (t == answer.t && id == answer.id && (answer.flags & QUESTION_OF_PROGRAM) == 0u) {
@@ -56,8 +86,9 @@ bool is_cut_in(uint triangle, vec2 uv, float t) {
     const bool chance = presence.threshold <= 0.0;
     float limit = presence.threshold;
     if (chance) {
+        const uint number = hash_combine(above, surface_number(triangle, is_second));
         limit = (push.flags & PUSH_AOVS) != 0u ? 0.0
-            : float(hash_u32(hash_combine(walk.seed, id)) >> 8) * 5.9604644775390625e-8;
+            : float(hash_u32(hash_combine(walk.seed, number)) >> 8) * 5.9604644775390625e-8;
     }
     if (HAS_CUTOUT_PROGRAMS && presence.program != NO_MATERIAL) {
         return is_cut_in_by_program(presence, triangle, uv, t, id, chance, limit);

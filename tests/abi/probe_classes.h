@@ -14,6 +14,7 @@
 #include "pxr/imaging/hd/renderSettings.h"
 #include "pxr/imaging/hd/retainedDataSource.h"
 #include "pxr/imaging/hd/rprim.h"
+#include "pxr/imaging/hd/sceneDelegate.h"
 #include "pxr/imaging/hdsi/extComputationPrimvarPruningSceneIndex.h"
 #include "pxr/imaging/hdsi/implicitSurfaceSceneIndex.h"
 #include "pxr/imaging/hdsi/nurbsApproximatingSceneIndex.h"
@@ -142,6 +143,13 @@ struct ProbeInstancer : HdInstancer
     ~ProbeInstancer();
 };
 ProbeInstancer::~ProbeInstancer() = default;
+
+struct ProbeSceneDelegate : HdSceneDelegate
+{
+    using HdSceneDelegate::HdSceneDelegate;
+    ~ProbeSceneDelegate();
+};
+ProbeSceneDelegate::~ProbeSceneDelegate() = default;
 
 struct ProbeCamera : HdCamera
 {

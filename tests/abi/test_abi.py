@@ -47,6 +47,7 @@ PROBE_PAIRS = {
     "ProbeRenderSettings": ("HdRenderSettings",),
     "ProbeInstancer": ("HdInstancer",),
     "ProbeCamera": ("HdCamera",),
+    "ProbeSceneDelegate": ("HdSceneDelegate",),
     "ProbeRenderParam": ("HdRenderParam",),
     "ProbeResourceRegistry": ("HdResourceRegistry",),
     "ProbeObserver": ("HdMergingSceneIndex", "_Observer"),
@@ -55,7 +56,7 @@ PROBE_PAIRS = {
     "ProbeContainerDataSource": ("HdOverlayContainerDataSource",),
 }
 # The runtime's classes above that add slots of their own after the interface's.
-LONGER = {"ProbeBprim", "ProbeSceneIndex"}
+LONGER = {"ProbeBprim", "ProbeSceneIndex", "ProbeSceneDelegate"}
 
 
 def setting(name):

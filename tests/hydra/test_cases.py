@@ -19,7 +19,7 @@ def test_case(host, case: Case):
     if case.front_end not in ("", "scene_index" if host.scene_index else "legacy"):
         pytest.skip(f"for the front end {case.front_end}")
     made = case.render(host)
-    wrong = case.compare(made)
+    wrong = case.compare(made, host.scene_index)
     assert not wrong, f"{case.name}: {case.why}\n" + "\n".join(wrong)
 
 

@@ -228,13 +228,21 @@ mod ffi {
         corner_sharpnesses: UniquePtr<HeldArray>,
     }
 
-    /// What the points of a prim are, by place among the variants of the core's `Shape`, `CurveBasis`, `CurveWrap`.
+    /// What the points of a prim are: 0 a mesh, 1 curves, 2 points, 3 none, but a solid of revolution. `basis` and
+    /// `wrap` by place among the variants of the core's `CurveBasis`, `CurveWrap`.
     struct ShapeDesc {
         kind: u8,
         basis: u8,
         wrap: u8,
         counts: UniquePtr<HeldArray>,
         indices: UniquePtr<HeldArray>,
+        /// Of a solid, four each: part of the shutter, radii at the lower and the upper end, height. The first ones are
+        /// the frame's own.
+        sizes: Vec<f64>,
+        /// Of a solid: 0 x, 1 y, 2 z.
+        axis: u8,
+        /// Of a solid: half balls end it.
+        is_round: bool,
     }
 
     /// A mesh; null arrays are absent, so is the material when its path is empty.

@@ -49,6 +49,14 @@ bool leaf_hit(const uint kind, const vec3 v0, const vec3 v1, const vec3 v2, cons
 {}    return false;
 }}
 
+// Whether a ray leaves the item that it enters in front of its origin, and where.
+bool leaf_exit(const uint kind, const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t,
+               out vec2 uv) {{
+    t = 0.0;
+    uv = vec2(0.0);
+{}    return false;
+}}
+
 // The point of the item's surface at a hit, given where the ray meets it, and the unit normal there.
 vec3 leaf_point(const uint kind, const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv, const vec3 met,
                 out vec3 normal) {{
@@ -94,6 +102,7 @@ float leaf_radius(const uint kind, const vec3 v0, const vec3 v1, const vec3 v2, 
 }}
 ",
         each("return NAME_hit(v0, v1, v2, o, d, t, uv)", |_| true),
+        each("return NAME_exit(v0, v1, v2, o, d, t, uv)", |_| true),
         each("return NAME_point(v0, v1, v2, uv, met, normal)", |_| true),
         each("return NAME_beside(v0, v1, v2, uv, normal, point)", |_| true),
         each("return NAME_rounding(v0, v1, v2, point)", |_| true),

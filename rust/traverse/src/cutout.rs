@@ -6,7 +6,7 @@ use crate::pending::before;
 use crate::presence::{Opacity, Presence};
 use crate::sampler::{combine, hash, unit};
 use crate::texture::{Looked, Lookup};
-use crate::walk::Walk;
+use crate::walk::{SECOND_SURFACE, Surface, Walk};
 use oocpt_shader_abi::{Question, RayFlags};
 
 /// Bits of `Question::flags`, as in include/cutout.glsl.
@@ -28,9 +28,11 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
 
     /// Whether the material says that the surface is there for this ray.
     #[inline(never)]
-    pub(crate) fn is_cut_in(&mut self, triangle: u32, subset_and_sides: u32, t: f32, uv: [f32; 2]) -> bool {
+    pub(crate) fn is_cut_in(&mut self, surface: Surface, t: f32, uv: [f32; 2]) -> bool {
+        let Surface { item: triangle, number, subset_and_sides } = surface;
         let records = &self.chain[..=self.level_index()];
-        let id = combine(records.iter().fold(self.chunk_instance, |id, &record| combine(id, record)), triangle);
+        let above = records.iter().fold(self.chunk_instance, |id, &record| combine(id, record));
+        let id = combine(above, triangle | (number & SECOND_SURFACE));
         if let Some(answer) = self.asking.answer_about(self.chunk_instance) {
             if before((t, id), (answer.t, answer.id)) {
                 return false;
@@ -46,7 +48,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         let limit = match is_chance {
             false => threshold,
             true if self.scene.is_of_aovs() => 0.0,
-            true => unit(hash(combine(self.world.seed, id))),
+            true => unit(hash(combine(self.world.seed, combine(above, number)))),
         };
         let is_there = |opacity: f32| opacity > limit || (!is_chance && opacity == limit);
         let (lookup, scale, bias, mask) = match opacity {

@@ -5,7 +5,7 @@
 use crate::primvar::indices;
 use crate::sampler::{combine, hash, unit};
 use crate::scene::Scene;
-use crate::walk::Walk;
+use crate::walk::{Surface, Walk};
 use oocpt_gpu::HostBytes;
 use oocpt_shader_abi::{
     Adaptive, Features, MeshFlags, NAME_DISPLAY_OPACITY, NO_MATERIAL, STREAM_BIT, STREAM_SEED, SUBSET_MASK, Segment,
@@ -68,7 +68,8 @@ fn attribute(values: HostBytes<'_>, corners: HostBytes<'_>, rate: u32, triangle:
 impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     /// Whether the surface is there for this ray.
     #[inline(never)]
-    pub(crate) fn is_opaque(&self, triangle: u32, subset_and_sides: u32, uv: [f32; 2]) -> bool {
+    pub(crate) fn is_opaque(&self, surface: Surface, uv: [f32; 2]) -> bool {
+        let Surface { item: triangle, number, subset_and_sides } = surface;
         let scene = self.scene;
         let of_mesh = self.mesh.flags & MeshFlags::HAS_OPACITIES.bits() != 0;
         if !of_mesh && !scene.has(Features::INSTANCE_OPACITY) {
@@ -90,6 +91,6 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         }
         let records = &self.chain[..=self.level_index()];
         let ids = records.iter().fold(combine(self.world.seed, self.chunk_instance), |h, &record| combine(h, record));
-        unit(hash(combine(ids, triangle))) < opacity
+        unit(hash(combine(ids, number))) < opacity
     }
 }

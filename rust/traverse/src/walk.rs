@@ -19,6 +19,7 @@ use crate::pose::Pose;
 use crate::scene::Scene;
 use crate::simd::Simd;
 use crate::vector::V3;
+pub(crate) use crate::walk::leaves::{SECOND_SURFACE, Surface};
 use crate::walk::mesh::triangles_of;
 use crate::walk::stack::{Key, Stack};
 use oocpt_gpu::{HostBytes, HostSpan};

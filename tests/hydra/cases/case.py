@@ -40,6 +40,8 @@ class Case:
     """Runs in the host before the picture, as in host_process.py."""
     later: str | None = None
     """The same after a first picture, of which nothing is asked."""
+    unlike: Mapping[tuple[int, int], Value] = dataclasses.field(default_factory=dict)
+    """Cells of which the scene-index front end of Hydra hands over something else, and what they must show there."""
     variant: str = ""
     """Tells cases of one file apart."""
     says: tuple[str, ...] = ()
@@ -74,11 +76,11 @@ class Case:
         color = picture["color"].astype(np.float64)
         return np.repeat(color[..., 3:], 3, axis=2) if self.covers else color[..., :3]
 
-    def compare(self, made: np.ndarray) -> list[str]:
+    def compare(self, made: np.ndarray, scene_index: bool = False) -> list[str]:
         """A line for each cell whose mean is not as it must be."""
         cut = round(self.inset * self.pixels)
         wrong = []
-        for (x, y), value in self.cells.items():
+        for (x, y), value in {**self.cells, **(self.unlike if scene_index else {})}.items():
             rows = slice(y * self.pixels + cut, (y + 1) * self.pixels - cut)
             columns = slice(x * self.pixels + cut, (x + 1) * self.pixels - cut)
             mean = made[rows, columns].mean(axis=(0, 1))

@@ -42,6 +42,7 @@ impl Default for MeshDesc {
             points: TypedArray::of(Vec::<[f32; 3]>::new()),
             point_motion: PointsMotion::default(),
             shape: Shape::Mesh,
+            solid: None,
             widths: None,
             normals: None,
             display_color: None,

@@ -8,12 +8,14 @@ mod dropped;
 mod light;
 mod motion;
 mod shape;
+mod solid;
 mod subdivision;
 
 pub use dropped::DroppedData;
 pub use light::{DomeFormat, LightDesc, LightKind, MaterialSync, ShadowReach, Shaping};
 pub use motion::{InstancerMotion, InstancerSample, PointsMotion, PointsSample, TransformSample};
 pub use shape::{CurveBasis, CurveWrap, CurvesDesc, Shape};
+pub use solid::{AROUND, Solid, SolidSize};
 pub use subdivision::{Boundary, Creasing, FaceVaryingLinear, Subdivision, SubdivisionTags, TriangleRule};
 
 use std::sync::Arc;
@@ -134,7 +136,9 @@ pub struct MeshDesc {
     pub point_motion: PointsMotion,
     /// What they are.
     pub shape: Shape,
-    /// Diameters of curves and points; 1 where there are none.
+    /// The solid that shape, points, faces, widths and normals are made of ([`MeshDesc::take_form`]).
+    pub solid: Option<Solid>,
+    /// Diameters of curves and points; a pixel where there are none.
     pub widths: Option<Primvar>,
     /// Authored normals, object space.
     pub normals: Option<Primvar>,

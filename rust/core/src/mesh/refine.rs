@@ -14,6 +14,7 @@ use super::deform::Pose;
 use super::demand::Demand;
 use super::dicing::{Dicing, MOST_PIECES};
 use super::displace::{Cut, Displaced};
+use super::leaf::round::is_of_lines;
 use super::refine_values::ControlValues;
 use super::topology::{Face, Topology};
 use crate::array::TypedArray;
@@ -41,6 +42,8 @@ pub(crate) struct Refined {
 /// as they are ([`DroppedData::unrefined_meshes`] counts them).
 pub(super) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
     match (&desc.shape, desc.subdivision) {
+        // Lines are as wide as a pixel.
+        (Shape::Curves(_) | Shape::Points, _) if pixels > 0.0 && is_of_lines(desc) => true,
         // Cubic curves are cut; what nothing is cut of stays the same at any rate.
         (Shape::Curves(curves), _) => curves.basis != CurveBasis::Linear && (pixels > 0.0 || desc.refine_level > 0),
         // Flat where it is seen as flat: only who asks for more gets it.

@@ -34,7 +34,13 @@ pub(crate) struct MeshEntry {
 
 impl MeshEntry {
     /// A new entry, or `old` with what changed. Gives whether anything did.
-    pub(crate) fn update(old: Option<Self>, desc: MeshDesc) -> (Self, bool) {
+    pub(crate) fn update(old: Option<Self>, mut desc: MeshDesc) -> (Self, bool) {
+        if let Some(old) = &old {
+            desc.keep_form(&old.desc);
+        }
+        if desc.points.is_empty() {
+            desc.take_form(false);
+        }
         match old {
             Some(old) if is_same_mesh(&old.desc, &desc, &old.demand()) => {
                 let changed = old.desc.prim != desc.prim
@@ -65,9 +71,10 @@ impl MeshEntry {
         Demand { wanted, dicing: Some(dicing), displacements, heights: None }
     }
 
-    /// Notes what materials ask for; forgets what was made for something else.
-    pub(crate) fn ask(&mut self, wanted: Vec<WantedPrimvar>, displacements: Displacements) {
-        if self.wanted != wanted || self.displacements != displacements {
+    /// Notes what materials ask for; forgets what was made for something else. `emits`: something of it is a light.
+    pub(crate) fn ask(&mut self, wanted: Vec<WantedPrimvar>, displacements: Displacements, emits: bool) {
+        let is_new_form = self.desc.take_form(emits || !displacements.is_empty());
+        if is_new_form || self.wanted != wanted || self.displacements != displacements {
             self.wanted = wanted;
             self.displacements = displacements;
             self.built = None;

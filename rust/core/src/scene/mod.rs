@@ -31,7 +31,7 @@ pub use crate::desc::{
     AssetRef, ConnectionDesc, CurveBasis, CurveWrap, CurvesDesc, DomeFormat, DroppedData, InstanceLinks, InstancedBy,
     InstancerDesc, InstancerMotion, InstancerPrototype, InstancerSample, Interpolation, LightDesc, LightKind, MaterialDesc,
     MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PointsMotion, PointsSample, PrimDesc,
-    Primvar, ShadowReach, Shape, Shaping, Subdivision, SubdivisionTags, SubsetDesc, TransformSample,
+    Primvar, ShadowReach, Shape, Shaping, Solid, SolidSize, Subdivision, SubdivisionTags, SubsetDesc, TransformSample,
 };
 pub use crate::instancing::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
 pub use crate::instancing::motion::{MAX_KEYS, MotionKey, map_at};
@@ -304,7 +304,7 @@ impl SceneDb {
         let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
         let hierarchy = Hierarchy::new(prims, shows, reports);
         let reachable = hierarchy.reachable(prims, reports);
-        self.surface_store.prepare(&mut self.materials, &mut self.meshes, &reachable, reports);
+        self.surface_store.prepare(&mut self.materials, &mut self.meshes, &self.lights, &reachable, reports);
         self.surface_store.offer(&self.meshes, &mut self.instancers, &reachable, reports);
         self.mesh_store.set_options(&mut self.meshes, self.partition.options());
         let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };

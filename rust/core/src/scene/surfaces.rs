@@ -12,7 +12,7 @@ use super::linking::LinkedPrims;
 use super::mesh_lights::{MESH_LIGHT, MeshLight};
 use super::report::Reports;
 use super::snapshot::SurfaceTables;
-use crate::desc::{MaterialDesc, MeshDesc, Shape};
+use crate::desc::{LightDesc, MaterialDesc, MeshDesc, Shape};
 use crate::instancing::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstancePrimvar, MemberPrimvar};
 use crate::material::{ACROSS_NAME, Compiled, Input, Material, MaterialFlags, PTEX_SET, TextureRef, built_in, compile};
 use crate::mesh::{Displacements, WantedPrimvar};
@@ -113,11 +113,12 @@ const NO_CURVE: &str = "its hair material is for curves: fibres go along the fir
 
 impl SurfaceStore {
     /// Compiles the materials of the meshes `shown` and tells every mesh which primvars it has to build and how it is
-    /// displaced; a mesh that was built otherwise forgets its asset.
+    /// displaced; a mesh that was built otherwise forgets its asset. Solids that emit become polygons.
     pub(crate) fn prepare(
         &mut self,
         materials: &mut BTreeMap<Arc<str>, MaterialEntry>,
         meshes: &mut BTreeMap<Arc<str>, MeshEntry>,
+        lights: &BTreeMap<Arc<str>, LightDesc>,
         shown: &FxHashSet<Arc<str>>,
         reports: &mut Reports,
     ) {
@@ -169,7 +170,13 @@ impl SurfaceStore {
             if displacements.iter().all(Option::is_none) {
                 displacements.clear();
             }
-            entry.ask(wanted, displacements);
+            let emits = |material: Option<&Arc<str>>| {
+                let compiled = material.and_then(|material| materials.get(material)?.compiled.as_ref()?.material.as_ref());
+                compiled.is_some_and(|material| material.flags.contains(MaterialFlags::EMISSIVE))
+            };
+            let emits = entry.desc.solid.is_some()
+                && (lights.contains_key(&*format!("{path}{MESH_LIGHT}")) || bindings(&entry.desc).any(emits));
+            entry.ask(wanted, displacements, emits);
         }
         for (path, entry) in materials.iter() {
             if let Some(problem) = entry.compiled.as_ref().and_then(|compiled| compiled.problem()) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Leaf tests by kind (`oocpt_shader_abi::LEAVES`): shaders/geometry, operation by operation. A kind is a module with
 //! `hit(vertices, o, d)`: the distance, in units of `d`, at which a ray meets an item in front of its origin, and the
-//! weights of the second and third corner there. Triangles have one of their own, for what is the same for all of them.
+//! weights of the second and third corner there; `exit` is the same where a ray leaves an item that it enters there. Triangles have one of their own, for what is the same for all of them.
 //! Pure, any thread.
 
 mod point;
@@ -20,6 +20,14 @@ macro_rules! leaves {
         pub(crate) fn hit(kind: u32, vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
             match kind {
                 $($(#[cfg($only)])? kind if kind == Leaf::$row.number => $module::hit(vertices, o, d),)+
+                _ => None,
+            }
+        }
+
+        /// Where a ray leaves an item that it enters in front of its origin (`leaf_exit`).
+        pub(crate) fn exit(kind: u32, vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
+            match kind {
+                $($(#[cfg($only)])? kind if kind == Leaf::$row.number => $module::exit(vertices, o, d),)+
                 _ => None,
             }
         }

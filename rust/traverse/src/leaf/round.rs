@@ -50,6 +50,11 @@ impl Hit {
             None
         }
     }
+
+    /// The same for where the line leaves what it enters in front of the origin.
+    pub(super) fn second(&self, nearest: f32) -> Option<(f32, f32)> {
+        (self.entry <= self.exit && nearest + self.entry > 0.0).then(|| (nearest + self.exit, self.exit_u))
+    }
 }
 
 /// `passes_by`: whether the line is so far from the axis that the test would find no hit.
@@ -63,7 +68,20 @@ fn passes_by(from: V3, d: V3, dd: f32, axis: V3, radius: f32) -> bool {
 }
 
 /// Where the ray enters the hull, or leaves it if it begins inside, and the ball that touches there.
-pub(super) fn hit([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
+pub(super) fn hit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
+    let (hit, nearest) = span(vertices, o, d)?;
+    hit.nearest(nearest).map(|(t, u)| (t, [u, 0.0]))
+}
+
+/// `round_exit`.
+pub(super) fn exit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
+    let (hit, nearest) = span(vertices, o, d)?;
+    hit.second(nearest).map(|(t, u)| (t, [u, 0.0]))
+}
+
+/// `round_span`.
+#[inline(always)]
+fn span([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(Hit, f32)> {
     let dd = dot3(d, d);
     let axis = p1 - p0;
     let from = o - p0;
@@ -79,7 +97,7 @@ pub(super) fn hit([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(f
         hit.meet_ball(c - axis, r1, d, dd, 1.0);
         meet_cone(&mut hit, (c, axis), squared, [r0, r1], d, dd);
     }
-    hit.nearest(nearest).map(|(t, u)| (t, [u, 0.0]))
+    Some((hit, nearest))
 }
 
 /// `round_edges`.

@@ -15,7 +15,20 @@ pub(super) fn edges([v0, v1, _]: [V3; 3]) -> [V3; 2] {
     [V3([v1[0] - v0[0], 0.0, 0.0]), V3([0.0, v1[1] - v0[1], v1[2] - v0[2]])]
 }
 
-pub(super) fn hit([first, second, _]: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
+pub(super) fn hit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
+    let (entry, exit) = span(vertices, o, d)?;
+    let t = if entry > 0.0 { entry } else { exit };
+    (t > 0.0).then(|| (t, [share(vertices[0], vertices[1], o[0] + t * d[0]), 0.0]))
+}
+
+/// `toy_box_exit`.
+pub(super) fn exit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
+    let (entry, exit) = span(vertices, o, d)?;
+    (entry > 0.0).then(|| (exit, [share(vertices[0], vertices[1], o[0] + exit * d[0]), 0.0]))
+}
+
+/// `toy_box_span`.
+fn span([first, second, _]: [V3; 3], o: V3, d: V3) -> Option<(f32, f32)> {
     let (mut entry, mut exit) = (-3.0e38_f32, 3.0e38_f32);
     for axis in 0..3 {
         let (a, b) = (first[axis] - o[axis], second[axis] - o[axis]);
@@ -34,10 +47,5 @@ pub(super) fn hit([first, second, _]: [V3; 3], o: V3, d: V3) -> Option<(f32, [f3
             exit = far;
         }
     }
-    if entry <= exit {
-        let t = if entry > 0.0 { entry } else { exit };
-        (t > 0.0).then(|| (t, [share(first, second, o[0] + t * d[0]), 0.0]))
-    } else {
-        None
-    }
+    (entry <= exit).then_some((entry, exit))
 }

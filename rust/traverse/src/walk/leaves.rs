@@ -6,7 +6,33 @@ use crate::leaf;
 use crate::leaf::triangle::hit_triangle;
 use crate::simd::{Portable, Simd};
 use crate::vector::{V3, dot3};
-use oocpt_shader_abi::{Features, GpuTriangle, POINT_BUNDLE};
+use oocpt_shader_abi::{Features, GpuTriangle, Leaf, POINT_BUNDLE};
+
+/// Above the number of an item: that of its second surface.
+pub(crate) const SECOND_SURFACE: u32 = 1 << 31;
+
+/// A surface that a walk comes to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Surface {
+    /// Of the mesh.
+    pub(crate) item: u32,
+    /// What a hash decides of it by.
+    pub(crate) number: u32,
+    pub(crate) subset_and_sides: u32,
+}
+
+/// What became of a candidate for the hit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Taken {
+    /// Something nearer is known.
+    Behind,
+    /// Its surface is not there for the ray, or that is not known yet.
+    Absent,
+    /// It is the hit so far.
+    Met,
+    /// It is the hit that ends the walk.
+    Ends,
+}
 
 /// Points of a leaf.
 const BUNDLE: usize = POINT_BUNDLE as usize;
@@ -22,7 +48,8 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
                 corners = self.pose.posed(vertices, index).map(|V3([x, y, z])| [x, y, z, 0.0]);
             }
             if let Some((t, uv)) = hit_triangle(simd, &corners, self.at.ray.origin(), self.at.d, &self.shear)
-                && self.take(index, triangle.subset_and_sides, t, uv)
+                && self.take(Surface { item: index, number: index, subset_and_sides: triangle.subset_and_sides }, t, uv)
+                    == Taken::Ends
             {
                 return true;
             }
@@ -40,9 +67,20 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         let near = if self.pose.of_points { self.points_near(begin, end) } else { u32::MAX };
         for index in (begin..end).filter(|index| near >> (index - begin) & 1 != 0) {
             let Some((vertices, subset_and_sides)) = self.pose.item(index) else { return false };
-            if let Some((t, uv)) = leaf::hit(kind, vertices, self.at.ray.origin(), self.at.d)
-                && self.take(index, subset_and_sides, t, uv)
+            let (o, d) = (self.at.ray.origin(), self.at.d);
+            let Some((t, uv)) = leaf::hit(kind, vertices, o, d) else { continue };
+            let number = self.surface_number(kind, index);
+            let first = Surface { item: index, number, subset_and_sides };
+            let mut taken = self.take(first, t, uv);
+            // What is closed has a second surface, where the first one is not there.
+            if taken == Taken::Absent
+                && let Some((exit, uv)) = leaf::exit(kind, vertices, o, d)
             {
+                let t = self.reached(t);
+                let second = Surface { number: number | SECOND_SURFACE, ..first };
+                taken = self.take(second, if t > exit { t } else { exit }, uv);
+            }
+            if taken == Taken::Ends {
                 return true;
             }
         }
@@ -77,28 +115,43 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         is_far.iter().rev().fold(0, |near, &far| near << 1 | u32::from(!far))
     }
 
-    /// A candidate for the hit; true ends the walk.
+    /// `surface_number`, of the first surface of an item: all pieces of a curve have the same.
+    fn surface_number(&self, kind: u32, index: u32) -> u32 {
+        let is_asked = self.scene.special.features.intersects(Features::OPACITY | Features::CUTOUTS);
+        if !is_asked || kind != Leaf::ROUND.number {
+            return index;
+        }
+        self.pose.triangles.get::<GpuTriangle>(index as usize).map_or(index, |item| item.face)
+    }
+
+    /// The distance of a surface: not before the boxes above are entered.
     #[inline(always)]
-    fn take(&mut self, triangle: u32, subset_and_sides: u32, t: f32, uv: [f32; 2]) -> bool {
-        let mut t = t;
+    fn reached(&self, t: f32) -> f32 {
+        let entered = self.entry * ENTRY_SCALE;
+        if !ANY_HIT && entered > t { entered } else { t }
+    }
+
+    /// A candidate for the hit.
+    #[inline(always)]
+    fn take(&mut self, surface: Surface, t: f32, uv: [f32; 2]) -> Taken {
+        let triangle = surface.item;
+        let t = self.reached(t);
         if ANY_HIT {
             #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "as the shader")]
             if !(t < self.world.t_max) {
-                return false;
+                return Taken::Behind;
             }
         } else {
-            let entered = self.entry * ENTRY_SCALE;
-            t = if entered > t { entered } else { t };
             let has_hit = self.hit || self.hit_before;
             if !(t < self.found.t || (has_hit && t == self.found.t && self.precedes(triangle))) {
-                return false;
+                return Taken::Behind;
             }
         }
-        if self.scene.has(Features::OPACITY) && !self.is_opaque(triangle, subset_and_sides, uv) {
-            return false;
+        if self.scene.has(Features::OPACITY) && !self.is_opaque(surface, uv) {
+            return Taken::Absent;
         }
-        if self.scene.has(Features::CUTOUTS) && !self.is_cut_in(triangle, subset_and_sides, t, uv) {
-            return false;
+        if self.scene.has(Features::CUTOUTS) && !self.is_cut_in(surface, t, uv) {
+            return Taken::Absent;
         }
         self.hit = true;
         if !ANY_HIT {
@@ -110,7 +163,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             (self.found.triangle, self.found.chunk_instance) = (triangle, self.chunk_instance);
             self.limit = t * CULL_PAD;
         }
-        ANY_HIT
+        if ANY_HIT { Taken::Ends } else { Taken::Met }
     }
 
     /// Whether the candidate comes before the closest hit in the order of ids.

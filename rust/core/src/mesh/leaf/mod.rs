@@ -105,7 +105,7 @@ pub(super) fn read_items(
     match &desc.shape {
         Shape::Mesh => None,
         Shape::Curves(curves) => Some(round::read_curves(desc, curves, wanted, dicing, poses, dropped)),
-        Shape::Points => Some(round::read_points(desc, poses, dropped)),
+        Shape::Points => Some(round::read_points(desc, dicing, poses, dropped)),
         #[cfg(feature = "faults")]
         Shape::ToyBoxes => Some(toy_box::read(desc, poses, dropped)),
     }

@@ -9,7 +9,8 @@
 use glam::{DVec3, DVec4};
 
 use super::basis::{Segment, segments, varying_count};
-use super::{DEFAULT_WIDTH, is_width, point};
+use super::lines::{Lines, usable_widths};
+use super::{is_width, point};
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{CurvesDesc, DroppedData, Interpolation, MeshDesc, Primvar};
 use crate::mesh::dicing::Dicing;
@@ -80,7 +81,7 @@ struct Curve<'a> {
 /// Radii by whatever widths go by.
 pub(super) struct Radii<'a> {
     interpolation: Interpolation,
-    view: Option<ArrayView<'a>>,
+    view: Result<ArrayView<'a>, Lines<'a>>,
 }
 
 impl Cut {
@@ -101,7 +102,7 @@ impl Cut {
         }
         let points = desc.points.view();
         let available = indices.map_or(points.len(), |indices| indices.len());
-        let radii = Radii::of(desc.widths.as_ref(), dropped);
+        let radii = Radii::of(desc, dicing, dropped);
         let mut cut = Self { curve_count: counts.len(), most_pieces: most_pieces(available), moves, ..Self::default() };
         let (mut first, mut vertices) = (0_usize, Vec::new());
         for (at, number) in (0..counts.len()).zip(0_u32..) {
@@ -155,7 +156,10 @@ impl Cut {
         let control = |vertex: usize, varying: f64| {
             let at = curve.vertices.get(vertex).copied().unwrap_or(0);
             let place = points.vec3(at as usize).unwrap_or(DVec3::ZERO);
-            place.extend(radii.at(at as usize, varying, curve))
+            place.extend(match &radii.view {
+                Ok(_) => radii.at(at as usize, varying, curve),
+                Err(lines) => 0.5 * lines.width(place),
+            })
         };
         let sum = |segment: &Segment, weights: [f64; 4], varying: f64| -> DVec4 {
             segment.vertices.iter().zip(weights).map(|(&vertex, weight)| control(vertex, varying) * weight).sum()
@@ -252,14 +256,21 @@ fn stencil(segment: &Segment, weights: [f64; 4], number: usize, t: f64, curve: &
 }
 
 impl<'a> Radii<'a> {
-    pub(super) fn of(primvar: Option<&'a Primvar>, dropped: &mut DroppedData) -> Self {
-        let usable = primvar.filter(|p| p.values.view().scalar(0).is_some() && p.indices.is_none());
-        dropped.primvars += u64::from(primvar.is_some() && usable.is_none());
-        let one = |p: &Primvar| if p.values.len() == 1 { Interpolation::Constant } else { p.interpolation };
-        Self {
-            interpolation: usable.map_or(Interpolation::Constant, one),
-            view: usable.map(|primvar| primvar.values.view()),
-        }
+    /// Those of a prim: of its widths, or where it has none that can be used, of lines.
+    fn of(desc: &'a MeshDesc, dicing: &'a Dicing, dropped: &mut DroppedData) -> Self {
+        let usable = usable_widths(desc);
+        dropped.primvars += u64::from(desc.widths.as_ref().is_some_and(|w| !w.values.is_empty()) && usable.is_none());
+        usable.map_or_else(
+            || Self { interpolation: Interpolation::Constant, view: Err(Lines::of(desc, dicing)) },
+            Self::of_widths,
+        )
+    }
+
+    /// Those of widths that can be used.
+    pub(super) fn of_widths(primvar: &'a Primvar) -> Self {
+        let is_one = primvar.values.len() == 1;
+        let interpolation = if is_one { Interpolation::Constant } else { primvar.interpolation };
+        Self { interpolation, view: Ok(primvar.values.view()) }
     }
 
     /// True where there are fewer widths than the interpolation needs.
@@ -270,11 +281,11 @@ impl<'a> Radii<'a> {
             Interpolation::Vertex => points,
             Interpolation::Varying | Interpolation::FaceVarying => ends,
         };
-        self.view.is_some_and(|view| view.len() < needed)
+        self.view.as_ref().is_ok_and(|view| view.len() < needed)
     }
 
     fn width(&self, at: usize) -> f64 {
-        let Some(view) = &self.view else { return DEFAULT_WIDTH };
+        let Ok(view) = &self.view else { return 0.0 };
         view.scalar(at).or(view.scalar(0)).filter(|width| is_width(*width)).unwrap_or(0.0)
     }
 

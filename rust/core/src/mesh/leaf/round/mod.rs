@@ -4,12 +4,15 @@
 //! [`basis`] says how control points make a curve, [`curves`] cuts curves into pieces, [`values`] brings primvars
 //! along, [`posed`] says where they are at other times. A piece of a tube is the hull of the balls at its ends, so
 //! pieces fit without a gap, and linear curves are exact. A piece of a cubic curve is straight: [`curves`] says how far
-//! it is from the curve. A point is a ball, a piece of no length.
+//! it is from the curve. A point is a ball, a piece of no length. What has no widths is [`lines`].
 
 mod basis;
 mod curves;
+mod lines;
 mod posed;
 mod values;
+
+use glam::Vec3;
 
 use super::{Items, LeafKind, Vertices, point};
 use crate::array::ArrayView;
@@ -21,10 +24,9 @@ use crate::mesh::refine_values::primvar_of;
 use crate::mesh::topology::{Face, MAX_COORDINATE, MAX_CORNERS, Topology};
 use crate::mesh::{Aabb, WantedPrimvar};
 use curves::Cut;
+pub(in crate::mesh) use lines::is_of_lines;
+use lines::{Lines, usable_widths};
 use posed::Ribbon;
-
-/// Width of curves and points that have none.
-const DEFAULT_WIDTH: f64 = 1.0;
 
 pub(in crate::mesh) fn bounds(&[first, second, [from, to, _]]: &Vertices) -> Aabb {
     ball_box(first, from).union(&ball_box(second, to))
@@ -87,16 +89,17 @@ pub(in crate::mesh) fn is_width(width: f64) -> bool {
 
 /// Balls, an item for each point.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
-pub(super) fn read_points(desc: &MeshDesc, poses: &[Pose], dropped: &mut DroppedData) -> Items {
+pub(super) fn read_points(desc: &MeshDesc, dicing: &Dicing, poses: &[Pose], dropped: &mut DroppedData) -> Items {
     let Some(view) = usable_points(desc, dropped) else { return nothing(desc) };
-    let widths = Widths::of_points(desc.widths.as_ref(), view.len(), dropped);
+    let widths = Widths::of_points(desc, dicing, dropped);
     let poses: Vec<Pose> = poses.iter().map(|pose| widened(desc, pose, view.len())).collect();
     let (mut topology, mut radii) = (Topology { face_count: view.len(), ..Topology::default() }, Vec::new());
     for (at, index) in (0..view.len()).zip(0_u32..) {
-        let width = widths.at(at);
+        let place = point(&view, at);
+        let width = widths.at(at, place.unwrap_or_default());
         radii.push((0.5 * width) as f32);
-        topology.points.push(point(&view, at).unwrap_or_default());
-        if point(&view, at).is_none() || !is_width(width) {
+        topology.points.push(place.unwrap_or_default());
+        if place.is_none() || !is_width(width) {
             dropped.points += 1;
         } else if width > 0.0 || poses.iter().any(|pose| has_width(pose, at)) {
             let first = u32::try_from(topology.corners.len()).unwrap_or(u32::MAX);
@@ -127,8 +130,8 @@ pub(super) fn read_points(desc: &MeshDesc, poses: &[Pose], dropped: &mut Dropped
 fn widened(desc: &MeshDesc, pose: &Pose, count: usize) -> Pose {
     let radii = pose.widths.as_ref().zip(desc.widths.as_ref()).map(|(values, own)| {
         let primvar = Primvar { values: values.clone(), ..own.clone() };
-        let widths = Widths::of_points(Some(&primvar), count, &mut DroppedData::default());
-        (0..count).map(|at| (0.5 * widths.at(at)) as f32).collect()
+        let widths = Widths::of_widths(&primvar);
+        (0..count).map(|at| (0.5 * widths.at(at, [0.0; 3])) as f32).collect()
     });
     Pose { radii, ..pose.clone() }
 }
@@ -142,28 +145,30 @@ fn has_width(pose: &Pose, at: usize) -> bool {
 enum Widths<'a> {
     Constant(f64),
     ByPoint(ArrayView<'a>),
+    Lines(Lines<'a>),
 }
 
 impl<'a> Widths<'a> {
-    fn of_points(primvar: Option<&'a Primvar>, points: usize, dropped: &mut DroppedData) -> Self {
-        let Some(primvar) = primvar else { return Self::Constant(DEFAULT_WIDTH) };
-        let view = primvar.values.view();
-        let is_one =
-            matches!(primvar.interpolation, Interpolation::Constant | Interpolation::Uniform) || view.len() == 1;
-        match view.scalar(0) {
-            Some(width) if is_one => Self::Constant(width),
-            Some(_) if view.len() >= points && primvar.indices.is_none() => Self::ByPoint(view),
-            _ => {
-                dropped.primvars += 1;
-                Self::Constant(DEFAULT_WIDTH)
-            }
-        }
+    fn of_points(desc: &'a MeshDesc, dicing: &'a Dicing, dropped: &mut DroppedData) -> Self {
+        let usable = usable_widths(desc);
+        dropped.primvars += u64::from(desc.widths.as_ref().is_some_and(|w| !w.values.is_empty()) && usable.is_none());
+        usable.map_or_else(|| Self::Lines(Lines::of(desc, dicing)), Self::of_widths)
     }
 
-    fn at(&self, point: usize) -> f64 {
+    fn of_widths(primvar: &'a Primvar) -> Self {
+        let view = primvar.values.view();
+        let is_one = matches!(primvar.interpolation, Interpolation::Constant | Interpolation::Uniform);
+        if is_one || view.len() == 1 {
+            return Self::Constant(view.scalar(0).unwrap_or(f64::NAN));
+        }
+        Self::ByPoint(view)
+    }
+
+    fn at(&self, point: usize, place: [f32; 3]) -> f64 {
         match self {
             Self::Constant(width) => *width,
             Self::ByPoint(view) => view.scalar(point).unwrap_or(f64::NAN),
+            Self::Lines(lines) => lines.width(Vec3::from(place).as_dvec3()),
         }
     }
 }

@@ -77,7 +77,7 @@ impl Cut {
     #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
     fn radii_at(&self, desc: &MeshDesc, pose: &Pose) -> Option<Vec<f32>> {
         let primvar = Primvar { values: pose.widths.clone()?, ..desc.widths.clone()? };
-        let radii = Radii::of(Some(&primvar), &mut DroppedData::default());
+        let radii = Radii::of_widths(&primvar);
         let radius = |(stencil, &curve)| radii.at_stencil(stencil, curve) as f32;
         Some(self.stencils.iter().zip(&self.curves).map(radius).collect())
     }
