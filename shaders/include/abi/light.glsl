@@ -35,6 +35,12 @@ struct Lighting {
     uint64_t infinite_motion;
     uint64_t mesh_motion;
     uint64_t mesh_keys;
+    float local_brightness;
+    float mesh_brightness;
+    float dome_irradiance;
+    float distant_irradiance;
+    vec3 distant_axis;
+    uint pad1;
 };
 
 struct GpuLightKey {

@@ -268,7 +268,13 @@ pub const LAYOUTS: &[StructLayout] = &[
         local_motion,
         infinite_motion,
         mesh_motion,
-        mesh_keys
+        mesh_keys,
+        local_brightness,
+        mesh_brightness,
+        dome_irradiance,
+        distant_irradiance,
+        distant_axis,
+        pad1
     }),
     layout!(GpuLightKey { key, translation_lo, radiance }),
     layout!(GpuMeshLight {
