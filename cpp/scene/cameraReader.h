@@ -25,8 +25,8 @@ struct HdOocPTLens
 HdOocPTLens HdOocPTReadLens(const HdSceneIndexBase& scene, const SdfPath& path);
 
 /// What the camera's exposure multiplies the picture by: its linear exposure scale or, of a host that has none, what
-/// UsdGeomCamera::ComputeLinearExposureScale() makes of its parts; 1 without a prim. Warns of a scale that is no number,
-/// negative or too large, which counts as 1, and of 0.
+/// UsdGeomCamera::ComputeLinearExposureScale() makes of its parts; 1 without a prim. Warns of a scale that is no
+/// number, negative or too large, which counts as 1, and of 0.
 float HdOocPTReadExposureScale(const HdSceneIndexBase& scene, const SdfPath& path, HdOocPTWarnings* warnings);
 
 /// The clipping planes of a camera prim, in its space: what is below 0 is not seen. Warns of planes that are not

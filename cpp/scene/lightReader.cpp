@@ -103,16 +103,7 @@ void _ReadEmission(const _Inputs& inputs, oocpt::LightDesc* desc)
     desc->color_temperature = inputs.Get(tokens.colorTemperature, 6500.0f);
     desc->diffuse = inputs.Get(tokens.diffuse, 1.0f);
     desc->specular = inputs.Get(tokens.specular, 1.0f);
-    desc->format = oocpt::DomeFormatTag::Automatic;
-    if (desc->kind == oocpt::LightTag::Dome) {
-        const TfToken format = inputs.Get(tokens.textureFormat, tokens.automatic);
-        desc->format = format == tokens.automatic || format.IsEmpty() ? oocpt::DomeFormatTag::Automatic
-            : format == tokens.latlong                                ? oocpt::DomeFormatTag::Latlong
-            : format == tokens.mirroredBall                           ? oocpt::DomeFormatTag::MirroredBall
-            : format == tokens.angular                                ? oocpt::DomeFormatTag::Angular
-            : format == tokens.cubeMapVerticalCross                   ? oocpt::DomeFormatTag::CubeMapVerticalCross
-                                                                      : oocpt::DomeFormatTag::Other;
-    }
+    desc->format = inputs.GetText(tokens.textureFormat);
     if (desc->kind == oocpt::LightTag::Dome || desc->kind == oocpt::LightTag::Rect) {
         desc->texture = HdOocPTDescribeAsset(inputs.Get(tokens.textureFile));
     }

@@ -50,8 +50,7 @@ PXR_NAMESPACE_OPEN_SCOPE
     /* lights */                                                                                                      \
     (light)(material)(color)(intensity)(exposure)(enableColorTemperature)(colorTemperature)(normalize)(angle)         \
     (diffuse)(specular)(width)(height)(radius)(length)(treatAsPoint)(treatAsLine)(lightLink)(shadowLink)(filters)     \
-    (portals)(isLight)(materialSyncMode)(independent)(noMaterialResponse)(meshLight)(domeOffset)(automatic)(latlong)  \
-    (mirroredBall)(angular)(cubeMapVerticalCross)                                                                     \
+    (portals)(isLight)(materialSyncMode)(independent)(noMaterialResponse)(meshLight)(domeOffset)                      \
     ((textureFile, "texture:file"))((textureFormat, "texture:format"))((shadowEnable, "shadow:enable"))               \
     ((shadowColor, "shadow:color"))((coneAngle, "shaping:cone:angle"))((coneSoftness, "shaping:cone:softness"))       \
     ((shapingFocus, "shaping:focus"))((focusTint, "shaping:focusTint"))((iesFile, "shaping:ies:file"))                \

@@ -3,10 +3,11 @@
 // heuristic.
 //
 // Lights are in two groups: those with a place (local ones, and meshes that emit light: light_mesh.glsl), chosen by
-// light trees, and those at infinity, by fixed probabilities. Each light is a strategy of its own against the BSDF's: a
-// ray that meets several gets each with its own weight. A constant dome is sampled by the BSDF. Lights without shadows,
-// or with coloured or linked ones, are sampled by shadow rays only, and so are points, lines and single directions; a
-// delta lobe's rays (density 0) bring all that they meet.
+// light trees, and those at infinity, by fixed probabilities. Which group is asked is decided by what each may bring to
+// the receiver (local_share, decisions/0062). Each light is a strategy of its own against the BSDF's: a ray that meets
+// several gets each with its own weight. A constant dome is sampled by the BSDF. Lights without shadows, or with
+// coloured or linked ones, are sampled by shadow rays only, and so are points, lines and single directions; a delta
+// lobe's rays (density 0) bring all that they meet.
 // Needs: Bsdf and its functions (bsdf.glsl or bsdf_lambert.glsl), wavefront.glsl.
 #ifndef OOCPT_LIGHT_SAMPLE_GLSL
 #define OOCPT_LIGHT_SAMPLE_GLSL
@@ -93,9 +94,41 @@ float linked_infinite(uint link_set) {
     return sum;
 }
 
-// Share of the shadow rays that goes to local lights: all of it where none at infinity is linked.
-float local_share(float linked) {
-    return HAS_LIGHT_LINKS && LIGHTING.local_share > 0.0 && !(linked > 0.0) ? 1.0 : LIGHTING.local_share;
+// Least share of the shadow rays that goes to each of two groups that may both bring something.
+const float LEAST_SHARE = 0.1;
+
+// Roughly the irradiance that lights at infinity give; `linked`: the share of them that shines here.
+float irradiance_from_infinity(float linked, Receiver r) {
+    float distant = LIGHTING.distant_irradiance;
+    // What shines from below does not count, but suns all around would not cancel each other.
+    if (dot3(r.n, r.n) > 0.0) distant = max(dot3(r.n, LIGHTING.distant_axis), 0.05 * distant);
+    return (LIGHTING.dome_irradiance + distant) * linked;
+}
+
+// Roughly the irradiance that lights with a place give; 0 where none comes.
+float irradiance_from_near(Receiver r) {
+    float sum = 0.0;
+    if (HAS_LOCAL_LIGHTS && LIGHTING.local_brightness > 0.0) {
+        sum += LIGHTING.local_brightness * importance_below(0u, false, r);
+    }
+    if (HAS_MESH_LIGHTS && LIGHTING.mesh_brightness > 0.0) {
+        sum += LIGHTING.mesh_brightness * importance_below(0u, true, r);
+    }
+    return sum;
+}
+
+// Share of the shadow rays that goes to lights with a place: by what these and those at infinity may bring to the
+// receiver, all of it where none at infinity is linked. A function of what a ray that leaves the receiver carries
+// along, for choosing and for weighing.
+float local_share(float linked, Receiver r) {
+    const float given = LIGHTING.local_share;
+    if (HAS_LIGHT_LINKS && given > 0.0 && !(linked > 0.0)) return 1.0;
+    const bool has_near = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS;
+    if (!(has_near && HAS_INFINITE_LIGHTS) || given <= 0.0 || given >= 1.0) return given;
+    const float near = irradiance_from_near(r);
+    if (!(near > 0.0)) return 0.0;
+    const float sum = near + irradiance_from_infinity(linked, r);
+    return sum < INFINITE ? LEAST_SHARE + (1.0 - 2.0 * LEAST_SHARE) * (near / sum) : given;
 }
 
 bool is_shadow_only(uint flags) {
@@ -140,7 +173,7 @@ vec3 lights_along(Double3 origin, vec3 d, float t_end, bool camera, PreviousVert
     const bool weighs = !camera && from.pdf > 0.0;
     uint top = 0u;
     light_stack[0] = 0u;
-    probability_stack[0] = local_share(weighs ? linked_infinite(from.link_set) : 1.0);
+    probability_stack[0] = weighs ? local_share(linked_infinite(from.link_set), from.receiver) : 1.0;
     if (HAS_MESH_LIGHTS && weighs) {
         probability_stack[0] *= max(first_share(load_light_node(LIGHTING.joint), from.receiver), 0.0);
     }
@@ -214,6 +247,7 @@ vec3 lights_at_infinity(vec3 d, PreviousVertex from) {
     vec3 sum = vec3(0.0);
     if (!HAS_INFINITE_LIGHTS) return sum;
     const float linked = linked_infinite(from.link_set);
+    const float far = 1.0 - local_share(linked, from.receiver);
     for (uint i = 0u; i < LIGHTING.infinite_count; ++i) {
         const GpuInfiniteLight light = load_infinite_light(i);
         const uint kind = light_kind(light.flags);
@@ -222,7 +256,7 @@ vec3 lights_at_infinity(vec3 d, PreviousVertex from) {
         float pdf;
         turn_infinite_light(i);
         vec3 radiance = infinite_radiance(light, into_light_frame(d), pdf);
-        const float chosen = (1.0 - LIGHTING.local_share) * light.probability / linked;
+        const float chosen = far * light.probability / linked;
         // A constant dome is sampled by the BSDF, delta lobes included.
         if (kind == LIGHT_DOME) {
             radiance *= is_shadow_only(light.flags) ? 1.0 : 1.0 / (1.0 + chosen);

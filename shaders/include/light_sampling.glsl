@@ -112,12 +112,14 @@ uint choose_infinite(float u, uint link_set, float linked) {
     return low;
 }
 
-LightSample sample_infinite_light(const Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool last) {
+// `share`: probability of asking a light at infinity.
+LightSample sample_infinite_light(const Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool last,
+                                  float share) {
     LightSample ls = no_light_sample();
     const uint index = choose_infinite(u.x, link_set, linked);
     const GpuInfiniteLight light = load_infinite_light(index);
     const uint kind = light_kind(light.flags);
-    const float chosen = (1.0 - LIGHTING.local_share) * light.probability / linked;
+    const float chosen = share * light.probability / linked;
     ls.distance = shadow_end(LIGHTING.infinite_reaches, index, INFINITE);
     ls.flags = light.flags;
     ls.shadow_color = light.shadow_color;
@@ -198,14 +200,14 @@ LightSample sample_near_light(Double3 origin, uint link_set, Receiver receiver, 
 LightSample sample_light(const Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u,
                          vec4 u_mesh, bool last) {
     const float linked = linked_infinite(link_set);
-    const float near = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS ? local_share(linked) : 0.0;
+    const float near = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS ? local_share(linked, receiver) : 0.0;
     if ((HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS) && u.x < near) {
         u.x = min(u.x / near, 0.99999994);
         return sample_near_light(origin, link_set, receiver, u, u_mesh, last, near);
     }
     if (HAS_INFINITE_LIGHTS && LIGHTING.infinite_count != 0u && linked > 0.0) {
         u.x = min((u.x - near) / (1.0 - near), 0.99999994);
-        return sample_infinite_light(bsdf, wo, link_set, linked, u, last);
+        return sample_infinite_light(bsdf, wo, link_set, linked, u, last, 1.0 - near);
     }
     return no_light_sample();
 }

@@ -95,6 +95,31 @@ GpuLightNode load_mesh_light_node(uint index) {
     return LightNodes(LIGHTING.mesh_nodes).v[index];
 }
 
+// Levels that an estimate goes down.
+const uint ESTIMATE_DEPTH = 6u;
+
+// What the lights below a node may bring to the receiver in all, up to a factor: as importance, but where a child
+// matters most what is below it is asked, so that a light close by counts as close. 0: no light comes.
+float importance_below(uint root, bool of_meshes, Receiver r) {
+    float sum = 0.0;
+    uint at = root;
+    for (uint level = 1u; level <= ESTIMATE_DEPTH; ++level) {
+        GpuLightNode node;
+        if (of_meshes) {
+            node = load_mesh_light_node(at);
+        } else {
+            node = load_light_node(at);
+        }
+        const float a = importance(node, 0u, r);
+        const float b = importance(node, 1u, r);
+        const uint larger = node.child[a >= b ? 0 : 1];
+        if (level == ESTIMATE_DEPTH || (larger & LIGHT_LEAF) != 0u) return sum + a + b;
+        sum += min(a, b);
+        at = larger;
+    }
+    return sum;
+}
+
 // Levels after which the second random number takes over, so that none runs out of digits.
 const uint FIRST_DIGITS = 10u;
 

@@ -50,7 +50,7 @@ float emission_share(uint path, Ray ray, Surface surface, float pdf) {
     const float distance = dot3(difference(surface.position, origin), ray.d);
     const float facing = dot3(surface.geometric_normal, ray.d);
     const uint mesh = surface_material.flags >> SURFACE_MESH_SHIFT;
-    const float share = local_share(linked_infinite(from.link_set));
+    const float share = local_share(linked_infinite(from.link_set), from.receiver);
     const float other = mesh_light_density(from.receiver, origin, share, uint(surface.prim_id), surface.instance_id,
                                            mesh, surface.face,
                                            surface_material.material, surface.geometric_normal, distance, facing);

@@ -94,18 +94,6 @@ mod ffi {
         LightOnlyMesh,
     }
 
-    /// `texture:format` of a dome.
-    #[repr(u8)]
-    #[derive(Debug)]
-    enum DomeFormatTag {
-        Automatic,
-        Latlong,
-        MirroredBall,
-        Angular,
-        CubeMapVerticalCross,
-        Other,
-    }
-
     /// What a [`ParamDesc`] holds.
     #[repr(u8)]
     #[derive(Debug)]
@@ -373,7 +361,7 @@ mod ffi {
         treat_as_point: bool,
         treat_as_line: bool,
         texture: AssetDesc,
-        format: DomeFormatTag,
+        format: String,
         diffuse: f32,
         specular: f32,
         has_shaping: bool,

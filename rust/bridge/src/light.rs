@@ -20,17 +20,18 @@ fn light_kind(desc: &mut ffi::LightDesc) -> LightKind {
         ffi::LightTag::GlowTintedMesh => LightKind::Mesh { sync: MaterialSync::GlowTintsLight },
         ffi::LightTag::IndependentMesh => LightKind::Mesh { sync: MaterialSync::Independent },
         ffi::LightTag::LightOnlyMesh => LightKind::Mesh { sync: MaterialSync::NoResponse },
-        _ => LightKind::Dome { texture, format: dome_format(desc.format) },
+        _ => LightKind::Dome { texture, format: dome_format(&desc.format) },
     }
 }
 
-fn dome_format(tag: ffi::DomeFormatTag) -> DomeFormat {
-    match tag {
-        ffi::DomeFormatTag::Automatic => DomeFormat::Automatic,
-        ffi::DomeFormatTag::Latlong => DomeFormat::Latlong,
-        ffi::DomeFormatTag::MirroredBall => DomeFormat::MirroredBall,
-        ffi::DomeFormatTag::Angular => DomeFormat::Angular,
-        ffi::DomeFormatTag::CubeMapVerticalCross => DomeFormat::CubeMapVerticalCross,
+/// `texture:format` of a dome.
+fn dome_format(token: &str) -> DomeFormat {
+    match token {
+        "" | "automatic" => DomeFormat::Automatic,
+        "latlong" => DomeFormat::Latlong,
+        "mirroredBall" => DomeFormat::MirroredBall,
+        "angular" => DomeFormat::Angular,
+        "cubeMapVerticalCross" => DomeFormat::CubeMapVerticalCross,
         _ => DomeFormat::Other,
     }
 }
@@ -97,7 +98,7 @@ mod tests {
             treat_as_point: true,
             treat_as_line: true,
             texture: ffi::AssetDesc { authored: "a.exr".into(), resolved: "/t/a.exr".into() },
-            format: ffi::DomeFormatTag::Latlong,
+            format: "latlong".into(),
             diffuse: 0.5,
             specular: 0.75,
             has_shaping: false,

@@ -14,8 +14,8 @@ const DEFAULT_ALBEDO: [f32; 3] = [0.18; 3];
 /// for rays to be left for those whose walks end early.
 const MOST_WALKERS: u32 = 1 << 18;
 
-/// 0.01 in the picture (Rousselle et al. 2011), which is the film times the exposure. Bounded, so that no exposure makes
-/// relative errors that are no numbers.
+/// 0.01 in the picture (Rousselle et al. 2011), which is the film times the exposure. Bounded, so that no exposure
+/// makes relative errors that are no numbers.
 fn error_floor(exposure: f32) -> f32 {
     (1e-2 / (exposure * exposure)).clamp(1e-30, 1e30)
 }

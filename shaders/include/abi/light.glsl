@@ -37,6 +37,12 @@ struct Lighting {
     uint64_t mesh_keys;
     uint64_t local_reaches;
     uint64_t infinite_reaches;
+    float local_brightness;
+    float mesh_brightness;
+    float dome_irradiance;
+    float distant_irradiance;
+    vec3 distant_axis;
+    uint pad1;
 };
 
 struct GpuLightKey {

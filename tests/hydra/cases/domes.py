@@ -33,8 +33,8 @@ def _format(file: str, token: str) -> str:
 _TURN = "UsdGeom.Xformable(stage.GetPrimAtPath('/L')).AddRotateYOp().Set(90.0)"
 
 # The picture of the next scenes has four upright bars: red, green, blue, white. The middle of the cell is a square that
-# faces +z and sees all of that half of the sphere; its irradiance is the sum over directions, spread by the cosine, of the
-# bar where each layout has them.
+# faces +z and sees all of that half of the sphere; its irradiance is the sum over directions, spread by the cosine, of
+# the bar where each layout has them.
 _BARS = np.array([(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0)])
 
 

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exposure of cameras: what the colour is multiplied by, and nothing else.
 
-A square of albedo 0.4 from 0.05 to 0.95 of the only cell lies under a constant dome of radiance 1, which surfaces do not
-shadow: it reflects 0.4. The dome is not seen (the viewer switches it off) or is 1 behind the square; the cells are cut
-to what the square covers.
+A square of albedo 0.4 from 0.05 to 0.95 of the only cell lies under a constant dome of radiance 1, which nothing
+shadows: it reflects 0.4. The cell is cut to what the square covers.
 """
 
 from cases.case import Case
@@ -43,6 +42,15 @@ CASES = [
     _case(
         _PLAIN, 0.4, _attributes(("exposure:time", "0.02"), ("exposure:fStop", "4"))
         + "\nstage.GetPrimAtPath('/Sky').GetAttribute('inputs:intensity').Set(800.0)", "physical",
+    ),
+    # Halfway between 1 and -1 at frame 24.
+    _case(
+        _PLAIN, 0.4, "exposure = stage.GetPrimAtPath('/Cam').CreateAttribute('exposure', Sdf.ValueTypeNames.Float)\n"
+        "exposure.Set(1.0, 0.0)\nexposure.Set(-1.0, 48.0)\nview.params.frame = Usd.TimeCode(24.0)", "halfway",
+    ),
+    _case(
+        _PLAIN, 0.2, "exposure = stage.GetPrimAtPath('/Cam').CreateAttribute('exposure', Sdf.ValueTypeNames.Float)\n"
+        "exposure.Set(1.0, 0.0)\nexposure.Set(-1.0, 48.0)\nview.params.frame = Usd.TimeCode(48.0)", "animated",
     ),
     _case(_PLAIN, 0.0, _attributes(("exposure:time", "0")), "closed", says=("picture black",)),
     _case(_PLAIN, 0.4, _attributes(("exposure:fStop", "0")), "no_stop", says=("/Cam", "exposure is not a number")),

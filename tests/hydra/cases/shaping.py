@@ -46,8 +46,8 @@ def _ies(file: str, shape, why: str) -> Case:
     return Case(file, (4, 4), cells, why, inset=_INSET)
 
 
-# One cell with the lamp at (1.3, 0.5, 2), radiance 500 and radius 0.05: what reaches the floor leaves it 8 to 36 degrees
-# from straight down.
+# One cell with the lamp at (1.3, 0.5, 2), radiance 500 and radius 0.05: what reaches the floor leaves it 8 to 36
+# degrees from straight down.
 _AT = (1.3, 0.5, 2.0)
 
 
@@ -132,10 +132,15 @@ CASES = [
         _PLAIN, _floor(lambda c: 3.0), "3 cd upwards too", "ies_up", _UP, edit=_DEFAULT_CONE,
         ies__file="./tex/iso.ies",
     ),
-    _one(_PLAIN, _floor(lambda c: 3.0), "a cone of 10 degrees", "ies_cone", ies__file="./tex/iso.ies", cone__angle=10.0),
+    _one(
+        _PLAIN, _floor(lambda c: 3.0), "a cone of 10 degrees", "ies_cone", ies__file="./tex/iso.ies",
+        cone__angle=10.0,
+    ),
     _one(_PLAIN, 0.0, "nothing upwards", "ies_half_up", _UP, ies__file="./tex/half.ies"),
     # ramp.ies: angle / 90 degrees candela from 0 to 180, whose mean over the sphere is 1.
-    _one(_PLAIN, _floor(lambda c: np.arccos(c) / (math.pi / 2)), "angle / 90", "ies_ramp", ies__file="./tex/ramp.ies"),
+    _one(
+        _PLAIN, _floor(lambda c: np.arccos(c) / (math.pi / 2)), "angle / 90", "ies_ramp", ies__file="./tex/ramp.ies",
+    ),
     _one(
         _PLAIN, _floor(lambda c: 2 - np.arccos(c) / (math.pi / 2)), "angle / 90 over 1", "ies_ramp_normalized", _UP,
         ies__file="./tex/ramp.ies", ies__normalize=True,

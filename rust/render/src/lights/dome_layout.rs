@@ -5,8 +5,8 @@
 //! In the frame of the dome (+y is up), with picture coordinates a, b from -1 to 1, to the right and up:
 //! - mirrored ball: what a camera far away on +z sees in a mirror ball, parallel projection: the ball's normal is `n =
 //!   (a, b, sqrt(1 - a^2 - b^2))`, the direction the mirror image of +z about it. The middle is +z, the rim all -z.
-//! - angular: of the same azimuth, the radius grows with the angle to +z: `(d.x, d.y) r / |(d.x, d.y)|`, `r = acos(d.z) /
-//!   pi` (Debevec 1998, "Rendering Synthetic Objects into Real Scenes"; his `angmap.cal`).
+//! - angular: of the same azimuth, the radius grows with the angle to +z: `(d.x, d.y) r / |(d.x, d.y)|`,
+//!   `r = acos(d.z) / pi` (Debevec 1998, "Rendering Synthetic Objects into Real Scenes"; his `angmap.cal`).
 //! - vertical cross: six faces of a cube on a grid of three columns and four rows; the middle column holds, from above,
 //!   +y, +z, -y, -z, unfolded about the x axis; beside +z are -x on the left and +x on the right.
 

@@ -85,6 +85,14 @@ pub(super) fn encode(light: &Light, local: &LocalLight, origin: [f64; 3]) -> Opt
     sound.then_some(gpu)
 }
 
+/// What the irradiance at distance 1, seen where the light shines, is of its power in [`bounds`]: a body shows a
+/// quarter of its surface on average (Cauchy), and shaping takes away from the power, not from what it lets through.
+pub(super) fn concentration(local: &LocalLight) -> f64 {
+    let flat = local.shape.is_flat();
+    let shaped = local.shaping.as_ref().map_or(1.0, |shaping| solid_share(shaping, flat));
+    if flat { 1.0 / shaped } else { 0.25 / shaped }
+}
+
 /// Where the light is and where it shines; `power` counts relative to other lights.
 pub(super) fn bounds(light: &Light, local: &LocalLight, origin: [f64; 3], brightness: f64) -> LightBounds {
     let m = local.world_from_unit.matrix3;

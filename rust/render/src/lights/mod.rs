@@ -7,6 +7,7 @@
 //!
 //! Pure but for the reading of files, which goes through [`crate::light_files::LightFiles`]. Render thread only.
 
+mod brightness;
 mod dome_layout;
 mod emission;
 mod emission_map;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The light table: all lights of a scene.
 
+use super::brightness::Brightness;
 use super::files::FileCache;
 use super::picture::EncodedPicture;
 use super::tree::{self, LightBounds};
@@ -15,7 +16,8 @@ use rustc_hash::FxHashMap;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// Share of the shadow rays that go to local lights when there are others too.
+/// Share of the shadow rays that go to lights with a place when there are others too, where nothing can be told of what
+/// they bring.
 const LOCAL_SHARE: f32 = 0.5;
 /// Least share of the power that is thought of local lights, and of meshes, when there are both.
 const JOINT_SHARE: f64 = 0.05;
@@ -63,6 +65,8 @@ pub(crate) struct LightTable {
     bounds: Vec<LightBounds>,
     /// Power of all local lights.
     local_power: f64,
+    /// What lights bring, see [`Brightness`].
+    brightness: Brightness,
     profile_words: FxHashMap<AssetRef, ProfilePlace>,
 }
 
@@ -102,7 +106,9 @@ impl LightTable {
                 Emitter::Local(local) => table.add_local(light, local, origin, &mut reading),
                 Emitter::Distant { direction, one_minus_cos } => {
                     let solid_angle = TAU * f64::from(*one_minus_cos);
-                    powers.push(luminance(light.radiance) * if *one_minus_cos > 0.0 { solid_angle } else { 1.0 });
+                    let irradiance = luminance(light.radiance) * if *one_minus_cos > 0.0 { solid_angle } else { 1.0 };
+                    powers.push(irradiance);
+                    table.brightness.add_distant(*direction, irradiance);
                     let still = light.motion.as_ref().map(|motion| motion.direction());
                     table.infinite.push(GpuInfiniteLight {
                         direction: still.unwrap_or(*direction),
@@ -112,7 +118,9 @@ impl LightTable {
                 }
                 Emitter::Dome { texture } => {
                     let mean = table.add_dome(light, texture.as_ref(), camera_visible, &mut reading);
-                    powers.push(luminance(light.radiance) * PI * mean);
+                    let irradiance = luminance(light.radiance) * PI * mean;
+                    powers.push(irradiance);
+                    table.brightness.domes += irradiance;
                 }
             }
             table.add_motion(light, counts);
@@ -260,7 +268,9 @@ impl LightTable {
             let axes = [frame.x_axis, frame.y_axis, frame.z_axis].map(|axis| axis.to_array());
             self.shapings.push(local::shaping(axes, shaping, ies));
         }
-        self.bounds.push(local::bounds(light, local, origin, brightness));
+        let bounds = local::bounds(light, local, origin, brightness);
+        self.brightness.local += bounds.power * local::concentration(local);
+        self.bounds.push(bounds);
         self.locals.push(gpu);
     }
 
@@ -414,7 +424,7 @@ impl LightTable {
         let prim_count = u32::try_from(self.prim_sets.len() / 2).unwrap_or(u32::MAX);
         let mesh_light_count =
             self.meshes.as_ref().map_or(0, |meshes| u32::try_from(meshes.placements.len()).unwrap_or(u32::MAX));
-        Lighting {
+        let block = Lighting {
             infinite_count,
             link_words: self.link_words,
             local_share,
@@ -423,6 +433,8 @@ impl LightTable {
             joint: self.joint,
             textured_mesh_lights: u32::from(self.mesh_lookups() > 0),
             ..Lighting::default()
-        }
+        };
+        let mesh_power = self.meshes.as_ref().map(|meshes| meshes.bounds.power);
+        self.brightness.put(block, !self.locals.is_empty(), mesh_power)
     }
 }

@@ -270,7 +270,13 @@ pub const LAYOUTS: &[StructLayout] = &[
         mesh_motion,
         mesh_keys,
         local_reaches,
-        infinite_reaches
+        infinite_reaches,
+        local_brightness,
+        mesh_brightness,
+        dome_irradiance,
+        distant_irradiance,
+        distant_axis,
+        pad1
     }),
     layout!(GpuLightKey { key, translation_lo, radiance }),
     layout!(GpuMeshLight {

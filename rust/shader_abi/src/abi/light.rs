@@ -74,7 +74,7 @@ pub struct Lighting {
     pub infinite_count: u32,
     /// Words of a set.
     pub link_words: u32,
-    /// Probability that a shadow ray goes to a local light.
+    /// Probability that a shadow ray goes to a light with a place; neither 0 nor 1: shaders work it out.
     pub local_share: f32,
     /// Prims of `prim_sets`.
     pub prim_count: u32,
@@ -125,6 +125,19 @@ pub struct Lighting {
     pub local_reaches: u64,
     /// The same for each light at infinity.
     pub infinite_reaches: u64,
+    /// What importance in the tree over local lights is multiplied by to be roughly an irradiance. This and what
+    /// follows count where `local_share` is neither 0 nor 1.
+    pub local_brightness: f32,
+    /// The same for the tree over mesh lights.
+    pub mesh_brightness: f32,
+    /// Irradiance that domes give, roughly: pi times the mean radiance of each.
+    pub dome_irradiance: f32,
+    /// The sum of the irradiances of distant lights on surfaces that face them.
+    pub distant_irradiance: f32,
+    /// The sum of the directions of distant lights, times these.
+    pub distant_axis: [f32; 3],
+    /// 0.
+    pub pad1: u32,
 }
 
 /// A placement of a mesh that emits light, 96 B. World points are `position + x p.x + y p.y + z p.z` for points p of

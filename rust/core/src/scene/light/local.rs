@@ -46,8 +46,8 @@ pub struct LightShaping {
 }
 
 impl LightShaping {
-    /// `None` when a value is not finite; `Some(None)` when nothing is left out of the shape's own light, which of a flat
-    /// one is that to one side.
+    /// `None` when a value is not finite; `Some(None)` when nothing is left out of the shape's own light, which of a
+    /// flat one is that to one side.
     fn new(desc: &Shaping, is_flat: bool) -> Option<Option<Self>> {
         let numbers = [desc.cone_angle_degrees, desc.cone_softness, desc.focus, desc.ies_angle_scale];
         if !numbers.iter().chain(&desc.focus_tint).all(|v| v.is_finite()) {

@@ -78,8 +78,8 @@ pub enum Emitter {
     Local(Arc<LocalLight>),
 }
 
-/// The picture of a dome. As longitude and latitude, as the `OpenEXR` format has it, a direction d of the dome's frame is
-/// at `u = 1/2 - atan2(d.x, d.z) / 2 pi` from the left and `v = acos(d.y) / pi` from the top.
+/// The picture of a dome. As longitude and latitude, as the `OpenEXR` format has it, a direction d of the dome's frame
+/// is at `u = 1/2 - atan2(d.x, d.z) / 2 pi` from the left and `v = acos(d.y) / pi` from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DomeTexture {
     /// The file.

@@ -59,9 +59,7 @@ impl LightFiles for TestFiles {
                 );
                 Ok(text.into_bytes())
             }
-            "even.ies" => {
-                Ok(b"IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 2 1 1 2 0 0 0\n1 1 0\n0 180\n0\n3 3\n".to_vec())
-            }
+            "even.ies" => Ok(b"IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 2 1 1 2 0 0 0\n1 1 0\n0 180\n0\n3 3\n".to_vec()),
             _ => Err("there is no such file".into()),
         }
     }

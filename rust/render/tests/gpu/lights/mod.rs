@@ -7,6 +7,7 @@
 mod dome;
 mod emission;
 mod files;
+mod groups;
 mod many;
 mod mesh;
 mod moving;
