@@ -91,6 +91,8 @@ PLACED = {
     (5, 0): lit((-NX[0], NX[1], NX[2])),  # a texture of it
     (6, 0): 0.8,  # facing ratio of (-0.6, 0, 0.8)
     (7, 0): lit(LEAN),  # a constant of the world, from behind
+    (8, 0): lit(LEAN),  # a constant of a UsdPreviewSurface without textures
+    (8, 1): TURNED,  # the same, u mirrored
     (0, 1): lit(LEAN),  # point instances
     (1, 1): TURNED,  # turned half a turn about z
     (2, 1): lit((0.6, 0.0, 1.6)),  # half as deep along z
@@ -104,5 +106,5 @@ PLACED = {
 CASES = [
     Case("17_normalmap_forms", (14, 2), FORMS, "0.5 n . (0.6, 0, 0.8)", inset=0.125, samples=16),
     Case("19_normalmap_138_in_program", (10, 2), PROGRAMS, "0.5 n . (0.6, 0, 0.8)", inset=0.125, samples=16),
-    Case("19_normals_placed", (8, 2), PLACED, "0.5 n . (0.6, 0, 0.8)", inset=0.125, samples=16),
+    Case("19_normals_placed", (9, 2), PLACED, "0.5 n . (0.6, 0, 0.8)", inset=0.125, samples=16),
 ]

@@ -147,6 +147,10 @@ impl<'a> Compiler<'a> {
         }
         let is_clear = !matches!(opacity, Input::Constant([value, ..]) if *value >= 1.0);
         let mut flags = needs(&inputs);
+        // A normal is told about the tangents of a set: of the first one, or of this.
+        if flags.contains(MaterialFlags::NORMAL_MAP) && self.uv_sets.is_empty() {
+            self.uv_sets.push(UvSet { name: "st".into(), id: 0, fallback: [0.0; 2] });
+        }
         flags.set(MaterialFlags::PTEX, self.uv_sets.iter().any(|set| &*set.name == PTEX_SET));
         flags.set(MaterialFlags::SPECULAR_WORKFLOW, workflow != 0.0);
         flags.set(MaterialFlags::PRESENCE, is_clear && (is_presence || threshold > 0.0));

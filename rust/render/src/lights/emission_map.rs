@@ -291,6 +291,9 @@ mod tests {
             let given = map.over(there);
             assert!((given - (0.95 * outside + 0.025)).abs() < 1e-6, "{wrap:?}: {given}");
         }
+        let bordered = EmissionMap { outside: 3.0, ..map([2, 1], cells, Wrap::Black) };
+        let given = bordered.over([[1.2, 0.5], [1.21, 0.5], [1.2, 0.51]]);
+        assert!((given - (0.95 * 3.0 + 0.025)).abs() < 1e-6, "a border: {given}");
     }
 
     #[test]
