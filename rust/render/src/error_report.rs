@@ -210,7 +210,7 @@ mod tests {
                 .line(&UsageLine { usage: Usage { gpu_peak_bytes: seed.into(), ..Usage::default() } })
                 .expect("a line");
         }
-        let mut file = OpenOptions::new().append(true).open(&path).expect("it is there");
+        let mut file = std::fs::OpenOptions::new().append(true).open(&path).expect("it is there");
         file.write_all(b"{\"samples\":4,\"sec").expect("half a line");
         let reports = ErrorReport::read_all(&path).expect("a report");
         assert_eq!(reports.len(), 2, "the first render of a session empties the file, the next one goes on");
