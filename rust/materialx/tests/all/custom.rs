@@ -238,8 +238,7 @@ fn what_is_no_regular_file_is_not_opened() {
     large.set_len(MAX_FILE_BYTES + 1).expect("a long one");
     let library = Library::read(std::slice::from_ref(&folder.0));
     let words = library.problems().join("\n");
-    for (name, why) in [("pipe.mtlx", "a pipe"), ("zero.mtlx", "a device"), ("large.mtlx", "has more than")]
-    {
+    for (name, why) in [("pipe.mtlx", "a pipe"), ("zero.mtlx", "a device"), ("large.mtlx", "has more than")] {
         assert!(words.lines().any(|line| line.contains(name) && line.contains(why)), "{name}: {words}");
     }
     assert!(library.definition("mine:ND_half_color3").is_some(), "the rest is read");
