@@ -12,8 +12,8 @@ use cxx::UniquePtr;
 use oocpt_core::array::{Element, TypedArray, column_matrix};
 use oocpt_core::desc::{Boundary, CurveBasis, CurveWrap, CurvesDesc, FaceVaryingLinear, Shape, TriangleRule};
 use oocpt_core::scene::{
-    AssetRef, InstanceLinks, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar, PrimDesc, Primvar,
-    SceneWarning, Subdivision, SubdivisionTags, SubsetDesc,
+    AssetRef, InstanceLinks, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar,
+    PrimDesc, Primvar, SceneWarning, Subdivision, SubdivisionTags, SubsetDesc,
 };
 use std::fmt::Debug;
 use std::sync::Arc;

@@ -159,7 +159,8 @@ mod tests {
 
     #[test]
     fn limits_are_not_called_bad_data() {
-        let dropped = DroppedData { hole_indices: 3, oversized_meshes: 1, lights: 2, deep_instancers: 4, ..DroppedData::NONE };
+        let dropped =
+            DroppedData { hole_indices: 3, oversized_meshes: 1, lights: 2, deep_instancers: 4, ..DroppedData::NONE };
         assert_eq!(
             dropped.message().as_deref(),
             Some(

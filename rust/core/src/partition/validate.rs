@@ -146,12 +146,10 @@ impl World {
                 {
                     let count = member.prototype_count();
                     let reader = member.run.reader(None);
-                    open.extend(
-                        reader.matrices().map(|(rank, matrix)| {
-                            let index = member.run.index_in_prototype(rank);
-                            (a as usize, frame * matrix, id.wrapping_mul(count).wrapping_add(index))
-                        }),
-                    );
+                    open.extend(reader.matrices().map(|(rank, matrix)| {
+                        let index = member.run.index_in_prototype(rank);
+                        (a as usize, frame * matrix, id.wrapping_mul(count).wrapping_add(index))
+                    }));
                 }
             }
         }

@@ -192,10 +192,8 @@ mod tests {
     }
 
     fn instancer(sets: &[&[&str]], of: Option<Vec<u32>>, indices: &[Vec<i32>]) -> InstancerDesc {
-        let prototype = |indices: &Vec<i32>| InstancerPrototype {
-            root: "/p".into(),
-            indices: TypedArray::of(indices.clone()),
-        };
+        let prototype =
+            |indices: &Vec<i32>| InstancerPrototype { root: "/p".into(), indices: TypedArray::of(indices.clone()) };
         InstancerDesc {
             prototypes: indices.iter().map(prototype).collect(),
             links: Arc::new(InstanceLinks { sets: sets.iter().map(|set| names(set)).collect(), of }),

@@ -29,9 +29,9 @@ use glam::DVec3;
 
 pub use crate::desc::{
     AssetRef, ConnectionDesc, CurveBasis, CurveWrap, CurvesDesc, DomeFormat, DroppedData, InstanceLinks, InstancedBy,
-    InstancerDesc, InstancerMotion, InstancerPrototype, InstancerSample, Interpolation, LightDesc, LightKind, MaterialDesc,
-    MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PointsMotion, PointsSample, PrimDesc,
-    Primvar, ShadowReach, Shape, Shaping, Subdivision, SubdivisionTags, SubsetDesc, TransformSample,
+    InstancerDesc, InstancerMotion, InstancerPrototype, InstancerSample, Interpolation, LightDesc, LightKind,
+    MaterialDesc, MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PointsMotion, PointsSample,
+    PrimDesc, Primvar, ShadowReach, Shape, Shaping, Subdivision, SubdivisionTags, SubsetDesc, TransformSample,
 };
 pub use crate::instancing::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
 pub use crate::instancing::motion::{MAX_KEYS, MotionKey, map_at};
