@@ -125,11 +125,11 @@ void _ReadShaping(const _Inputs& inputs, oocpt::LightDesc* desc)
         || !shaping.ies.authored.empty();
 }
 
-/// Shaders of lights of other renderers, which may have any inputs. A schema's own is named as its type, with a version.
+/// Shaders of lights of other renderers, which may have any inputs. A schema's own is named as its type.
 void _WarnOfShader(const HdOocPTPrimSource& source, const _Inputs& inputs)
 {
-    static const std::set<std::string> own { "", "CylinderLight", "DiskLight", "DistantLight", "DomeLight", "DomeLight_1",
-        "MeshLight", "RectLight", "SphereLight", "simpleLight" };
+    static const std::set<std::string> own { "", "CylinderLight", "DiskLight", "DistantLight", "DomeLight",
+        "DomeLight_1", "MeshLight", "RectLight", "SphereLight", "simpleLight" };
     const std::string& shader = inputs.GetShader().GetString();
     if (own.count(shader) == 0) {
         source.warnings->Add(

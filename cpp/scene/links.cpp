@@ -52,8 +52,7 @@ HdOocPTLightLinks HdOocPTLinks::Read(const HdOocPTPrimSource& light)
     return links;
 }
 
-HdOocPTLinkChange HdOocPTLinks::Set(
-    const SdfPath& light, const HdOocPTLightLinks& links, HdOocPTWarnings* warnings)
+HdOocPTLinkChange HdOocPTLinks::Set(const SdfPath& light, const HdOocPTLightLinks& links, HdOocPTWarnings* warnings)
 {
     const auto link = [&](const std::optional<SdfPathExpression>& expression, const TfToken& name) {
         if (!expression) {
@@ -212,6 +211,10 @@ HdOocPTInstanceLinks _ReadNamedLinks(const HdOocPTPrimSource& source)
 void HdOocPTAddCategories(
     const HdSceneIndexBase& scene, const HdOocPTLinks& links, const HdOocPTPrimSource& source, HdOocPTMeshState* mesh)
 {
+    if (HdOocPTFind(source.container, { HdOocPTSceneTokens->sceneDelegate })) {
+        // It has said so itself, and is not asked for what others do not ask it.
+        return;
+    }
     if (const std::optional<SdfPath> path = _StagePath(scene, source.path, mesh->prim.instancedBy)) {
         const TfTokenVector found = links.Match(*path);
         mesh->categories.insert(mesh->categories.end(), found.begin(), found.end());

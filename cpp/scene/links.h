@@ -66,7 +66,7 @@ public:
     /// Reads the collections of a light. Safe on any thread.
     static HdOocPTLightLinks Read(const HdOocPTPrimSource& light);
 
-    /// Takes what was read of a light. Warns of expressions that cannot be used, and links the light to everything then.
+    /// Takes what was read of a light. Warns of expressions that cannot be used; that light is linked to everything.
     HdOocPTLinkChange Set(const SdfPath& light, const HdOocPTLightLinks& links, HdOocPTWarnings* warnings);
     void Remove(const SdfPath& light);
 

@@ -247,8 +247,7 @@ void HdOocPTSceneReader::_ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings
         // Any mesh or instance may be in the collection, or no longer be.
         for (const auto& [path, record] : _records) {
             if (record
-                && (record->kind == HdOocPTPrimKind::Instancer
-                    || (isAll && record->kind == HdOocPTPrimKind::Mesh))) {
+                && (record->kind == HdOocPTPrimKind::Instancer || (isAll && record->kind == HdOocPTPrimKind::Mesh))) {
                 (*dirty)[path] |= HdOocPTDirtyCategories;
             }
         }

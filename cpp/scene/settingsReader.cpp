@@ -60,9 +60,8 @@ bool _Has(const HdContainerDataSourceHandle& container, const TfToken& name)
 HdContainerDataSourceHandle _FindActive(const HdSceneIndexBase& scene, const SdfPath& path)
 {
     const HdSceneIndexPrim prim = scene.GetPrim(path);
-    return _IsActive(scene, prim, path)
-        ? HdOocPTFindContainer(prim.dataSource, { HdOocPTSceneTokens->renderSettings })
-        : nullptr;
+    return _IsActive(scene, prim, path) ? HdOocPTFindContainer(prim.dataSource, { HdOocPTSceneTokens->renderSettings })
+                                        : nullptr;
 }
 
 /// Whether one of the switches is on, of the settings or of all products.
@@ -123,7 +122,8 @@ HdOocPTPurposes HdOocPTReadPurposes(const HdSceneIndexBase& scene, const SdfPath
         purposes.settings = path;
         purposes.included = _ReadTokens(settings, tokens.includedPurposes);
         purposes.bindings = _ReadTokens(settings, tokens.materialBindingPurposes);
-        purposes.isNamedByDelegate = static_cast<bool>(HdOocPTFind(scene.GetPrim(path).dataSource, { tokens.sceneDelegate }));
+        purposes.isNamedByDelegate
+            = static_cast<bool>(HdOocPTFind(scene.GetPrim(path).dataSource, { tokens.sceneDelegate }));
         if (_Has(settings, tokens.renderingColorSpace)) {
             HdOocPTConvert(HdOocPTRead(settings, { tokens.renderingColorSpace }), &purposes.colorSpace);
         }

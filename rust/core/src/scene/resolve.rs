@@ -364,14 +364,8 @@ impl Resolver<'_> {
     fn mesh_member(&mut self, entry: &MeshEntry, above: &Categories) -> Option<PlanMember> {
         let built = entry.built.as_ref()?;
         let prim_id = self.linked.prim_id(self.prims.meshes, entry, above).unwrap_or_else(|| {
-            let path = &entry.desc.prim.path;
-            self.reports.note(
-                path,
-                format!(
-                    "a limit of the renderer: {MAX_LINKED_PRIMS} prims in other collections \
-                                             than their own; where more are instanced, links of instances are ignored"
-                ),
-            );
+            let most = format!("limits of the renderer: {MAX_LINKED_PRIMS} prims in other collections than their own");
+            self.reports.note(&entry.desc.prim.path, format!("{most}; links of some instances are ignored"));
             entry.desc.prim_id
         });
         let target = match (&built.asset, built.clusters.first()) {

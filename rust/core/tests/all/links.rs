@@ -76,7 +76,7 @@ fn instances_are_in_the_collections_of_their_own() {
 fn a_mask_leaves_the_numbers_of_the_rest() {
     let mut db = row();
     let links = links(&[&["red"], &[]], &[0, 1, 0, 1]);
-    let mask = Some(TypedArray::of(vec![true, false, true, true]));
+    let mask = Some(TypedArray::from_bools(&[true, false, true, true]));
     db.upsert_instancer(InstancerDesc { links, mask, ..scatter("/i", &FOUR, &[("/i", &[0, 1, 2, 3])]) });
     let rows: Vec<(i32, i64, &[&str])> =
         [3, 4].into_iter().flat_map(|id| [(id, 0, &["red"][..]), (id, 1, &["red"]), (id, 2, &[])]).collect();

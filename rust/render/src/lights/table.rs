@@ -229,9 +229,7 @@ impl LightTable {
     fn add_local(&mut self, light: &Light, local: &LocalLight, origin: [f64; 3], reading: &mut Reading<'_>) {
         if self.locals.len() >= tree::MAX_LIGHTS {
             let (path, most) = (&light.path, tree::MAX_LIGHTS);
-            reading
-                .warnings
-                .push(format!("{path}: a limit of the renderer: of more than {most} lights it is left out"));
+            reading.warnings.push(format!("{path}: limits of the renderer: of more than {most} lights it is left out"));
             return;
         }
         let Some(mut gpu) = local::encode(light, local, origin) else {
