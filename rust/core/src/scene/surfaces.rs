@@ -159,7 +159,8 @@ impl SurfaceStore {
                 displacements.clear();
             }
             let emits = |material: Option<&Arc<str>>| {
-                let compiled = material.and_then(|material| materials.get(material)?.compiled.as_ref()?.material.as_ref());
+                let compiled =
+                    material.and_then(|material| materials.get(material)?.compiled.as_ref()?.material.as_ref());
                 compiled.is_some_and(|material| material.flags.contains(MaterialFlags::EMISSIVE))
             };
             let emits = entry.desc.solid.is_some()

@@ -68,8 +68,12 @@ mod tests {
 
     fn curves() -> MeshDesc {
         let counts = TypedArray::of(vec![2_i32]);
-        let shape =
-            Shape::Curves(CurvesDesc { basis: CurveBasis::Linear, wrap: CurveWrap::Nonperiodic, counts, indices: None });
+        let shape = Shape::Curves(CurvesDesc {
+            basis: CurveBasis::Linear,
+            wrap: CurveWrap::Nonperiodic,
+            counts,
+            indices: None,
+        });
         MeshDesc { shape, points: TypedArray::of(ENDS.to_vec()), ..MeshDesc::default() }
     }
 
@@ -82,11 +86,8 @@ mod tests {
     #[test]
     fn a_line_is_a_pixel_wide_at_each_end() {
         let dots = MeshDesc { shape: Shape::Points, ..curves() };
-        let empty = Primvar {
-            interpolation: Interpolation::Vertex,
-            values: TypedArray::of(Vec::<f32>::new()),
-            indices: None,
-        };
+        let empty =
+            Primvar { interpolation: Interpolation::Vertex, values: TypedArray::of(Vec::<f32>::new()), indices: None };
         let parallel = Dicing { pixels: 2.0, density: 16.0, ..Dicing::default() };
         let eyes = vec![Eye { position: DVec3::new(0.0, 0.0, 10.0), nearest: 0.01 }];
         let perspective = Dicing { pixels: 2.0, focal: 200.0, eyes, ..Dicing::default() };
@@ -106,7 +107,8 @@ mod tests {
         let dicing = Dicing { pixels: 2.0, density: 16.0, ..Dicing::default() };
         let width = |interpolation, values: TypedArray| Some(Primvar { interpolation, values, indices: None });
         let widths = width(Interpolation::Constant, TypedArray::of(vec![3.0_f32]));
-        for desc in [MeshDesc { widths: widths.clone(), ..curves() }, MeshDesc { shape: Shape::Points, widths, ..curves() }]
+        for desc in
+            [MeshDesc { widths: widths.clone(), ..curves() }, MeshDesc { shape: Shape::Points, widths, ..curves() }]
         {
             assert!(!is_of_lines(&desc), "it has a width");
             assert_eq!(radii(&desc, &dicing).0, [1.5; 2], "of its own");
