@@ -11,7 +11,7 @@ use crate::support::{self, perspective, read_all, render, request, settings};
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use oocpt_core::TypedArray;
 use oocpt_core::inventory::TraversalUse;
-use oocpt_core::scene::{Interpolation, MeshDesc, Primvar, SceneDb, Shape};
+use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, Primvar, SceneDb, Shape};
 use oocpt_core::settings::{Settings, TraversalKind};
 use oocpt_render::{RenderRequest, Session, SessionOptions, Severity};
 use std::sync::Arc;
@@ -183,6 +183,50 @@ fn points_are_the_same_in_core_and_streaming() {
     let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
     same_bits("clouds", clouds, &small, false, &request);
     same_bits("clouds", clouds, &small, true, &request);
+}
+
+/// Tubes of many pieces and balls that rays go through by chance, at both of their surfaces, in instances, too.
+fn veils(db: &mut SceneDb) {
+    let along = |i: u16, k: u16| {
+        let part = |step: f32| 2.0 * (f32::from(i + 1) * step).fract() - 1.0;
+        let bend = 0.15 * f32::from(k * k) * part(0.381_966);
+        [part(0.754_877_7) + bend, 0.4 * f32::from(k) - 0.8, part(0.569_840_3) - bend]
+    };
+    let curves = CurvesDesc {
+        basis: CurveBasis::BSpline,
+        wrap: CurveWrap::Pinned,
+        counts: TypedArray::of(vec![5_i32; 40]),
+        indices: None,
+    };
+    let tubes = MeshDesc {
+        shape: Shape::Curves(curves),
+        widths: constant(0.15_f32),
+        display_opacity: constant(0.4_f32),
+        points: TypedArray::of::<[f32; 3]>((0..40).flat_map(|i| (0..5).map(move |k| along(i, k))).collect()),
+        ..mesh(prim("/tubes", DMat4::IDENTITY), 1, Vec::new(), &[], 0.5)
+    };
+    let balls = MeshDesc {
+        shape: Shape::Points,
+        widths: constant(0.3_f32),
+        points: TypedArray::of::<[f32; 3]>((0..40).map(|i| along(i, i % 5)).collect()),
+        prim: instanced(prim("/many/balls", DMat4::IDENTITY), "/many"),
+        prim_id: 2,
+        ..tubes.clone()
+    };
+    let places: Vec<_> =
+        (0..3).map(|i| (DVec3::new(f64::from(i) - 1.0, 0.0, -1.0), DQuat::IDENTITY, DVec3::splat(0.5))).collect();
+    db.upsert_light(dome([0.3, 0.4, 0.6]));
+    db.upsert_instancer(instancer(prim("/many", DMat4::IDENTITY), "/many/balls", &places));
+    db.upsert_mesh(balls);
+    db.upsert_mesh(tubes);
+}
+
+#[test]
+fn what_is_met_by_chance_at_both_surfaces_is_the_same_in_core_and_streaming() {
+    let request = view(DVec3::new(1.5, 2.0, 3.0), DVec3::ZERO);
+    let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
+    same_bits("veils", veils, &small, false, &request);
+    same_bits("veils", veils, &small, true, &request);
 }
 
 #[test]
