@@ -9,6 +9,7 @@
 #![forbid(unsafe_code)]
 
 pub mod adaptive;
+pub mod again;
 pub mod array;
 pub mod camera;
 mod camera_motion;

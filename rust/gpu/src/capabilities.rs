@@ -20,8 +20,6 @@ pub struct Capabilities {
     pub scalar_block_layout: bool,
     /// Required: submissions are counted by a timeline semaphore.
     pub timeline_semaphore: bool,
-    /// Required: 64-bit atomics on buffers.
-    pub shader_buffer_int64_atomics: bool,
     /// Required: timestamp queries are reset by the host.
     pub host_query_reset: bool,
     /// Required: subgroup vote, ballot, arithmetic and shuffle in compute shaders.
@@ -61,7 +59,6 @@ impl Capabilities {
             (self.buffer_device_address, "bufferDeviceAddress"),
             (self.scalar_block_layout, "scalarBlockLayout"),
             (self.timeline_semaphore, "timelineSemaphore"),
-            (self.shader_buffer_int64_atomics, "shaderBufferInt64Atomics"),
             (self.host_query_reset, "hostQueryReset"),
             (self.subgroup_operations, "subgroup vote, ballot, arithmetic and shuffle in compute shaders"),
             (self.compute_queue, "a compute queue"),
@@ -111,7 +108,6 @@ pub(crate) fn probe_features(
         buffer_device_address: yes(v12.buffer_device_address),
         scalar_block_layout: yes(v12.scalar_block_layout),
         timeline_semaphore: yes(v12.timeline_semaphore),
-        shader_buffer_int64_atomics: yes(v12.shader_buffer_int64_atomics),
         host_query_reset: yes(v12.host_query_reset),
         compute_queue: false,
         memory_budget: false,
@@ -150,7 +146,6 @@ impl FeatureChain {
                 .buffer_device_address(found.buffer_device_address)
                 .scalar_block_layout(found.scalar_block_layout)
                 .timeline_semaphore(found.timeline_semaphore)
-                .shader_buffer_int64_atomics(found.shader_buffer_int64_atomics)
                 .shader_shared_int64_atomics(found.shader_shared_int64_atomics)
                 .host_query_reset(found.host_query_reset)
                 .shader_int8(found.shader_int8)
@@ -176,7 +171,6 @@ mod tests {
             buffer_device_address: true,
             scalar_block_layout: true,
             timeline_semaphore: true,
-            shader_buffer_int64_atomics: true,
             host_query_reset: true,
             subgroup_operations: true,
             compute_queue: true,

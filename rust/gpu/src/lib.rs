@@ -101,6 +101,8 @@ pub use limits::Limits;
 pub use memory_type::Usage;
 pub use options::OpenOptions;
 pub use pipeline::Pipeline;
+#[cfg(feature = "faults")]
+pub use planted::hide_capabilities;
 pub use range::DeviceRange;
 pub use report::{DeviceKind, DeviceReport, HeapReport};
 pub use staging::{StagingRing, StagingSlice};

@@ -2,8 +2,27 @@
 //! What tests plant in an open device, and what they ask of its watch ([`crate::watch`]). Compiled with the feature
 //! `faults` alone.
 
+use std::cell::Cell;
+
+use crate::capabilities::Capabilities;
 use crate::gpu::Gpu;
 use crate::watch::{DriverMemory, Failure};
+
+thread_local! {
+    static HIDDEN: Cell<Option<fn(&mut Capabilities)>> = const { Cell::new(None) };
+}
+
+/// Makes devices that this thread looks for or opens from now on lack what `hide` takes away.
+pub fn hide_capabilities(hide: Option<fn(&mut Capabilities)>) {
+    HIDDEN.set(hide);
+}
+
+/// Takes away what a test wants to be missing.
+pub(crate) fn hide(capabilities: &mut Capabilities) {
+    if let Some(hide) = HIDDEN.get() {
+        hide(capabilities);
+    }
+}
 
 impl Gpu {
     /// Makes calls fail, in place of what was planted before.
@@ -27,5 +46,34 @@ impl Gpu {
     #[must_use]
     pub fn most_on_the_books(&self) -> u64 {
         self.device().budget.most()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{GpuError, OpenOptions, enumerate_for};
+
+    #[test]
+    fn a_device_that_lacks_something_is_told_by_name() {
+        hide_capabilities(Some(|capabilities| {
+            (capabilities.scalar_block_layout, capabilities.host_query_reset) = (false, false);
+        }));
+        let reports = enumerate_for(None).expect("a driver");
+        assert!(!reports.is_empty(), "some device");
+        for report in &reports {
+            assert!(!report.chosen, "{report:?}");
+            assert!(report.missing.ends_with(&["scalarBlockLayout", "hostQueryReset"]), "{report:?}");
+            assert!(report.why.contains("it lacks") && report.why.contains("scalarBlockLayout, hostQueryReset"));
+        }
+        let error = Gpu::open(&OpenOptions::default()).expect_err("none can be used");
+        for part in [&reports[0].name[..], "lacks", "scalarBlockLayout, hostQueryReset"] {
+            assert!(error.to_string().contains(part), "{part}: {error}");
+        }
+        let named = OpenOptions { selector: Some("0".into()), ..OpenOptions::default() };
+        let error = Gpu::open(&named).expect_err("this one neither");
+        assert!(matches!(&error, GpuError::MissingCapability { missing, .. } if missing.contains("hostQueryReset")));
+        hide_capabilities(None);
+        assert!(enumerate_for(None).expect("a driver").iter().any(|report| report.chosen), "with all there is one");
     }
 }

@@ -56,6 +56,8 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
     let lends = modern && has_extension(instance, physical, ash::ext::external_memory_host::NAME)?;
     let lent_granule = if lends { lent_granule(instance, physical) } else { 0 };
     capabilities.external_memory_host = lent_granule > 0;
+    #[cfg(feature = "faults")]
+    crate::planted::hide(&mut capabilities);
     let version = properties.api_version;
     let kind = kind_of(properties.device_type);
     // SAFETY: `physical` comes from this instance.

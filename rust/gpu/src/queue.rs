@@ -119,7 +119,17 @@ impl Queue {
         let timeline = device.timeline(self.lane);
         let value = timeline.last_submitted() + 1;
         work.value = value;
-        match self.submit_raw(device, &work) {
+        #[cfg(feature = "faults")]
+        let submitted = if device.watch.loses() {
+            // What a lost device had is over, and its memory goes at once; this one is at work still.
+            device.wait_for(device.submitted()).ok();
+            Err(vk::Result::ERROR_DEVICE_LOST)
+        } else {
+            self.submit_raw(device, &work)
+        };
+        #[cfg(not(feature = "faults"))]
+        let submitted = self.submit_raw(device, &work);
+        match submitted {
             Ok(()) => {
                 timeline.advance(value);
                 device.passes(self.lane).submitted(value, label, marks);

@@ -34,9 +34,11 @@ pub enum Call {
     Pipeline,
     /// `vkCreateCommandPool`.
     CommandPool,
+    /// `vkQueueSubmit`: the device is lost with it.
+    Submit,
 }
 
-/// A failure that a test plants: for lack of memory.
+/// A failure that a test plants: for lack of memory, but for [`Call::Submit`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Failure {
     /// What fails.
@@ -72,6 +74,8 @@ struct State {
     sizes: BTreeMap<u64, u64>,
     planted: Option<Failure>,
     struck: u64,
+    /// A submission was made to fail: so do all later ones.
+    is_lost: bool,
 }
 
 /// The watches of open devices, by handle: a function of the driver's knows no more.
@@ -153,6 +157,14 @@ impl Watch {
     /// Makes calls fail, in place of what was planted before.
     pub(crate) fn plant(&self, failure: Failure) {
         self.lock().planted = Some(failure);
+    }
+
+    /// Whether the device is lost with this submission, or was with one before.
+    pub(crate) fn loses(&self) -> bool {
+        let strikes = self.strikes(Call::Submit);
+        let state = &mut *self.lock();
+        state.is_lost |= strikes;
+        state.is_lost
     }
 
     /// Calls that failed because a test wanted it.

@@ -301,3 +301,57 @@ impl Device {
         self.bsdf_tables.iter().map(|tables| lock(tables).as_ref().map_or(0, Buffer::size)).sum()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use oocpt_gpu::Capabilities;
+    use oocpt_shader_abi::PASSES;
+    use std::collections::BTreeSet;
+
+    /// `OpCapability` of SPIR-V.
+    const OP_CAPABILITY: u32 = 17;
+    /// Capabilities of SPIR-V by number, and the required feature of a device that is named for each.
+    const REQUIRED: [(u32, &str); 5] = [
+        (11, "shaderInt64"),
+        (61, "subgroup"),
+        (63, "subgroup"),
+        (64, "subgroup"),
+        // PhysicalStorageBufferAddresses.
+        (5347, "bufferDeviceAddress"),
+    ];
+
+    /// The capabilities that passes declare.
+    fn declared() -> BTreeSet<u32> {
+        let mut declared = BTreeSet::new();
+        for row in &PASSES {
+            let mut rest = &row.module.words[5..];
+            while let [word, operand, ..] = rest
+                && word & 0xffff == OP_CAPABILITY
+            {
+                declared.insert(*operand);
+                rest = &rest[(word >> 16) as usize..];
+            }
+        }
+        declared
+    }
+
+    #[test]
+    fn what_passes_use_is_required_of_devices() {
+        let mut modern = Capabilities::default();
+        modern.vulkan_1_2 = true;
+        let missing = modern.missing();
+        // Shader and Shuffle: the first has every device, the second is named with the others of subgroups.
+        for capability in declared().into_iter().filter(|capability| ![1, 65].contains(capability)) {
+            let feature = REQUIRED.iter().find(|(number, _)| *number == capability).map(|(_, feature)| *feature);
+            let feature = feature.unwrap_or_else(|| panic!("capability {capability} is required of no device"));
+            assert!(missing.iter().any(|name| name.contains(feature)), "{feature} is not required");
+        }
+    }
+
+    #[test]
+    fn nothing_is_required_that_passes_do_not_use() {
+        let declared = declared();
+        let unused: Vec<u32> = REQUIRED.iter().map(|(number, _)| *number).filter(|n| !declared.contains(n)).collect();
+        assert!(unused.is_empty(), "{unused:?}");
+    }
+}

@@ -32,6 +32,10 @@ pub struct Faults {
     pub leaves_soon: bool,
     /// Makes calls that take memory fail, in the first render of the session.
     pub failure: Option<Failure>,
+    /// So many devices are lost, one after the other, each after so many submissions, in the first render.
+    pub lost_devices: [u32; 2],
+    /// Milliseconds after which a wait for loads is told, in place of a minute; 0 = a minute.
+    pub impatient_millis: u32,
 }
 
 /// What became of them, and what the driver gave, when a render ended.

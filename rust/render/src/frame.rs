@@ -9,11 +9,12 @@ use crate::engine::{self, Parts, Tiles, Tracer, Waves};
 use crate::error::RenderError;
 use crate::feedback::Feedback;
 use crate::film::Film;
+use crate::in_flight;
 use crate::job::Job;
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
 use crate::progress::Progress;
 use crate::request::Severity;
-use crate::setting::{Setting, geometry_cap, has_light_paths, is_cpu, paths, shrinking};
+use crate::setting::{Setting, geometry_cap, has_light_paths, has_shadow_rays, in_flight, is_cpu, paths, shrinking};
 use crate::shared::Gate;
 use crate::specialise::Carry;
 use crate::streaming::{self, StreamBuffers};
@@ -22,18 +23,11 @@ use crate::upload::Upload;
 use crate::wavefront::{Ahead, PathBuffers, PathNeeds};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::Snapshot;
+#[cfg(feature = "faults")]
+use oocpt_gpu::{Call, Failure};
 use oocpt_gpu::{Gpu, GpuError};
-use oocpt_shader_abi::{Features, Frame, path_bytes};
+use oocpt_shader_abi::{Features, Frame};
 use std::sync::Arc;
-
-/// Largest wave, paths.
-const MAX_WAVE: u64 = 1 << 22;
-/// Smallest wave, paths.
-const MIN_WAVE: u64 = 1 << 12;
-/// A scene counts as fitting only when it leaves room for waves of this many paths (or of all there are): on a
-/// processor and on a GPU. Smaller waves leave a GPU idle between them, and a scene that is nearly all there streams
-/// faster (decision 0033).
-const ROOMY_WAVE: [u64; 2] = [1 << 16, 3 << 20];
 
 /// Share of a scene's bytes that is lost between the ranges of arenas, at most.
 const PACKING: u64 = 24;
@@ -61,11 +55,33 @@ pub(crate) struct Renderer {
 }
 
 impl Renderer {
-    /// Renders `job` until it is done or `gate` says no; publishes images and stats on the way. Running out of memory
-    /// gives back everything that is held and tries once more with as little as possible.
+    /// Renders `job` until it is done or `gate` says no; publishes images and stats on the way. A picture whose device is
+    /// lost is rendered again from its start, once, on a device that is opened anew.
     pub(crate) fn render(&mut self, job: &Job, gate: &Gate<'_>) -> Result<(), RenderError> {
         job.request.validate()?;
         let mut progress = Progress::start(gate.shared(), job);
+        match self.render_once(job, gate, &mut progress, 0) {
+            Err(error @ RenderError::Gpu(GpuError::DeviceLost { .. })) if gate.proceed() => {
+                gate.shared()
+                    .report(Severity::Warning, format!("{error}; the picture is rendered again from its start"));
+                // Whatever was made on it goes.
+                *self = Self::default();
+                progress.begin_again();
+                self.render_once(job, gate, &mut progress, 1)
+            }
+            result => result,
+        }
+    }
+
+    /// As [`Self::render`], after so many devices were lost. Running out of memory gives back everything that is held
+    /// and tries once more with as little as possible.
+    fn render_once(
+        &mut self,
+        job: &Job,
+        gate: &Gate<'_>,
+        progress: &mut Progress<'_>,
+        lost: u32,
+    ) -> Result<(), RenderError> {
         let device = self.open(job)?;
         *lock(&gate.shared().device) = Some(device.gpu.report().clone());
         progress.device_opened(job);
@@ -73,22 +89,31 @@ impl Renderer {
         if let Some(failure) = job.options.faults.failure.filter(|_| job.generation == 1) {
             device.gpu.plant_failure(failure);
         }
+        #[cfg(feature = "faults")]
+        if let [devices, after] = job.options.faults.lost_devices
+            && lost < devices
+            && job.generation == 1
+        {
+            device.gpu.plant_failure(Failure { call: Call::Submit, after: after.into(), times: 1 });
+        }
+        #[cfg(not(feature = "faults"))]
+        let _ = lost;
         self.is_frugal = false;
-        let mut result = self.render_on(&device, job, gate, &mut progress);
+        let mut result = self.render_on(&device, job, gate, progress);
         if let Err(error @ RenderError::Budget { .. }) = &result {
             tracing::info!(%error, "trying again with as little memory as possible");
             self.scene.clear(&device)?;
             *self = Self { device: Some(Arc::clone(&device)), is_frugal: true, ..Self::default() };
             device.gpu.wait_idle()?;
             device.heap.trim();
-            result = self.render_on(&device, job, gate, &mut progress);
+            result = self.render_on(&device, job, gate, progress);
         }
         if let Err(error @ RenderError::TexturesOutgrow) = &result {
             tracing::info!(%error, "streaming");
             self.outgrown = Some(Arc::clone(&job.snapshot));
             device.gpu.wait_idle()?;
             progress.begin_again();
-            result = self.render_on(&device, job, gate, &mut progress);
+            result = self.render_on(&device, job, gate, progress);
         }
         device.keep_pipelines(true);
         progress.end(&device.gpu);
@@ -205,7 +230,7 @@ impl Renderer {
         } else {
             self.render_beyond(setting, scene, gate, progress)
         };
-        for complaint in scene.assets.textures.take_complaints() {
+        for complaint in scene.assets.textures.take_complaints().into_iter().chain(scene.store.take_left_out()) {
             gate.shared().report(Severity::Warning, complaint);
         }
         self.scene = scenes;
@@ -272,8 +297,10 @@ impl Renderer {
         let waves = if self.waves.is_some() {
             0
         } else {
-            let roomy = ROOMY_WAVE[usize::from(!is_cpu(setting.device))];
-            roomy.min(paths(job)) * path_bytes(scene.levels(), false, has_light_paths(setting))
+            let textures = scene.assets.tile_bytes > 0;
+            // Whether cutouts need queues is not known yet: they take little, and only of scenes that have textures.
+            let path_bytes = path_needs(setting, textures, false).bytes_a_path(scene.levels());
+            in_flight(setting, path_bytes).roomy() * path_bytes
         };
         let unused_arenas = || {
             let heap = setting.device.heap.stats();
@@ -315,7 +342,7 @@ impl Renderer {
             return Err(RenderError::Internal("the frame's waves were not made".into()));
         };
         let tiles = scene.assets.textures.tile_count();
-        let feedback = paths.incomplete_paths.as_ref();
+        let feedback = paths.incomplete_paths();
         let feedback = feedback.map(|paths| Feedback::new(&device.gpu, tiles, paths.address())).transpose()?;
         let mut listed = Inventory::default();
         scene.list(&mut listed, true);
@@ -325,7 +352,7 @@ impl Renderer {
         }
         let bind = |block: &mut Frame| block.texture_feedback = feedback.as_ref().map_or(0, Feedback::address);
         let mut tracer = Tracer::new(setting, paths, (&view, parts), listed, bind, progress)?;
-        if let (Some(feedback), Some(incomplete_paths)) = (&feedback, &paths.incomplete_paths) {
+        if let (Some(feedback), Some(incomplete_paths)) = (&feedback, paths.incomplete_paths()) {
             tracer.traces_into(feedback.written().into_iter().chain([incomplete_paths]).collect());
         }
         let tiles = Tiles { scene, cap: geometry_cap(setting.job), feedback: feedback.as_ref() };
@@ -358,16 +385,14 @@ impl Renderer {
         self.film.as_mut().map_or(Ok(()), |film| film.begin(job))
     }
 
-    /// Wave memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there
-    /// is no memory.
+    /// Wave memory: as [`crate::in_flight`] says, and no more than a share of what the budget leaves; less when there is
+    /// no memory.
     fn make_waves(&mut self, setting: &Setting<'_>, view: &SceneView, features: Features) -> Result<(), RenderError> {
-        let Setting { device, job, .. } = *setting;
-        let light_paths = has_light_paths(setting);
-        let most = if is_cpu(device) { 1 << 17 } else { MAX_WAVE };
-        let wanted = paths(job).clamp(MIN_WAVE, most).next_power_of_two();
+        let Setting { device, .. } = *setting;
         let textures = features.contains(Features::TEXTURES);
-        let deferred_cutouts = features.contains(Features::DEFERRED_CUTOUTS);
-        let needs = PathNeeds { textures, light_paths, feedback: textures, deferred_cutouts };
+        let needs = path_needs(setting, textures, features.contains(Features::DEFERRED_CUTOUTS));
+        let path_bytes = needs.bytes_a_path(view.max_levels);
+        let wanted = in_flight(setting, path_bytes).wanted();
         let fits = |waves: &PathBuffers| waves.serves(view.max_levels, needs) && waves.asked >= wanted;
         if self.waves.as_ref().is_some_and(fits) {
             return Ok(());
@@ -377,12 +402,24 @@ impl Renderer {
         // Nothing else comes once a scene is there, but for tiles of textures.
         let unused = memory.budget.saturating_sub(memory.used);
         let share = if textures { unused / 2 } else { unused - unused / 8 };
-        let room = share / path_bytes(view.max_levels, false, light_paths);
-        let capacity = wanted.min(room).max(MIN_WAVE);
-        let mut waves =
-            shrinking(capacity, MIN_WAVE, |capacity| PathBuffers::new(&device.gpu, capacity, view.max_levels, needs))?;
+        let capacity = wanted.min(share / path_bytes).max(in_flight::FEWEST);
+        let mut waves = shrinking(capacity, in_flight::FEWEST, |capacity| {
+            PathBuffers::new(&device.gpu, capacity, view.max_levels, needs)
+        })?;
         waves.asked = wanted;
         self.waves = Some(waves);
         Ok(())
+    }
+}
+
+/// What the paths of a scene in core need.
+fn path_needs(setting: &Setting<'_>, textures: bool, deferred_cutouts: bool) -> PathNeeds {
+    PathNeeds {
+        // First hits ask no light.
+        shadows: setting.film.has_color() && has_shadow_rays(setting),
+        textures,
+        light_paths: has_light_paths(setting),
+        feedback: textures,
+        deferred_cutouts,
     }
 }

@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How much host memory there is to take, and how much the process took. Linux: `/proc/meminfo`, the limits of control
+//! How much host memory there is to take, who gets how much of it, and how much the process took.
+//!
+//! With a budget, what can be put nowhere else comes first: arrays that the host application lends, tables of instances,
+//! the loader's staging memory. Decoded images have their share, and the rest is divided among what can be evicted or
+//! be on disk ([`Part`]). Linux: `/proc/meminfo`, the limits of control
 //! groups and `/proc/self/status`; elsewhere a guess, and nothing.
 
+use oocpt_core::scene::Lent;
 use oocpt_core::settings::Settings;
 use std::path::Path;
 
@@ -28,13 +33,48 @@ impl Part {
     }
 }
 
-/// Most bytes of a part, of which `held` are held already.
-pub(crate) fn limit_of(part: Part, settings: &Settings, held: u64) -> u64 {
+/// Most bytes of decoded images that are kept in memory, and their share of a budget.
+const IMAGES: u64 = 512 << 20;
+const IMAGES_SHARE: u64 = 8;
+/// Of a budget that cannot hold what is fixed, the share that is left for the parts all the same: what is on its way
+/// needs some memory.
+const LEAST_SHARE: u64 = 8;
+
+/// The budget, bytes; none where there is none.
+pub(crate) fn budget(settings: &Settings) -> Option<u64> {
+    (settings.host_memory_budget_mib > 0).then(|| u64::from(settings.host_memory_budget_mib) << 20)
+}
+
+/// Most bytes of decoded images that are kept in memory.
+pub(crate) fn images(settings: &Settings) -> u64 {
+    budget(settings).map_or(IMAGES, |budget| IMAGES.min(budget / IMAGES_SHARE))
+}
+
+/// Most bytes of a part, of which `held` are held already, beside `fixed` bytes that can be put nowhere else.
+pub(crate) fn limit_of(part: Part, settings: &Settings, held: u64, fixed: u64) -> u64 {
     let (of_budget, of_free) = part.eighths();
-    match settings.host_memory_budget_mib {
-        0 => free(Path::new("/")).map_or(UNKNOWN, |free| free.saturating_add(held)) / 8 * of_free,
-        mib => (u64::from(mib) << 20) / 8 * of_budget,
+    match budget(settings) {
+        None => free(Path::new("/")).map_or(UNKNOWN, |free| free.saturating_add(held)) / 8 * of_free,
+        Some(budget) => {
+            let left = budget.saturating_sub(fixed).saturating_sub(images(settings));
+            left.max(budget / LEAST_SHARE) / 8 * of_budget
+        }
     }
+}
+
+/// What is to be said of a scene whose arrays and tables, which can be put nowhere else, are larger than the budget.
+pub(crate) fn complaint(settings: &Settings, lent: &Lent, tables: u64) -> Option<String> {
+    let budget = budget(settings).filter(|budget| lent.bytes.saturating_add(tables) > *budget)?;
+    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+    let largest = lent.largest.as_ref().map(|(path, bytes)| format!(" (most: {path}, {} MiB)", mib(*bytes)));
+    Some(format!(
+        "oocpt:hostMemoryBudget of {} MiB is exceeded: arrays of the scene, which the host application lends, take {} \
+         MiB{}, tables of instances {} MiB; these cannot be on disk",
+        mib(budget),
+        mib(lent.bytes),
+        largest.unwrap_or_default(),
+        mib(tables)
+    ))
 }
 
 /// Bytes that can be taken before the machine swaps or the control group ends the process; `root` has `proc` and `sys`.
@@ -124,11 +164,35 @@ mod tests {
     }
 
     #[test]
+    fn a_scene_too_large_for_the_budget_is_told_by_its_largest_prim() {
+        let lent = Lent { bytes: 60 << 20, largest: Some(("/city".into(), 50 << 20)) };
+        let of = |mib, tables: u64| {
+            let settings = Settings { host_memory_budget_mib: mib, ..Settings::default() };
+            complaint(&settings, &lent, tables << 20)
+        };
+        assert_eq!([of(64, 4), of(0, 1 << 20)], [None, None], "it fits, or there is no budget");
+        let text = of(64, 5).expect("it does not fit");
+        for part in ["64 MiB", "60 MiB", "/city, 50 MiB", "5 MiB"] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        assert_eq!(images(&Settings { host_memory_budget_mib: 64, ..Settings::default() }), 8 << 20);
+        assert_eq!(images(&Settings::default()), 512 << 20);
+    }
+
+    #[test]
     fn the_setting_goes_before() {
-        let settings = Settings { host_memory_budget_mib: 8, ..Settings::default() };
+        let settings = Settings { host_memory_budget_mib: 64, ..Settings::default() };
         let parts = [Part::Meshes, Part::Encoded, Part::EndedPaths];
-        assert_eq!(parts.map(|part| limit_of(part, &settings, 1 << 40)), [4 << 20, 3 << 20, 1 << 20]);
-        let half = limit_of(Part::Meshes, &Settings::default(), 1 << 40);
+        let limits = |fixed| parts.map(|part| limit_of(part, &settings, 1 << 40, fixed) >> 20);
+        assert_eq!(limits(0), [28, 21, 7], "an eighth is for images");
+        assert_eq!(limits(24 << 20), [16, 12, 4], "what is fixed comes first");
+        assert_eq!(limits(1 << 40), [4, 3, 1], "some is left");
+        for fixed in (0..60).map(|mib| mib << 20) {
+            let all = parts.iter().map(|part| limit_of(*part, &settings, 0, fixed)).sum::<u64>();
+            let most = (64 << 20) - images(&settings);
+            assert!(all + fixed <= most || all <= 8 << 20, "{fixed}: together they keep to the budget");
+        }
+        let half = limit_of(Part::Meshes, &Settings::default(), 1 << 40, 1 << 50);
         assert!(half >= 1 << 39, "what is held already counts as free: {half}");
     }
 }

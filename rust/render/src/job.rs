@@ -20,6 +20,8 @@ pub(crate) struct Job {
     pub(crate) files: Arc<dyn LightFiles>,
     /// The scene's primvars, and which of them are used.
     pub(crate) primvars: Arc<[PrimvarUse]>,
+    /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
+    pub(crate) fixed_host_bytes: u64,
     /// That of `Control` when it was posted.
     pub(crate) generation: u64,
 }
@@ -33,6 +35,9 @@ pub struct SessionOptions {
     pub profile: bool,
     /// Streams the scene even if it fits. For tests and benches.
     pub force_streaming: bool,
+    /// Most paths that a scene in core has in flight, to the power of two below; none: as many as pay. For tests and
+    /// benches.
+    pub in_flight: Option<u32>,
     /// Draws a progress bar on standard error while samples are traced; for command lines.
     pub progress_bar: bool,
     /// Faults injected by tests.

@@ -14,6 +14,10 @@ const MOST_THREADS: usize = 16;
 /// Pinned staging memory per thread, bytes.
 const RING_PER_THREAD: u64 = 8 << 20;
 
+fn thread_count() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS)
+}
+
 /// What a thread does. Must not panic.
 pub(crate) type Task = Box<dyn FnOnce(&Arc<Gpu>, &StagingRing) + Send>;
 
@@ -28,8 +32,8 @@ pub(crate) struct Loader {
 impl Loader {
     /// Starts the threads.
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self, RenderError> {
-        let count = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
-        let ring = Arc::new(StagingRing::new(gpu, count as u64 * RING_PER_THREAD)?);
+        let count = thread_count();
+        let ring = Arc::new(StagingRing::new(gpu, Self::staging_bytes())?);
         let (tasks, queue) = unbounded::<Task>();
         let mut threads = Vec::with_capacity(count);
         for _ in 0..count {
@@ -53,6 +57,16 @@ impl Loader {
     /// The staging memory, for small writes of other threads.
     pub(crate) fn ring(&self) -> &StagingRing {
         &self.ring
+    }
+
+    /// Bytes of its staging memory.
+    pub(crate) fn staging_bytes() -> u64 {
+        thread_count() as u64 * RING_PER_THREAD
+    }
+
+    /// Whether its threads live: what they were given will come.
+    pub(crate) fn lives(&self) -> bool {
+        !self.threads.iter().any(JoinHandle::is_finished)
     }
 
     /// Hands `task` to the next thread that is free.

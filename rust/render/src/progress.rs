@@ -10,6 +10,7 @@ use crate::film::Film;
 use crate::host_memory;
 use crate::job::Job;
 use crate::measure::{self, Measured};
+use crate::patience::Patience;
 use crate::progress_bar::ProgressBar;
 use crate::request::Severity;
 use crate::setting::is_cpu;
@@ -139,6 +140,16 @@ impl<'a> Progress<'a> {
             let used = device.gpu.driver_usage().unwrap_or(0);
             self.streaming(|stats| stats.driver_peak_bytes = stats.driver_peak_bytes.max(used));
         }
+    }
+
+    /// Goes on with a wait for `count` of `what`, as [`Shared::wait_for_loads`].
+    pub(crate) fn wait_for_loads(
+        &self,
+        patience: &mut Patience,
+        (what, count): (&str, usize),
+        lives: bool,
+    ) -> Result<(), RenderError> {
+        self.shared.wait_for_loads(patience, what, count, lives)
     }
 
     /// Says in the stats what is going on.

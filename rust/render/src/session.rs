@@ -20,6 +20,7 @@ use crate::geometry_files::{GeometryFiles, GeometrySetting};
 use crate::host_memory::{self, Part};
 use crate::job::{Job, SessionOptions};
 use crate::light_files::{LightFiles, NoFiles};
+use crate::loader::Loader;
 use crate::material_report::MaterialReport;
 use crate::picture;
 use crate::request::{Message, RenderRequest, Severity};
@@ -31,7 +32,7 @@ use crate::timings::Timings;
 use oocpt_core::inventory::PrimvarUse;
 use oocpt_core::mesh::MeshFiles;
 use oocpt_core::partition::PartitionOptions;
-use oocpt_core::scene::{DicingCamera, SceneDb, summary};
+use oocpt_core::scene::{DicingCamera, Lent, SceneDb, Snapshot, summary};
 use oocpt_core::settings::{SettingError, Settings, Value};
 use oocpt_core::stats::Stats;
 use oocpt_core::texture::HeightFiles;
@@ -131,8 +132,9 @@ impl Session {
         let mut scene = lock(&self.scene);
         scene.set_partition(PartitionOptions { chunk_bytes });
         scene.set_dicing(DicingCamera::new(&request.camera, dicing_rate));
-        self.keep_meshes(&mut scene);
+        let lent = self.keep_meshes(&mut scene);
         let commit = scene.commit();
+        let fixed_host_bytes = self.watch_host_memory(&scene, &lent, &commit.snapshot);
         let primvars = self.primvars_of(&scene, commit.snapshot.version);
         self.report_materials(&scene);
         drop(scene);
@@ -159,7 +161,7 @@ impl Session {
         let snapshot = commit.snapshot;
         control.generation += 1;
         let generation = control.generation;
-        let job = Job { snapshot, request, settings, options, images, files, primvars, generation };
+        let job = Job { snapshot, request, settings, options, images, files, primvars, fixed_host_bytes, generation };
         control.job = Some(Arc::new(job));
         control.stopped = false;
         drop(control);
@@ -167,17 +169,49 @@ impl Session {
         self.ensure_thread();
     }
 
-    /// Has built meshes kept as the settings say.
-    fn keep_meshes(&self, scene: &mut SceneDb) {
+    /// Has built meshes kept as the settings say. With a budget of host memory gives what the scene's arrays take of it.
+    fn keep_meshes(&self, scene: &mut SceneDb) -> Lent {
         let settings = lock(&self.settings);
+        let budget = host_memory::budget(&settings);
+        let lent = budget.map(|_| scene.lent()).unwrap_or_default();
+        let tables = scene.snapshot().world.host_bytes();
+        let fixed = lent.bytes + tables + Loader::staging_bytes();
         let memory = scene.mesh_memory();
-        memory.set_limit(host_memory::limit_of(Part::Meshes, &settings, memory.held()));
+        memory.set_budget(budget.unwrap_or(u64::MAX));
+        memory.set_limit(host_memory::limit_of(Part::Meshes, &settings, memory.held(), fixed));
         let setting = GeometrySetting::of(&settings);
         let mut files = lock(&self.geometry_files);
         if files.as_ref().map(|files| files.setting()) != setting.as_ref() {
             *files = setting.map(|setting| Arc::new(GeometryFiles::new(setting, &self.shared)));
             scene.set_mesh_files(files.clone().map(|files| files as Arc<dyn MeshFiles>));
         }
+        lent
+    }
+
+    /// With a budget of host memory: the bytes that can be put nowhere else; tells where they are more than there is, or
+    /// where meshes have no other place.
+    fn watch_host_memory(&self, scene: &SceneDb, lent: &Lent, snapshot: &Snapshot) -> u64 {
+        let settings = lock(&self.settings);
+        let Some(budget) = host_memory::budget(&settings) else { return 0 };
+        let tables = snapshot.world.host_bytes();
+        let held = scene.mesh_memory().held();
+        let complaint = host_memory::complaint(&settings, lent, tables).or_else(|| {
+            let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+            let has_files = lock(&self.geometry_files).is_some();
+            (!has_files && lent.bytes + tables + held > budget).then(|| {
+                format!(
+                    "oocpt:hostMemoryBudget of {} MiB is exceeded: built meshes take {} MiB beside {} MiB of the scene, \
+                     and there is no file for them (oocpt:geometryCache)",
+                    mib(budget),
+                    mib(held),
+                    mib(lent.bytes + tables)
+                )
+            })
+        });
+        if let Some(text) = complaint {
+            self.shared.report(Severity::Warning, text);
+        }
+        lent.bytes + tables + Loader::staging_bytes()
     }
 
     fn primvars_of(&self, scene: &SceneDb, version: u64) -> Arc<[PrimvarUse]> {

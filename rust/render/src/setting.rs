@@ -4,6 +4,7 @@
 use crate::device::Device;
 use crate::error::RenderError;
 use crate::film::Film;
+use crate::in_flight::InFlight;
 use crate::job::Job;
 use crate::lights::{LightTable, LightTables};
 use crate::specialise::Carry;
@@ -65,11 +66,30 @@ pub(crate) fn paths(job: &Job) -> u64 {
     job.request.pixels() * u64::from(job.settings.samples_per_pixel)
 }
 
+/// How many of them a scene in core has in flight, `path_bytes` each.
+pub(crate) fn in_flight(setting: &Setting<'_>, path_bytes: u64) -> InFlight {
+    let Setting { device, job, film, .. } = *setting;
+    // First hits alone take one through each pixel.
+    let paths = if film.has_color() { paths(job) } else { job.request.pixels() };
+    let device_bytes = device.gpu.report().device_bytes();
+    InFlight { is_cpu: is_cpu(device), device_bytes, paths, path_bytes, asked: job.options.in_flight }
+}
+
+/// What lights and what is carried with them have compiled in.
+fn light_features(setting: &Setting<'_>) -> Features {
+    setting.lights.features | (setting.carry.features & setting.light_carry)
+}
+
+/// Whether some light asks for shadow rays.
+pub(crate) fn has_shadow_rays(setting: &Setting<'_>) -> bool {
+    let any = Features::DOME | Features::DISTANT | Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
+    light_features(setting).intersects(any)
+}
+
 /// Whether paths keep what lights ask of the surface that a ray left (`HAS_PREVIOUS_VERTICES` of the shaders).
 pub(crate) fn has_light_paths(setting: &Setting<'_>) -> bool {
     let near = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
-    let features = setting.lights.features | (setting.carry.features & setting.light_carry);
-    features.intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
+    light_features(setting).intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
 }
 
 /// Whether rays may read geometry in host memory where the device has no room for it.

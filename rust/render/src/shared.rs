@@ -4,6 +4,7 @@
 
 use crate::error::RenderError;
 use crate::job::Job;
+use crate::patience::{self, Patience, Verdict};
 use crate::publish::Published;
 use crate::request::{Message, Severity};
 use crate::sync::lock;
@@ -12,7 +13,7 @@ use oocpt_core::stats::Stats;
 use oocpt_gpu::DeviceReport;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// What the host wants of the render thread.
 #[derive(Debug, Default)]
@@ -80,6 +81,22 @@ impl Shared {
         }
     }
 
+    /// See [`Gate::wait_for_loads`].
+    pub(crate) fn wait_for_loads(
+        &self,
+        patience: &mut Patience,
+        what: &str,
+        count: usize,
+        lives: bool,
+    ) -> Result<(), RenderError> {
+        match patience.check(Instant::now(), lives) {
+            Verdict::Wait => {}
+            Verdict::Tell(waited) => self.report(Severity::Warning, patience::told(what, count, waited)),
+            Verdict::Over => return Err(RenderError::Internal("the threads that load have ended".into())),
+        }
+        Ok(())
+    }
+
     pub(crate) fn fail(&self, error: &RenderError) {
         tracing::error!(%error, "render ended early");
         self.report(Severity::Error, error.to_string());
@@ -113,6 +130,30 @@ impl<'a> Gate<'a> {
             }
             control = self.shared.wait(control);
         }
+    }
+
+    /// A wait for loads that begins now.
+    pub(crate) fn patience(&self) -> Patience {
+        let patience = Patience::new(Instant::now());
+        #[cfg(feature = "faults")]
+        if let Some(job) = &self.shared.control().job
+            && job.options.faults.impatient_millis > 0
+        {
+            let every = Duration::from_millis(job.options.faults.impatient_millis.into());
+            return patience.telling_every(every);
+        }
+        patience
+    }
+
+    /// Goes on with a wait for `count` of `what`, as long as the threads that load live; tells about it.
+    pub(crate) fn wait_for_loads(
+        &self,
+        patience: &mut Patience,
+        what: &str,
+        count: usize,
+        lives: bool,
+    ) -> Result<(), RenderError> {
+        self.shared.wait_for_loads(patience, what, count, lives)
     }
 
     /// Where results go.

@@ -5,6 +5,7 @@
 //! is not used, since timestamps cost a little.
 
 use anyhow::{Context, Result};
+use oocpt_core::inventory::Inventory;
 use oocpt_render::{RenderRequest, Session, SessionOptions, Timings};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -36,6 +37,9 @@ pub(crate) struct Arguments {
     /// Counted runs.
     #[arg(long, default_value_t = 3)]
     runs: u32,
+    /// Most paths in flight, to the power of two below; 0 = as many as pay.
+    #[arg(long, default_value_t = 0)]
+    in_flight: u32,
     /// Device: an index or a part of its name.
     #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
     device: String,
@@ -75,6 +79,9 @@ struct Report {
     closest_rays: u64,
     shadow_rays: u64,
     waves: u64,
+    /// Paths that waves have room for, and the bytes of their arrays.
+    paths_in_flight: u64,
+    path_mib: u64,
     /// Of GPU time, profiled run.
     passes: Vec<PassRow>,
     /// Million closest-hit rays a second while `intersect_closest` runs.
@@ -86,7 +93,8 @@ struct Report {
 /// Runs the bench.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let settings = plain_settings(arguments.samples, arguments.bounces, &arguments.device);
-    let session = Session::with_options(settings, SessionOptions::default());
+    let in_flight = (arguments.in_flight > 0).then_some(arguments.in_flight);
+    let session = Session::with_options(settings, SessionOptions { in_flight, ..SessionOptions::default() });
     let started = std::time::Instant::now();
     session.with_scene(|db| forest::build(db, arguments.instances))?;
     session.render(request(arguments));
@@ -146,11 +154,21 @@ fn report(arguments: &Arguments, session: &Session, first: &Timings, runs: &[Tim
         closest_rays: profiled.closest_rays,
         shadow_rays: profiled.shadow_rays,
         waves: profiled.waves,
+        paths_in_flight: stats.inventory.paths,
+        path_mib: path_bytes(&stats.inventory) >> 20,
         closest_mrays_per_sec: profiled.closest_rays as f64 / pass_secs("intersect_closest") * 1e-6,
         shadow_mrays_per_sec: profiled.shadow_rays as f64 / pass_secs("intersect_shadow") * 1e-6,
         passes: passes_of(&profiled),
         trace_secs,
     }
+}
+
+/// Bytes of the arrays by path.
+fn path_bytes(inventory: &Inventory) -> u64 {
+    let names = ["rays", "shadow_rays", "hits", "paths", "radiance", "cones", "light_paths", "incomplete_paths"];
+    let queues = ["ray_queue 0", "ray_queue 1", "shadow_queue", "surface_queue", "escaped_queue", "settle_queue"];
+    let is_of_paths = |name: &str| names.contains(&name) || queues.contains(&name) || name == "settle_hits";
+    inventory.buffers.iter().filter(|buffer| is_of_paths(&buffer.name)).map(|buffer| buffer.bytes).sum()
 }
 
 fn print_table(report: &Report) {
@@ -178,6 +196,7 @@ fn print_table(report: &Report) {
         report.mrays_per_sec,
         report.rays_per_path
     );
+    println!("{} waves; room for {} paths in flight, {} MiB", report.waves, report.paths_in_flight, report.path_mib);
     println!(
         "within its pass: closest {:.0} Mrays/s, shadow {:.0} Mrays/s",
         report.closest_mrays_per_sec, report.shadow_mrays_per_sec

@@ -33,12 +33,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Some(device) => println!("will use: [{}] {} ({})", device.index, device.name, device.why),
         None => {
             let wanted = selector.map(|text| format!(" that matches OOCPT_DEVICE={text}")).unwrap_or_default();
-            anyhow::bail!(
-                "no usable Vulkan device{wanted}: install a driver, or Mesa's lavapipe (mesa-vulkan-drivers)"
-            );
+            anyhow::bail!("no usable Vulkan device{wanted}{}", advice(&devices));
         }
     }
     Ok(())
+}
+
+/// What each device lacks, and what helps.
+fn advice(devices: &[DeviceReport]) -> String {
+    let lacks = |device: &DeviceReport| format!("{} lacks {}", device.name, device.missing.join(", "));
+    let lacking: Vec<String> = devices.iter().filter(|device| !device.missing.is_empty()).map(lacks).collect();
+    let lacking = if lacking.is_empty() { String::new() } else { format!(" ({})", lacking.join("; ")) };
+    format!("{lacking}: install a newer driver, or Mesa's lavapipe (mesa-vulkan-drivers)")
 }
 
 fn describe(device: &DeviceReport) -> String {

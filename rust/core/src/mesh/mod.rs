@@ -59,6 +59,8 @@ pub use leaf::LeafKind;
 pub use level::{LevelTree, build_level, level_node_count, likely_level_stack};
 pub use ptex::{MAX_PTEX_FACES, PtexPart, PtexTriangle};
 pub use refine::MAX_REFINED_TRIANGLES;
+#[cfg(feature = "faults")]
+pub use scene_mesh::LOST_FOR_GOOD;
 pub(crate) use scene_mesh::{KeptMesh, Recipe, Shelf};
 pub use scene_mesh::{SceneMesh, StoredError};
 pub use split::split_mesh;

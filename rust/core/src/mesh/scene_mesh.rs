@@ -2,7 +2,9 @@
 //! The meshes of a snapshot: summaries in memory, assets in memory as far as it goes, else in files.
 
 use std::ops::Deref;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_128;
@@ -14,12 +16,20 @@ use super::payload::{self, parts, payload_bytes, ptex_words};
 use super::store::{HeldMemory, HostMemory, MeshFiles, Payload, PayloadError};
 use super::summary::MeshSummary;
 use super::{MeshAsset, WantedPrimvar};
+use crate::again::again;
 use crate::desc::{DroppedData, MeshDesc};
 use crate::texture::{HeightFiles, Heights};
 
 /// Raised whenever a description is built to other bits than before, or they are stored otherwise: entries of other
 /// versions are not found.
 const VERSION: u32 = 4;
+
+/// What tests have a payload say that is not to be built again either.
+#[cfg(feature = "faults")]
+pub const LOST_FOR_GOOD: &str = "lost for good";
+
+/// Pauses before a read that failed is tried again.
+const PAUSES: [Duration; 3] = [Duration::from_millis(100), Duration::from_millis(400), Duration::from_millis(1600)];
 
 /// Why the asset of a mesh cannot be had.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -69,6 +79,8 @@ impl Recipe {
 pub(crate) struct Shelf {
     pub(crate) memory: Arc<HostMemory>,
     pub(crate) files: Option<Arc<dyn MeshFiles>>,
+    /// The last read failed, all tries of it.
+    pub(crate) is_unreadable: Arc<AtomicBool>,
 }
 
 /// The head of an entry.
@@ -117,6 +129,9 @@ impl KeptMesh {
             let payloads: Vec<_> = assets.iter().zip(&ptex).map(|(asset, ptex)| parts(asset, ptex)).collect();
             files.add(key, &head, &payloads).filter(|stored| stored.len() == assets.len())
         });
+        let all = assets.iter().map(|asset| asset.host_bytes()).sum();
+        let mut notes = built.notes.clone();
+        notes.extend(shelf.memory.note_of(all));
         let mut stored = stored.into_iter().flatten();
         let mesh = |(number, (asset, held)): (usize, (&Arc<MeshAsset>, Option<HeldMemory>))| {
             let stored = stored.next().map(|payload| Stored::new(payload, number, key, &recipe, shelf));
@@ -131,7 +146,7 @@ impl KeptMesh {
             Arc::new(SceneMesh { summary: MeshSummary::of(asset), host, stored })
         };
         let meshes = assets.iter().copied().zip(held).enumerate().map(mesh).collect();
-        Self::of(is_split, meshes, built.dropped, built.notes)
+        Self::of(is_split, meshes, built.dropped, notes)
     }
 
     fn of(is_split: bool, mut meshes: Vec<Arc<SceneMesh>>, dropped: DroppedData, notes: Vec<String>) -> Self {
@@ -180,6 +195,10 @@ impl Stored {
 
     /// Builds the asset again, where its file cannot be read any more.
     fn build_again(&self, summary: &MeshSummary, cause: &PayloadError) -> Option<Arc<MeshAsset>> {
+        #[cfg(feature = "faults")]
+        if *cause == PayloadError::Read(LOST_FOR_GOOD.into()) {
+            return None;
+        }
         if let Some(files) = &self.shelf.files {
             files.damaged(self.key, cause);
         }
@@ -208,8 +227,9 @@ impl Deref for SceneMesh {
 }
 
 impl SceneMesh {
-    /// The asset. Reads it from a file where it is not in memory; it is not kept then. Any thread; where a file is
-    /// damaged, builds the asset again on the rayon pool, and keeps it.
+    /// The asset. Reads it from a file where it is not in memory; it is not kept then. Any thread. What cannot be read is
+    /// tried again within two seconds; where that fails, and where a file is damaged, builds the asset again on the rayon
+    /// pool, and keeps it.
     ///
     /// # Errors
     /// The file cannot be read, and the asset not be built again.
@@ -220,9 +240,18 @@ impl SceneMesh {
         let path = |stored: Option<&Stored>| stored.map_or_else(|| "".into(), |s| s.recipe.desc.prim.path.clone());
         let error = |cause| StoredError { path: path(self.stored.as_ref()), cause };
         let stored = self.stored.as_ref().ok_or_else(|| error(PayloadError::Damaged))?;
-        match payload::read(&self.summary, &*stored.payload) {
-            Ok(asset) => Ok(Arc::new(asset)),
+        let read = || payload::read(&self.summary, &*stored.payload);
+        // A disk may be busy or far away. What has failed in spite of that is not waited for with every mesh.
+        let pauses = if stored.shelf.is_unreadable.load(Ordering::Relaxed) { &[][..] } else { &PAUSES };
+        match again(pauses, |error| matches!(error, PayloadError::Read(_)), read) {
+            Ok(asset) => {
+                stored.shelf.is_unreadable.store(false, Ordering::Relaxed);
+                Ok(Arc::new(asset))
+            }
             Err(cause) => {
+                if matches!(cause, PayloadError::Read(_)) {
+                    stored.shelf.is_unreadable.store(true, Ordering::Relaxed);
+                }
                 let asset = stored.build_again(&self.summary, &cause).ok_or_else(|| error(cause))?;
                 let held = stored.shelf.memory.hold(asset.host_bytes());
                 Ok(self.host.get_or_init(|| (asset, held)).0.clone())

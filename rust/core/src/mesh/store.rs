@@ -61,12 +61,15 @@ pub enum PayloadError {
 #[derive(Debug)]
 pub struct HostMemory {
     limit: AtomicU64,
+    /// Of everything, not of assets alone.
+    budget: AtomicU64,
     held: AtomicU64,
 }
 
 impl Default for HostMemory {
     fn default() -> Self {
-        Self { limit: AtomicU64::new(u64::MAX), held: AtomicU64::new(0) }
+        let [limit, budget] = [u64::MAX; 2].map(AtomicU64::new);
+        Self { limit, budget, held: AtomicU64::new(0) }
     }
 }
 
@@ -74,6 +77,23 @@ impl HostMemory {
     /// Sets the limit, bytes. What is held stays.
     pub fn set_limit(&self, bytes: u64) {
         self.limit.store(bytes, Ordering::Relaxed);
+    }
+
+    /// Says what there may be in all, bytes: a prim whose assets alone are larger is told of.
+    pub fn set_budget(&self, bytes: u64) {
+        self.budget.store(bytes, Ordering::Relaxed);
+    }
+
+    /// What is to be said of a prim whose assets take so many bytes while they are built.
+    pub(crate) fn note_of(&self, bytes: u64) -> Option<String> {
+        let budget = self.budget.load(Ordering::Relaxed);
+        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+        (bytes > budget).then(|| {
+            let (needs, budget) = (mib(bytes), mib(budget));
+            format!(
+                "needs {needs} MiB of host memory to be built, more than the {budget} MiB of oocpt:hostMemoryBudget"
+            )
+        })
     }
 
     /// Bytes held.
@@ -113,6 +133,16 @@ impl Drop for HeldMemory {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_larger_than_all_there_is_is_told() {
+        let memory = HostMemory::default();
+        assert_eq!(memory.note_of(u64::MAX), None, "no budget");
+        memory.set_budget(8 << 20);
+        assert_eq!(memory.note_of(8 << 20), None, "all of it");
+        let note = memory.note_of((8 << 20) + 1).expect("more");
+        assert!(note.contains("9 MiB") && note.contains("8 MiB of oocpt:hostMemoryBudget"), "{note}");
+    }
 
     #[test]
     fn memory_is_held_up_to_the_limit_and_given_back() {

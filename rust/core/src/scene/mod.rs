@@ -8,6 +8,7 @@
 mod commit;
 mod dicing;
 mod entries;
+mod lent;
 mod light;
 mod linking;
 mod mesh_lights;
@@ -37,6 +38,7 @@ pub use crate::desc::{
 pub use crate::instancing::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
 pub use crate::instancing::motion::{MAX_KEYS, MotionKey, map_at};
 pub use dicing::DicingCamera;
+pub use lent::Lent;
 pub use resolve::MAX_LEVELS;
 pub use snapshot::{
     Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DomeTexture, Emitter, IesError, IesProfile,

@@ -25,10 +25,12 @@ struct Files {
     found: AtomicUsize,
     damages: AtomicUsize,
     is_damaged: Arc<AtomicBool>,
+    /// Reads that fail before one succeeds.
+    busy: Arc<AtomicUsize>,
 }
 
 #[derive(Debug)]
-struct Bytes(Vec<u8>, Arc<AtomicBool>);
+struct Bytes(Vec<u8>, Arc<AtomicBool>, Arc<AtomicUsize>);
 
 impl Payload for Bytes {
     fn size(&self) -> u64 {
@@ -36,6 +38,9 @@ impl Payload for Bytes {
     }
 
     fn read(&self, parts: &mut [&mut [u8]]) -> Result<(), PayloadError> {
+        if self.2.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |busy| busy.checked_sub(1)).is_ok() {
+            return Err(PayloadError::Read("the disk is busy".into()));
+        }
         let mut rest = &self.0[..];
         for part in parts.iter_mut() {
             let (own, after) = rest.split_at(part.len());
@@ -49,7 +54,8 @@ impl Payload for Bytes {
 
 impl Files {
     fn payloads(&self, bytes: &[Vec<u8>]) -> Vec<Arc<dyn Payload>> {
-        bytes.iter().map(|b| Arc::new(Bytes(b.clone(), self.is_damaged.clone())) as Arc<dyn Payload>).collect()
+        let payload = |b: &Vec<u8>| Bytes(b.clone(), self.is_damaged.clone(), self.busy.clone());
+        bytes.iter().map(|b| Arc::new(payload(b)) as Arc<dyn Payload>).collect()
     }
 }
 
@@ -206,6 +212,18 @@ fn damaged_files_are_built_again() {
     assert_eq!(files.damages.load(Ordering::Relaxed), snapshot.meshes.len(), "each was told of");
     assert_eq!(content(&snapshot), content(&plain()));
     assert_eq!(files.damages.load(Ordering::Relaxed), snapshot.meshes.len(), "and is in memory now");
+}
+
+#[test]
+fn files_that_cannot_be_read_for_a_moment_are_read_again() {
+    let files = Arc::new(Files::default());
+    let snapshot = committed(&mut database(&files, 0));
+    files.busy.store(2, Ordering::Relaxed);
+    assert_eq!(content(&snapshot), content(&plain()));
+    assert_eq!(files.damages.load(Ordering::Relaxed), 0, "nothing was given up");
+    files.busy.store(5, Ordering::Relaxed);
+    assert_eq!(content(&snapshot), content(&plain()), "built again");
+    assert_eq!(files.damages.load(Ordering::Relaxed), 2, "four tries of the first mesh, one of the next");
 }
 
 #[test]

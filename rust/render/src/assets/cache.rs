@@ -24,8 +24,8 @@ use std::time::{Duration, Instant};
 
 /// Bytes of assets that may be on their way at the same time while everything is loaded.
 const IN_FLIGHT_BYTES: u64 = 512 << 20;
-/// How long the loader may take over one asset.
-const LOAD_TIMEOUT: Duration = Duration::from_secs(120);
+/// How long a copy on the device may take.
+const COPY_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// What the passes need to know of the scene.
 #[derive(Clone, Copy, Debug)]
@@ -209,7 +209,7 @@ impl Scene {
         missing.reverse();
         let mut missing = missing.into_iter().peekable();
         let mut on_the_way = 0_u64;
-        let mut last_arrival = Instant::now();
+        let mut patience = gate.patience();
         while missing.peek().is_some() || self.store.in_flight() > 0 {
             if !gate.proceed() {
                 return Ok(false);
@@ -227,17 +227,15 @@ impl Scene {
             let arrived = self.store.advance(&self.assets, Duration::from_millis(50))?;
             timings.uploaded_bytes += arrived.bytes;
             for copy in &arrived.copies {
-                if !copy.wait(LOAD_TIMEOUT)? {
+                if !copy.wait(COPY_TIMEOUT)? {
                     return Err(RenderError::Internal("a copy to the device did not finish".into()));
                 }
             }
             for asset in &arrived.ready {
                 on_the_way = on_the_way.saturating_sub(self.cost(*asset));
-                last_arrival = Instant::now();
+                patience.came(Instant::now());
             }
-            if last_arrival.elapsed() > LOAD_TIMEOUT {
-                return Err(RenderError::Internal("loading the scene did not finish".into()));
-            }
+            gate.wait_for_loads(&mut patience, "part of the scene", self.store.in_flight(), device.loader()?.lives())?;
         }
         timings.upload_secs += started.elapsed().as_secs_f64();
         let started = Instant::now();

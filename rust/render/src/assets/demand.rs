@@ -15,8 +15,8 @@ use std::time::{Duration, Instant};
 
 /// Bytes of tiles that may be on their way at the same time.
 const IN_FLIGHT_BYTES: u64 = 256 << 20;
-/// How long nothing may arrive: a large file may have to be decoded.
-const TILE_TIMEOUT: Duration = Duration::from_secs(600);
+/// How long a copy on the device may take.
+const COPY_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// What became of tiles that were asked for.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -47,7 +47,7 @@ impl Scene {
         }
         let mut queue = wanted.iter().copied().peekable();
         let mut on_the_way = 0_u64;
-        let mut last_arrival = Instant::now();
+        let mut patience = gate.patience();
         while queue.peek().is_some() || self.store.in_flight() > 0 {
             if !gate.proceed() {
                 self.store.forget_arriving();
@@ -69,17 +69,15 @@ impl Scene {
             let arrived = self.store.advance(&self.assets, Duration::from_millis(50))?;
             timings.uploaded_bytes += arrived.bytes;
             for copy in &arrived.copies {
-                if !copy.wait(TILE_TIMEOUT)? {
+                if !copy.wait(COPY_TIMEOUT)? {
                     return Err(RenderError::Internal("a copy to the device did not finish".into()));
                 }
             }
             for asset in &arrived.ready {
                 on_the_way = on_the_way.saturating_sub(self.assets.catalog.bytes(*asset));
-                last_arrival = Instant::now();
+                patience.came(Instant::now());
             }
-            if last_arrival.elapsed() > TILE_TIMEOUT {
-                return Err(RenderError::Internal("loading textures did not finish".into()));
-            }
+            gate.wait_for_loads(&mut patience, "texture tile", self.store.in_flight(), device.loader()?.lives())?;
         }
         let mut shown = wanted;
         shown.sort_unstable();

@@ -102,7 +102,7 @@ impl<'a> Writer<'a> {
     /// Submits what is left; what to wait for, and the bytes copied.
     pub(crate) fn finish(mut self) -> Result<Copied, RenderError> {
         self.submit()?;
-        Ok(Copied { submissions: self.submissions, bytes: self.bytes, assets: Vec::new() })
+        Ok(Copied { submissions: self.submissions, bytes: self.bytes, ..Copied::default() })
     }
 
     /// Copies pieces of an asset.
@@ -116,9 +116,12 @@ impl<'a> Writer<'a> {
     }
 
     /// Copies a mesh.
-    pub(crate) fn mesh(&mut self, mesh: &SceneMesh, target: &dyn DeviceRange) -> Result<(), RenderError> {
-        let (layout, summary) = (MeshLayout::new(mesh), mesh);
-        let mesh = mesh.asset()?;
+    pub(crate) fn mesh(
+        &mut self,
+        (summary, mesh): (&SceneMesh, &MeshAsset),
+        target: &dyn DeviceRange,
+    ) -> Result<(), RenderError> {
+        let layout = MeshLayout::new(summary);
         let nodes = &mesh.bvh.nodes;
         self.section(target, 0, (nodes.len(), size_of::<GpuMeshNode>()), |first, out| {
             convert(&nodes[first..], out, node)
@@ -133,8 +136,8 @@ impl<'a> Writer<'a> {
             self.section(target, offset, (count, item_bytes), |first, out| {
                 let vertices = later.map_or(&[][..], |later| &later[first..]);
                 match mesh.kind {
-                    LeafKind::Points => points(&mesh, vertices, first, out),
-                    _ => triangles(&mesh, vertices, first, out),
+                    LeafKind::Points => points(mesh, vertices, first, out),
+                    _ => triangles(mesh, vertices, first, out),
                 }
             })?;
         }
@@ -145,7 +148,7 @@ impl<'a> Writer<'a> {
         let radius_count = usize::try_from(summary.radii).unwrap_or(0);
         self.section(target, radii, (radius_count, size_of::<f32>()), |first, out| {
             for (at, bytes) in (first..).zip(out.chunks_exact_mut(size_of::<f32>())) {
-                bytes.copy_from_slice(&radius(&mesh, at / keys.max(1), at % keys.max(1)).to_ne_bytes());
+                bytes.copy_from_slice(&radius(mesh, at / keys.max(1), at % keys.max(1)).to_ne_bytes());
             }
         })?;
         let sections: [(u64, &[u8]); 4] = [

@@ -6,13 +6,14 @@
 use super::encode::Writer;
 use super::kept::Kept;
 use super::level::{self, Encoded, Piece, Stretch};
-use super::source::Source;
+use super::source::{AssetKey, Source};
 use crate::error::RenderError;
 use crate::loader::Loader;
 use crate::sync::lock;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{Gpu, HeapRange, StagingRing, Submission};
+use oocpt_shader_abi::GpuMeshNode;
 use rustc_hash::FxHashMap;
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -79,6 +80,8 @@ pub(crate) struct Copied {
     pub(crate) bytes: u64,
     /// The assets, and the stack entries that a walk of the tree of each needs.
     pub(crate) assets: Vec<(AssetId, u32)>,
+    /// Of these, what cannot be had and is left out of the picture, and why.
+    pub(crate) left_out: Vec<(AssetKey, String)>,
 }
 
 /// What became of a load.
@@ -208,15 +211,15 @@ impl Job {
         let mut writer = Writer::new(gpu, ring);
         let written = catch_unwind(AssertUnwindSafe(|| self.write(&mut writer)))
             .unwrap_or_else(|_| Err(RenderError::Internal("a loader thread panicked".into())));
-        self.load.done(written.and_then(|stacks| {
-            let mut copied = writer.finish()?;
-            copied.assets = stacks;
-            Ok(copied)
-        }));
+        self.load.done(
+            written.and_then(|Copied { assets, left_out, .. }| Ok(Copied { assets, left_out, ..writer.finish()? })),
+        );
     }
 
-    /// Writes the part; gives the assets that are complete with it and were not before, with their stack entries.
-    fn write(&self, writer: &mut Writer<'_>) -> Result<Vec<(AssetId, u32)>, RenderError> {
+    /// Writes the part; gives the assets that are complete with it and were not before, with their stack entries, and
+    /// those that cannot be had.
+    fn write(&self, writer: &mut Writer<'_>) -> Result<Copied, RenderError> {
+        let mut copied = Copied::default();
         let of = |at: usize| {
             let wanted = self.load.wanted.get(at);
             wanted.ok_or_else(|| RenderError::Internal("a part of an asset that is not wanted".into()))
@@ -226,11 +229,11 @@ impl Job {
                 let Wanted { asset, source, target } = of(*at)?;
                 let stretch = level::encode(source, range.clone());
                 writer.pieces(&stretch.pieces, &**target)?;
-                let Some(stretches) = self.load.encoded(*at, stretch) else { return Ok(Vec::new()) };
+                let Some(stretches) = self.load.encoded(*at, stretch) else { return Ok(copied) };
                 let encoded = finish(source, stretches, |nodes| writer.pieces(nodes, &**target))?;
                 let stack = encoded.stack;
                 self.load.kept.offer(source.key(), encoded);
-                return Ok(vec![(*asset, stack)]);
+                copied.assets.push((*asset, stack));
             }
             Part::Pieces(at, encoded, range) => {
                 writer.pieces(encoded.pieces.get(range.clone()).unwrap_or_default(), &*of(*at)?.target)?;
@@ -238,16 +241,32 @@ impl Job {
             Part::Whole(range) => {
                 for Wanted { source, target, .. } in self.load.wanted.get(range.clone()).unwrap_or_default() {
                     match source {
-                        Source::Mesh(mesh) => writer.mesh(mesh, &**target)?,
+                        Source::Mesh(mesh) => match mesh.asset() {
+                            Ok(asset) => writer.mesh((mesh, &asset), &**target)?,
+                            Err(error) => {
+                                writer.bytes(&**target, 0, bytemuck::bytes_of(&NO_MESH))?;
+                                copied.left_out.push((source.key(), format!("{error}; it is left out")));
+                            }
+                        },
                         Source::Tile(image, tile) => writer.bytes(&**target, 0, &image.tile(*tile))?,
                         Source::Assembly(_) | Source::Chunk(_) => {}
                     }
                 }
             }
         }
-        Ok(Vec::new())
+        Ok(copied)
     }
 }
+
+/// The root of a mesh that is not there: no ray meets the boxes of its children, whose planes are the wrong way round.
+const NO_MESH: GpuMeshNode = GpuMeshNode {
+    origin: [0; 3],
+    cell_and_counts: 0x007f_7f7f,
+    lower: [u32::MAX; 3],
+    upper: [0; 3],
+    first_child: 0,
+    first_triangle: 0,
+};
 
 /// Has the tree over all records written: the whole of an assembly or chunk.
 fn finish(
@@ -281,6 +300,7 @@ impl Load {
                 sum.submissions.extend(copied.submissions);
                 sum.bytes += copied.bytes;
                 sum.assets.extend(copied.assets);
+                sum.left_out.extend(copied.left_out);
             }
             (sum @ Ok(_), Err(error)) => *sum = Err(error),
             (Err(_), _) => {}

@@ -66,6 +66,8 @@ pub(crate) struct Store {
     promotion: Promotion,
     promoting: VecDeque<Promotion>,
     kept: Arc<Kept>,
+    /// What could not be had since it was last asked: rays find nothing there.
+    left_out: Vec<(AssetKey, String)>,
     /// Paths that were streamed since the last edit.
     pub(crate) paths_streamed: u64,
 }
@@ -151,6 +153,17 @@ impl Store {
     /// Lets go of an asset; its memory is free when the device has done what was submitted so far.
     pub(crate) fn evict(&mut self, key: &AssetKey) {
         self.device.ready.remove(key);
+    }
+
+    /// Lets go of what could not be had and was left out, so that it is tried again when it is wanted again; says why.
+    pub(crate) fn take_left_out(&mut self) -> Vec<String> {
+        let left_out = std::mem::take(&mut self.left_out);
+        let take = |(key, why): (AssetKey, String)| {
+            self.device.ready.remove(&key);
+            self.host.ready.remove(&key);
+            why
+        };
+        left_out.into_iter().map(take).collect()
     }
 
     /// Bytes of what is ready.
@@ -269,6 +282,7 @@ impl Store {
             let mut copied = loaded?;
             arrived.bytes += copied.bytes;
             arrived.copies.extend(copied.submissions.drain(..).map(Arc::new));
+            self.left_out.append(&mut copied.left_out);
             arrived.ready.extend(self.device.land(&copied, |asset| assets.key(asset)));
             next = self.device.inbox.try_next();
         }
@@ -303,6 +317,7 @@ impl Store {
     fn note_mapping(&mut self, loaded: Loaded) -> Result<(), RenderError> {
         let mut copied = loaded?;
         let copies = copied.submissions.drain(..).map(Arc::new).collect();
+        self.left_out.append(&mut copied.left_out);
         self.mapping.push_back((copies, copied));
         Ok(())
     }

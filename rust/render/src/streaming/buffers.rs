@@ -6,12 +6,12 @@ use super::observe::{Extents, Observation};
 use super::optional_buffers::{LOOKUP_BYTES, RouletteBuffers, TextureBuffers, list_questions, question_bytes};
 use super::places::{Bounds, Places, device_bytes};
 use crate::error::RenderError;
-use crate::wavefront::{CONE_BYTES, PathBuffers, PathNeeds};
+use crate::wavefront::{PathBuffers, PathNeeds};
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{
     Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Roulette, Segment, Streaming, TILE_KEYS, UnitDemand,
-    WORTH_SUMS, path_bytes, sort_blocks,
+    WORTH_SUMS, sort_blocks,
 };
 use std::sync::Arc;
 
@@ -37,6 +37,8 @@ pub(crate) struct Needs {
     pub(crate) materials: bool,
     /// Lights ask something of paths.
     pub(crate) light_paths: bool,
+    /// Some light asks for shadow rays.
+    pub(crate) shadows: bool,
     /// Roulette on loads is played.
     pub(crate) roulette: bool,
     /// The rays that enter each chunk are counted.
@@ -58,7 +60,8 @@ pub(crate) struct StreamBuffers {
     places: Buffer,
     free_slots: Buffer,
     pending: Buffer,
-    shadow_pending: Buffer,
+    /// Only with shadow rays.
+    shadow_pending: Option<Buffer>,
     surfaces: Buffer,
     /// Only with materials.
     surface_materials: Option<Buffer>,
@@ -100,17 +103,7 @@ impl StreamBuffers {
             size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + demand_bytes + visited + played;
         let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
         let buffers = Self {
-            paths: PathBuffers::new(
-                gpu,
-                capacity,
-                levels,
-                PathNeeds {
-                    textures: needs.textures,
-                    light_paths: needs.light_paths,
-                    feedback: false,
-                    deferred_cutouts: false,
-                },
-            )?,
+            paths: PathBuffers::new(gpu, capacity, levels, path_needs(needs))?,
             ended,
             asked,
             needs,
@@ -120,7 +113,7 @@ impl StreamBuffers {
             places: slots("places", 4)?,
             free_slots: slots("free_slots", 4)?,
             pending: slots("pending", size_of::<Pending>())?,
-            shadow_pending: slots("shadow_pending", size_of::<Pending>())?,
+            shadow_pending: needs.shadows.then(|| slots("shadow_pending", size_of::<Pending>())).transpose()?,
             surfaces: slots("surfaces", size_of::<GpuSurface>())?,
             surface_materials: needs
                 .materials
@@ -145,8 +138,8 @@ impl StreamBuffers {
     /// Lists the memory there is, and what is left out of it.
     pub(crate) fn list(&self, inventory: &mut Inventory) {
         self.paths.list(inventory);
-        let Self { progress, places, free_slots, pending, shadow_pending, surfaces, deferred, readback, .. } = self;
-        let waiting = [progress, places, free_slots, pending, shadow_pending, surfaces, &deferred[0], &deferred[1]];
+        let Self { progress, places, free_slots, pending, surfaces, deferred, readback, .. } = self;
+        let waiting = [progress, places, free_slots, pending, surfaces, &deferred[0], &deferred[1]];
         let Self { segments, sort_counts, sort_sums, chunk_rays, streaming, .. } = self;
         let Self { demand, demand_counts, demanded, demand_list, .. } = self;
         let tables = [segments, demand, demand_counts, demanded, demand_list, sort_counts, sort_sums, chunk_rays];
@@ -163,6 +156,10 @@ impl StreamBuffers {
             None => inventory.leave_out("roulette", 4 * (3 * u64::from(self.needs.chunks) + u64::from(WORTH_SUMS))),
         }
         let capacity = u64::from(self.paths.capacity);
+        match &self.shadow_pending {
+            Some(buffer) => inventory.add(buffer.name(), buffer.size()),
+            None => inventory.leave_out("shadow_pending", capacity * size_of::<Pending>() as u64),
+        }
         match &self.surface_materials {
             Some(buffer) => inventory.add(buffer.name(), buffer.size()),
             None => inventory.leave_out("surface materials", capacity * size_of::<GpuSurfaceMaterial>() as u64),
@@ -200,7 +197,7 @@ impl StreamBuffers {
             segments: self.segments.address(),
             progress: self.progress.address(),
             pending: self.pending.address(),
-            shadow_pending: self.shadow_pending.address(),
+            shadow_pending: self.shadow_pending.as_ref().map_or(0, Buffer::address),
             surfaces: self.surfaces.address(),
             deferred: [self.deferred[0].address(), self.deferred[1].address()],
             demand: self.demand.address(),
@@ -237,11 +234,12 @@ impl StreamBuffers {
 
     /// What the trace passes write, besides what belongs to the paths.
     pub(crate) fn written(&self) -> Vec<&Buffer> {
-        let Self { progress, free_slots, pending, shadow_pending, deferred, segments, chunk_rays, .. } = self;
-        let always = [progress, free_slots, pending, shadow_pending, &deferred[0], &deferred[1], segments, chunk_rays];
+        let Self { progress, free_slots, pending, deferred, segments, chunk_rays, .. } = self;
+        let always = [progress, free_slots, pending, &deferred[0], &deferred[1], segments, chunk_rays];
         let textures = self.textures.as_ref();
         let questions = textures.and_then(|textures| textures.questions.as_ref()).into_iter().flatten();
-        always.into_iter().chain(textures.map(|textures| &textures.resolve_queue)).chain(questions).collect()
+        let waiting = self.shadow_pending.iter().chain(textures.map(|textures| &textures.resolve_queue));
+        always.into_iter().chain(waiting).chain(questions).collect()
     }
 
     /// Forgets everything, before a stage.
@@ -344,10 +342,62 @@ fn sorted(needs: Needs) -> u32 {
     if needs.textures { needs.chunks + TILE_KEYS / 2 } else { needs.chunks }
 }
 
+/// What the paths in slots need.
+fn path_needs(needs: Needs) -> PathNeeds {
+    let Needs { textures, light_paths, shadows, .. } = needs;
+    PathNeeds { shadows, textures, light_paths, feedback: false, deferred_cutouts: false }
+}
+
 /// Bytes of device memory that a slot takes, at most.
 pub(super) fn slot_bytes(gpu: &Gpu, needs: Needs) -> u64 {
-    let textures = if needs.textures { CONE_BYTES + 8 + u64::from(needs.lookups) * LOOKUP_BYTES as u64 } else { 0 };
+    let textures = if needs.textures { 8 + u64::from(needs.lookups) * LOOKUP_BYTES as u64 } else { 0 };
     let materials = if needs.materials { size_of::<GpuSurfaceMaterial>() as u64 } else { 0 };
     let cutouts = if needs.cutouts { 2 * question_bytes(needs) as u64 } else { 0 };
-    path_bytes(needs.levels, true, needs.light_paths) + device_bytes(gpu) + textures + cutouts + materials
+    // progress, places, free_slots; two lists of what is deferred.
+    let numbers = 3 * 4 + 2 * 8;
+    let pending = (1 + u64::from(needs.shadows)) * size_of::<Pending>() as u64;
+    let waiting = numbers + pending + size_of::<GpuSurface>() as u64;
+    path_needs(needs).bytes_a_path(needs.levels) + waiting + device_bytes(gpu) + textures + cutouts + materials
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use oocpt_gpu::OpenOptions;
+
+    #[test]
+    fn a_slot_takes_what_is_counted_ahead() {
+        let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
+        let gpu = Gpu::open(&OpenOptions { selector, ..OpenOptions::default() }).expect("a device");
+        for bits in 0..32_u32 {
+            let [textures, cutouts, materials, light_paths, shadows] = [0, 1, 2, 3, 4].map(|bit| bits >> bit & 1 == 1);
+            let needs = Needs {
+                levels: 2,
+                chunks: 3,
+                units: 5,
+                textures,
+                lookups: 7,
+                cutouts: cutouts && textures,
+                cutout_programs: cutouts && textures,
+                materials,
+                light_paths,
+                shadows,
+                roulette: false,
+                visits: false,
+            };
+            // Places are as many as they can be, eight a slot.
+            let of = |capacity: u32| {
+                let paths = 1 << 40;
+                let made = StreamBuffers::new(&gpu, capacity, ((u64::from(capacity), paths), 1 << 40), needs);
+                let mut listed = Inventory::default();
+                made.expect("memory").list(&mut listed);
+                let of_host = ["ended_radiance", "steps 0", "steps 1", "streaming"];
+                let of_host = &of_host[usize::from(gpu.is_unified())..];
+                let buffers = listed.buffers.iter().filter(|buffer| !of_host.contains(&buffer.name.as_str()));
+                buffers.map(|buffer| buffer.bytes).sum::<u64>()
+            };
+            let more = u64::from(1_u32 << 12);
+            assert_eq!(of(2 << 12) - of(1 << 12), more * slot_bytes(&gpu, needs), "{needs:?}");
+        }
+    }
 }

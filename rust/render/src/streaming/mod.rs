@@ -36,7 +36,7 @@ use crate::error::RenderError;
 use crate::host_memory::{self, Part};
 use crate::job::Job;
 use crate::progress::Progress;
-use crate::setting::{Setting, geometry_cap, has_light_paths, is_cpu, maps_host, shrinking};
+use crate::setting::{Setting, geometry_cap, has_light_paths, has_shadow_rays, is_cpu, maps_host, shrinking};
 use crate::shared::Gate;
 use crate::specialise;
 use crate::timings::LeftMoment;
@@ -148,7 +148,7 @@ pub(crate) fn render(
         left: Left::of(progress.total_paths()),
         stragglers: job.settings.straggler_roulette.then(|| stragglers(setting)),
     };
-    engine::render(&mut Stage::new(streamer, leave), gate, progress)
+    engine::render(&mut Stage::new(streamer, leave, gate.patience()), gate, progress)
 }
 
 fn stragglers(setting: &Setting<'_>) -> Stragglers {
@@ -180,6 +180,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
         cutouts: textures && specialise::has_cutouts(&job.snapshot),
         cutout_programs: textures && job.snapshot.features.contains(SceneFeatures::CUTOUT_PROGRAMS),
         light_paths: has_light_paths(setting),
+        shadows: has_shadow_rays(setting),
         roulette: job.settings.straggler_roulette,
         visits: maps_host(device, &job.settings),
     };
@@ -209,7 +210,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
     if capacity * slot_bytes + beside > unused(device.gpu.memory()) {
         scene.clear(device)?;
     }
-    let host_bytes = host_memory::limit_of(Part::EndedPaths, &job.settings, 0);
+    let host_bytes = host_memory::limit_of(Part::EndedPaths, &job.settings, 0, job.fixed_host_bytes);
     *kept = Some(shrinking(capacity, FEWEST_PATHS, |capacity| {
         StreamBuffers::new(&device.gpu, capacity, ((wanted, paths), host_bytes), needs)
     })?);
@@ -262,12 +263,12 @@ fn host_share(setting: &Setting<'_>, scene: &mut Scene, maps: bool) -> Result<Op
     if !maps {
         scene.unmap(device);
         let kept = scene.store.kept();
-        kept.limit(host_memory::limit_of(Part::Encoded, &job.settings, kept.bytes()));
+        kept.limit(host_memory::limit_of(Part::Encoded, &job.settings, kept.bytes(), job.fixed_host_bytes));
         return Ok(None);
     }
     let heap = device.host_heap()?.stats();
     let held = heap.arena_bytes + heap.dedicated_bytes + scene.store.kept().bytes();
-    let limit = host_memory::limit_of(Part::Encoded, &job.settings, held);
+    let limit = host_memory::limit_of(Part::Encoded, &job.settings, held, job.fixed_host_bytes);
     let mapped = bytes_with_holes(scene.assets.geometry_bytes(), scene.assets.largest_bytes).min(limit);
     scene.store.kept().limit(limit - mapped);
     HostHeapFiller::start(device, mapped).map(Some)

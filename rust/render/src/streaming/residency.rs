@@ -346,6 +346,11 @@ impl<'a> Residency<'a> {
         self.store.in_flight() > 0 || !self.waiting.is_empty()
     }
 
+    /// Assets that the loader is bringing.
+    pub(crate) fn coming(&self) -> usize {
+        self.store.in_flight() + self.store.mapping()
+    }
+
     /// Records the table entries that have changed since the last step.
     pub(crate) fn record(&mut self, commands: &mut Commands) {
         for copy in self.copies.drain(..) {

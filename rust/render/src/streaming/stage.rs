@@ -2,8 +2,8 @@
 //! The paths of a scene that streams: steps over segments of paths whose rays may wait for chunks, and the loads that
 //! go on beside them.
 //!
-//! When the device has nothing to trace, the stage waits for the loader; when there is nothing to wait for either and
-//! paths are left, that is a defect and reported as one.
+//! When the device has nothing to trace, the stage waits for the loader, however long that takes; when there is nothing
+//! to wait for either and paths are left, that is a defect and reported as one.
 
 use super::Streamer;
 use super::clock::Activity;
@@ -16,6 +16,7 @@ use super::stragglers::{Moment, Spent, Stragglers};
 use crate::adaptive::Adaptive;
 use crate::engine::{Feed, Flight, LeftOff, Tracer, Work};
 use crate::error::RenderError;
+use crate::patience::Patience;
 use crate::progress::Progress;
 use crate::setting::is_cpu;
 use crate::shared::Gate;
@@ -69,12 +70,15 @@ pub(crate) struct Stage<'a, 'r> {
     round: u32,
     started: Instant,
     last_event: Instant,
+    /// When something was last on its way.
+    last_waited: Instant,
+    patience: Patience,
     leave: Leave,
 }
 
 impl<'a, 'r> Stage<'a, 'r> {
     /// Nothing to do yet.
-    pub(super) fn new(streamer: Streamer<'a, 'r>, leave: Leave) -> Self {
+    pub(super) fn new(streamer: Streamer<'a, 'r>, leave: Leave, patience: Patience) -> Self {
         let now = Instant::now();
         Self {
             most_paths: 0,
@@ -90,6 +94,8 @@ impl<'a, 'r> Stage<'a, 'r> {
             round: 0,
             started: now,
             last_event: now,
+            last_waited: now,
+            patience,
             leave,
         }
     }
@@ -370,7 +376,17 @@ impl Feed for Stage<'_, '_> {
         if self.streamer.residency.bytes_copied != copied || self.streamer.residency.has_changes() {
             self.last_event = Instant::now();
         }
-        if self.last_event.elapsed() > STALL_TIMEOUT {
+        let coming = self.streamer.residency.coming();
+        if coming == 0 {
+            self.patience.came(Instant::now());
+        } else {
+            // Slow files are no fault.
+            self.patience.came_at(self.last_event);
+            self.last_waited = Instant::now();
+            let lives = self.streamer.residency.device.loader()?.lives();
+            progress.wait_for_loads(&mut self.patience, ("part of the scene", coming), lives)?;
+        }
+        if self.last_event.max(self.last_waited).elapsed() > STALL_TIMEOUT {
             let left = self.seen.paths_alive();
             return Err(RenderError::Internal(format!("{left} paths wait for chunks that do not come")));
         }

@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Decoded images in host memory, for where there is no texture cache on disk.
 //!
-//! The bound: the levels of all images together take at most [`MOST_BYTES`], or those of a single image if they are
-//! more. The oldest
-//! are dropped, and decoded again when they are needed again.
+//! The bound: the levels of all images together take at most what the settings say ([`crate::host_memory::images`]), or
+//! those of a single image if they are more. The oldest are dropped, and decoded again when they are needed again.
 
 use super::convert::TileSink;
 use super::image::ImageError;
+use crate::host_memory;
 use crate::sync::lock;
+use oocpt_core::settings::Settings;
 use oocpt_core::texture::Layout;
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, Weak};
-
-/// Most bytes of decoded images.
-const MOST_BYTES: u64 = 512 << 20;
 
 /// Levels of an image, stored as the file's texels are, rows from the bottom up.
 #[derive(Debug)]
@@ -79,9 +78,16 @@ pub(super) trait Droppable: Send + Sync {
 }
 
 /// Remembers which images have levels in memory, the oldest first.
-#[derive(Default)]
 pub(crate) struct MemoryStore {
     held: Mutex<VecDeque<(Weak<dyn Droppable>, u64)>>,
+    /// Most bytes.
+    most: AtomicU64,
+}
+
+impl Default for MemoryStore {
+    fn default() -> Self {
+        Self { held: Mutex::default(), most: AtomicU64::new(host_memory::images(&Settings::default())) }
+    }
 }
 
 impl std::fmt::Debug for MemoryStore {
@@ -91,14 +97,19 @@ impl std::fmt::Debug for MemoryStore {
 }
 
 impl MemoryStore {
+    /// From now on at most so many bytes; what is held stays until more comes.
+    pub(crate) fn limit(&self, bytes: u64) {
+        self.most.store(bytes, Ordering::Relaxed);
+    }
+
     /// Takes note of an image's levels; drops older ones if there are too many bytes.
     pub(super) fn added(&self, image: Weak<dyn Droppable>, levels: &Levels) {
-        let bytes = levels.bytes();
+        let (bytes, most) = (levels.bytes(), self.most.load(Ordering::Relaxed));
         let mut held = lock(&self.held);
         held.retain(|(old, _)| old.strong_count() > 0 && !Weak::ptr_eq(old, &image));
         let mut sum = held.iter().map(|(_, bytes)| bytes).sum::<u64>().saturating_add(bytes);
         held.retain(|(old, bytes)| {
-            if sum <= MOST_BYTES {
+            if sum <= most {
                 return true;
             }
             let gone = old.upgrade().is_none_or(|old| old.drop_levels());

@@ -26,6 +26,10 @@ mod tiles;
 mod tx;
 mod under_way;
 
+/// Pauses before a read that failed is tried again: the disk may be busy or far away. Files that cannot be decoded cost
+/// half a second, once.
+const PAUSES: [Duration; 3] = [Duration::from_millis(20), Duration::from_millis(100), Duration::from_millis(400)];
+
 pub use file::{CacheEntry, FileReport, TextureFile};
 pub(crate) use heights::HeightTextures;
 pub use image::{BAND_BYTES, ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
@@ -33,3 +37,5 @@ pub(crate) use opacity_masks::OpacityMasks;
 pub(crate) use set::{TextureCache, TextureSet};
 pub(crate) use tiles::TextureImage;
 pub use under_way::remove_unfinished;
+
+use std::time::Duration;

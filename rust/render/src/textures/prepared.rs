@@ -6,6 +6,7 @@
 //! needs 1/1000 of it on
 //! disk. If something finer is asked for later, the image is decoded a second time, and all of it is kept.
 
+use super::PAUSES;
 use super::convert::{Decoding, TileSink, convert};
 use super::disk::DiskCache;
 use super::image::{ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
@@ -14,6 +15,7 @@ use super::ptex::{Meaning, PtexSource};
 use super::texels::Texels;
 use super::tx::{Description, TxFile};
 use crate::sync::lock;
+use oocpt_core::again::again;
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::Layout;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -194,7 +196,7 @@ impl Prepared {
             None => self.finest.load(Ordering::Relaxed).min(level).saturating_sub(1),
             Some(_) => 0,
         };
-        match self.make(first) {
+        match again(&PAUSES, |_| true, || self.make(first)) {
             Ok(held) => {
                 let held = Arc::new(held);
                 state.held = Some(Arc::clone(&held));

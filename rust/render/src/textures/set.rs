@@ -9,6 +9,7 @@ use super::disk::DiskCache;
 use super::image::{ImageError, ImageLibrary};
 use super::opacity_masks::MadeMasks;
 use super::tiles::{Stores, TextureImage, Wanted};
+use crate::host_memory;
 use oocpt_core::scene::AssetRef;
 use oocpt_core::settings::Settings;
 use oocpt_core::texture::{FaceLayout, TexelFormat, TextureRef, Wrap};
@@ -101,6 +102,7 @@ type Opened = Result<Option<Arc<TextureImage>>, ImageError>;
 impl TextureCache {
     /// Keeps decoded images where the settings say, from now on.
     pub(crate) fn keep_in(&mut self, settings: &Settings) {
+        self.stores.memory.limit(host_memory::images(settings));
         let folder = (settings.texture_cache.clone(), settings.texture_cache_mib);
         if self.folder.as_ref() != Some(&folder) {
             self.stores.disk = DiskCache::of_setting(&folder.0, folder.1).map(Arc::new);

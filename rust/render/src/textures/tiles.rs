@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! One image as tiles: the bytes of each, as the device will have them. Any thread; called by the loader's.
 
+use super::PAUSES;
 use super::disk::DiskCache;
 use super::image::{Image, ImageError, ImageInfo, ImageLibrary};
 use super::memory::MemoryStore;
@@ -8,6 +9,7 @@ use super::prepared::{Making, Origin, Prepared, Source};
 use super::ptex::PtexSource;
 use super::texels::Texels;
 use crate::sync::lock;
+use oocpt_core::again::again;
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{ColorSpace, FaceLayout, Layout, Piece, TILE_SIDE, TexelFormat, is_srgb};
 use rustc_hash::FxHashSet;
@@ -258,7 +260,10 @@ impl TextureImage {
             let begin = usize::try_from(piece.offset).unwrap_or(0);
             let bytes = piece.size[0] as usize * piece.size[1] as usize * self.texels.device_bytes();
             let Some(out) = out.get_mut(begin..begin + bytes) else { continue };
-            if let Err(error) = self.piece(&piece, &mut raw, out) {
+            // A prepared image has tried again itself; and one that could not be read is not waited for with every tile.
+            let is_known = !self.is_direct() || !lock(&self.broken).is_empty();
+            let pauses = if is_known { &[][..] } else { &PAUSES };
+            if let Err(error) = again(pauses, |_| true, || self.piece(&piece, &mut raw, out)) {
                 out.fill(0);
                 let text = format!("{}: {error}; its fallback is used where it cannot be read", self.name);
                 tracing::debug!("{text}");

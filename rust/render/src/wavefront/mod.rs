@@ -12,5 +12,5 @@ mod record;
 pub(crate) use ahead::{Ahead, Pending};
 pub(crate) use native::{Backend, Native};
 pub(crate) use passes::Passes;
-pub(crate) use paths::{CONE_BYTES, PathBuffers, PathNeeds};
+pub(crate) use paths::{PathBuffers, PathNeeds};
 pub(crate) use record::{Kind, Recorder, Traced};

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The arrays and queues that paths live in, in core and streaming alike: one entry for each path in flight.
+//!
+//! [`Array`] lists them: what is made, what is counted ahead and what the inventory says come from it.
 
 use crate::assets::MAX_LEVELS;
 use oocpt_core::inventory::Inventory;
@@ -8,14 +10,16 @@ use oocpt_shader_abi::{Counters, Frame, LIGHT_PATH_BYTES, PathState, Ray, Shadow
 use std::sync::Arc;
 
 /// Bytes of a ray's cone.
-pub(crate) const CONE_BYTES: u64 = 8;
+const CONE_BYTES: u64 = 8;
 /// Of so many paths one can keep the candidate that its ray depends on, and one that of its shadow ray; others are
 /// walked again.
 const PATHS_TO_KEPT: u32 = 8;
 
 /// What only some scenes ask of paths.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct PathNeeds {
+    /// Shadow rays: there is some light that they are sent to.
+    pub(crate) shadows: bool,
     /// Ray cones: something reads a texture.
     pub(crate) textures: bool,
     /// What lights ask of the surface that a ray left.
@@ -26,35 +30,116 @@ pub(crate) struct PathNeeds {
     pub(crate) deferred_cutouts: bool,
 }
 
-/// What cutouts need that no mask knows: for rays, then as much for shadow rays.
-#[derive(Debug)]
-struct Settle {
-    queue: Buffer,
-    hits: Buffer,
+impl PathNeeds {
+    /// Bytes of device memory for `capacity` paths of scenes of so many instance levels; of the counters there is one.
+    pub(crate) fn bytes(self, capacity: u32, max_levels: u32) -> u64 {
+        let arrays = Array::ALL.into_iter().filter(|array| array.is_needed(self));
+        arrays.map(|array| array.bytes(capacity, max_levels)).sum()
+    }
+
+    /// Bytes of device memory that each of many paths takes.
+    pub(crate) fn bytes_a_path(self, max_levels: u32) -> u64 {
+        self.bytes(PATHS_TO_KEPT, max_levels).div_ceil(u64::from(PATHS_TO_KEPT))
+    }
 }
 
-impl Settle {
-    fn new(gpu: &Arc<Gpu>, capacity: u32, max_levels: u32) -> Result<Self, GpuError> {
-        let [queue, hits] = Self::bytes(capacity, max_levels);
-        Ok(Self {
-            queue: Buffer::new(gpu, "settle_queue", queue, Usage::Device)?,
-            hits: Buffer::new(gpu, "settle_hits", hits, Usage::Device)?,
-        })
+/// An array by path, or a queue that has room for all paths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Array {
+    Rays,
+    ShadowRays,
+    Hits,
+    Paths,
+    Radiance,
+    RayQueue0,
+    RayQueue1,
+    ShadowQueue,
+    SurfaceQueue,
+    EscapedQueue,
+    Cones,
+    LightPaths,
+    IncompletePaths,
+    /// What cutouts need that no mask knows: for rays, then as much for shadow rays.
+    SettleQueue,
+    SettleHits,
+}
+
+impl Array {
+    const ALL: [Self; 15] = [
+        Self::Rays,
+        Self::ShadowRays,
+        Self::Hits,
+        Self::Paths,
+        Self::Radiance,
+        Self::RayQueue0,
+        Self::RayQueue1,
+        Self::ShadowQueue,
+        Self::SurfaceQueue,
+        Self::EscapedQueue,
+        Self::Cones,
+        Self::LightPaths,
+        Self::IncompletePaths,
+        Self::SettleQueue,
+        Self::SettleHits,
+    ];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Rays => "rays",
+            Self::ShadowRays => "shadow_rays",
+            Self::Hits => "hits",
+            Self::Paths => "paths",
+            Self::Radiance => "radiance",
+            Self::RayQueue0 => "ray_queue 0",
+            Self::RayQueue1 => "ray_queue 1",
+            Self::ShadowQueue => "shadow_queue",
+            Self::SurfaceQueue => "surface_queue",
+            Self::EscapedQueue => "escaped_queue",
+            Self::Cones => "cones",
+            Self::LightPaths => "light_paths",
+            Self::IncompletePaths => "incomplete_paths",
+            Self::SettleQueue => "settle_queue",
+            Self::SettleHits => "settle_hits",
+        }
     }
 
-    fn bytes(capacity: u32, max_levels: u32) -> [u64; 2] {
-        let kept = u64::from(capacity.div_ceil(PATHS_TO_KEPT)) * u64::from(hit_stride(max_levels));
-        [8 * u64::from(capacity), 2 * kept]
+    fn bytes(self, capacity: u32, max_levels: u32) -> u64 {
+        let hit = u64::from(hit_stride(max_levels));
+        let stride = match self {
+            Self::Rays => size_of::<Ray>() as u64,
+            Self::ShadowRays => size_of::<ShadowRay>() as u64,
+            Self::Hits => hit,
+            Self::Paths => size_of::<PathState>() as u64,
+            Self::Radiance => 16,
+            Self::Cones => CONE_BYTES,
+            Self::LightPaths => LIGHT_PATH_BYTES,
+            Self::SettleQueue => 8,
+            Self::SettleHits => return 2 * hit * u64::from(capacity.div_ceil(PATHS_TO_KEPT)),
+            Self::RayQueue0
+            | Self::RayQueue1
+            | Self::ShadowQueue
+            | Self::SurfaceQueue
+            | Self::EscapedQueue
+            | Self::IncompletePaths => 4,
+        };
+        stride * u64::from(capacity)
     }
 
-    /// Lists it, or what is left out without it.
-    fn list(settle: Option<&Self>, (capacity, max_levels): (u32, u32), inventory: &mut Inventory) {
-        let names = ["settle_queue", "settle_hits"];
-        for (name, bytes) in names.into_iter().zip(Self::bytes(capacity, max_levels)) {
-            match settle {
-                Some(_) => inventory.add(name, bytes),
-                None => inventory.leave_out(name, bytes),
-            }
+    fn is_needed(self, needs: PathNeeds) -> bool {
+        match self {
+            Self::ShadowRays | Self::ShadowQueue => needs.shadows,
+            Self::Cones => needs.textures,
+            Self::LightPaths => needs.light_paths,
+            Self::IncompletePaths => needs.feedback,
+            Self::SettleQueue | Self::SettleHits => needs.deferred_cutouts,
+            Self::Rays
+            | Self::Hits
+            | Self::Paths
+            | Self::Radiance
+            | Self::RayQueue0
+            | Self::RayQueue1
+            | Self::SurfaceQueue
+            | Self::EscapedQueue => true,
         }
     }
 }
@@ -66,23 +151,9 @@ pub(crate) struct PathBuffers {
     /// Paths that were asked for; there may have been no memory for so many.
     pub(crate) asked: u64,
     pub(crate) max_levels: u32,
-    rays: Buffer,
-    shadow_rays: Buffer,
-    hits: Buffer,
-    paths: Buffer,
-    radiance: Buffer,
-    ray_queue: [Buffer; 2],
-    shadow_queue: Buffer,
-    surface_queue: Buffer,
-    escaped_queue: Buffer,
-    /// Only when something reads a texture.
-    cones: Option<Buffer>,
-    /// Only where lights ask for it.
-    light_paths: Option<Buffer>,
-    /// Only where these have passes of their own; of rays, then of shadow rays.
-    settle: Option<Settle>,
-    /// Only where texture tiles are loaded on demand.
-    pub(crate) incomplete_paths: Option<Buffer>,
+    needs: PathNeeds,
+    /// By number of [`Array`]; none that the scene does not need.
+    arrays: [Option<Buffer>; Array::ALL.len()],
     /// One `Counters`; also the arguments of the indirect dispatches.
     pub(crate) counters: Buffer,
 }
@@ -90,88 +161,108 @@ pub(crate) struct PathBuffers {
 impl PathBuffers {
     /// Memory for `capacity` paths; `needs`: and for what not all scenes need.
     pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, max_levels: u32, needs: PathNeeds) -> Result<Self, GpuError> {
-        let per_path = |name: &str, stride: u64| Buffer::new(gpu, name, u64::from(capacity) * stride, Usage::Device);
-        Ok(Self {
-            capacity,
-            asked: u64::from(capacity),
-            max_levels,
-            rays: per_path("rays", size_of::<Ray>() as u64)?,
-            shadow_rays: per_path("shadow_rays", size_of::<ShadowRay>() as u64)?,
-            hits: per_path("hits", u64::from(hit_stride(max_levels)))?,
-            paths: per_path("paths", size_of::<PathState>() as u64)?,
-            radiance: per_path("radiance", 16)?,
-            ray_queue: [per_path("ray_queue 0", 4)?, per_path("ray_queue 1", 4)?],
-            shadow_queue: per_path("shadow_queue", 4)?,
-            surface_queue: per_path("surface_queue", 4)?,
-            escaped_queue: per_path("escaped_queue", 4)?,
-            cones: needs.textures.then(|| per_path("cones", CONE_BYTES)).transpose()?,
-            light_paths: needs.light_paths.then(|| per_path("light_paths", LIGHT_PATH_BYTES)).transpose()?,
-            settle: needs.deferred_cutouts.then(|| Settle::new(gpu, capacity, max_levels)).transpose()?,
-            incomplete_paths: needs.feedback.then(|| per_path("incomplete_paths", 4)).transpose()?,
-            counters: Buffer::new(gpu, "counters", size_of::<Counters>() as u64, Usage::Device)?,
-        })
+        let mut arrays = [const { None }; Array::ALL.len()];
+        for array in Array::ALL.into_iter().filter(|array| array.is_needed(needs)) {
+            let bytes = array.bytes(capacity, max_levels);
+            arrays[array as usize] = Some(Buffer::new(gpu, array.name(), bytes, Usage::Device)?);
+        }
+        let counters = Buffer::new(gpu, "counters", size_of::<Counters>() as u64, Usage::Device)?;
+        Ok(Self { capacity, asked: u64::from(capacity), max_levels, needs, arrays, counters })
+    }
+
+    fn get(&self, array: Array) -> Option<&Buffer> {
+        self.arrays[array as usize].as_ref()
+    }
+
+    /// Flags of paths that lack a tile, where texture tiles are loaded on demand.
+    pub(crate) fn incomplete_paths(&self) -> Option<&Buffer> {
+        self.get(Array::IncompletePaths)
     }
 
     /// Lists the memory there is, and what is left out of it.
     pub(crate) fn list(&self, inventory: &mut Inventory) {
-        let Self { rays, shadow_rays, hits, paths, radiance, ray_queue, .. } = self;
         let capacity = u64::from(self.capacity);
         inventory.paths = capacity;
-        let always = [rays, shadow_rays, hits, paths, radiance, &ray_queue[0], &ray_queue[1]];
-        let queues = [&self.shadow_queue, &self.surface_queue, &self.escaped_queue, &self.counters];
-        for buffer in always.into_iter().chain(queues) {
-            inventory.add(buffer.name(), buffer.size());
-        }
-        let deepest = u64::from(hit_stride(MAX_LEVELS)).saturating_sub(u64::from(hit_stride(self.max_levels)));
-        inventory.leave_out("hits", deepest * capacity);
-        let optional = [
-            ("cones", &self.cones, CONE_BYTES),
-            ("light_paths", &self.light_paths, LIGHT_PATH_BYTES),
-            ("incomplete_paths", &self.incomplete_paths, 4),
-        ];
-        Settle::list(self.settle.as_ref(), (self.capacity, self.max_levels), inventory);
-        for (name, buffer, stride) in optional {
-            match buffer {
-                Some(buffer) => inventory.add(name, buffer.size()),
-                None => inventory.leave_out(name, stride * capacity),
+        for array in Array::ALL {
+            match self.get(array) {
+                Some(buffer) => inventory.add(buffer.name(), buffer.size()),
+                None => inventory.leave_out(array.name(), array.bytes(self.capacity, self.max_levels)),
             }
         }
+        inventory.add(self.counters.name(), self.counters.size());
+        let deepest = u64::from(hit_stride(MAX_LEVELS)).saturating_sub(u64::from(hit_stride(self.max_levels)));
+        inventory.leave_out("hits", deepest * capacity);
     }
 
     /// Whether this memory is what scenes of `levels` instance levels need, and no more.
     pub(crate) fn serves(&self, levels: u32, needs: PathNeeds) -> bool {
-        let have = PathNeeds {
-            textures: self.cones.is_some(),
-            light_paths: self.light_paths.is_some(),
-            feedback: self.incomplete_paths.is_some(),
-            deferred_cutouts: self.settle.is_some(),
-        };
-        self.max_levels == levels && have == needs
+        self.max_levels == levels && self.needs == needs
     }
 
     /// What the trace passes write.
     pub(crate) fn written(&self) -> Vec<&Buffer> {
-        let Self { rays, shadow_rays, hits, radiance, surface_queue, escaped_queue, counters, .. } = self;
-        vec![rays, shadow_rays, hits, radiance, surface_queue, escaped_queue, counters]
+        let arrays =
+            [Array::Rays, Array::ShadowRays, Array::Hits, Array::Radiance, Array::SurfaceQueue, Array::EscapedQueue];
+        arrays.into_iter().filter_map(|array| self.get(array)).chain([&self.counters]).collect()
     }
 
-    /// Writes the addresses into a frame block.
+    /// Writes the addresses into a frame block; 0 for what there is not: no pass reaches it then.
     pub(crate) fn bind(&self, frame: &mut Frame) {
-        frame.rays = self.rays.address();
-        frame.shadow_rays = self.shadow_rays.address();
-        frame.hits = self.hits.address();
-        frame.paths = self.paths.address();
-        frame.radiance = self.radiance.address();
-        frame.ray_queue = [self.ray_queue[0].address(), self.ray_queue[1].address()];
-        frame.shadow_queue = self.shadow_queue.address();
-        frame.surface_queue = self.surface_queue.address();
-        frame.escaped_queue = self.escaped_queue.address();
-        if let Some(Settle { queue, hits }) = &self.settle {
+        let at = |array: Array| self.get(array).map_or(0, Buffer::address);
+        frame.rays = at(Array::Rays);
+        frame.shadow_rays = at(Array::ShadowRays);
+        frame.hits = at(Array::Hits);
+        frame.paths = at(Array::Paths);
+        frame.radiance = at(Array::Radiance);
+        frame.ray_queue = [at(Array::RayQueue0), at(Array::RayQueue1)];
+        frame.shadow_queue = at(Array::ShadowQueue);
+        frame.surface_queue = at(Array::SurfaceQueue);
+        frame.escaped_queue = at(Array::EscapedQueue);
+        if let (Some(queue), Some(hits)) = (self.get(Array::SettleQueue), self.get(Array::SettleHits)) {
             let halves = |of: &Buffer| [0, of.size() / 2].map(|at| of.address() + at);
             (frame.settle_queue, frame.settle_hits) = (halves(queue), halves(hits));
         }
-        frame.cones = self.cones.as_ref().map_or(0, Buffer::address);
-        frame.light_paths = self.light_paths.as_ref().map_or(0, Buffer::address);
+        frame.cones = at(Array::Cones);
+        frame.light_paths = at(Array::LightPaths);
         frame.counters = self.counters.address();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use oocpt_gpu::OpenOptions;
+
+    #[test]
+    fn arrays_are_numbered_in_their_order() {
+        assert!(Array::ALL.iter().enumerate().all(|(at, array)| *array as usize == at), "{:?}", Array::ALL);
+    }
+
+    #[test]
+    fn what_is_counted_ahead_is_what_is_made() {
+        let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
+        let gpu = Gpu::open(&OpenOptions { selector, ..OpenOptions::default() }).expect("a device");
+        for bits in 0..32_u32 {
+            let [shadows, textures, light_paths, feedback, deferred_cutouts] =
+                [0, 1, 2, 3, 4].map(|bit| bits >> bit & 1 == 1);
+            let needs = PathNeeds { shadows, textures, light_paths, feedback, deferred_cutouts };
+            for (capacity, levels) in [(1 << 12, 1), (5000, 2)] {
+                let made = PathBuffers::new(&gpu, capacity, levels, needs).expect("memory");
+                let bytes: u64 = made.arrays.iter().flatten().map(Buffer::size).sum();
+                assert_eq!(bytes, needs.bytes(capacity, levels), "{needs:?}, {capacity} paths, {levels} levels");
+                assert_eq!(bytes, needs.bytes_a_path(levels) * u64::from(capacity), "{needs:?}: the same each");
+                let mut listed = Inventory::default();
+                made.list(&mut listed);
+                let listed: u64 = listed.buffers.iter().map(|buffer| buffer.bytes).sum();
+                assert_eq!(listed, bytes + made.counters.size(), "{needs:?}: as it is listed");
+            }
+        }
+    }
+
+    #[test]
+    fn no_shadow_rays_no_memory_for_them() {
+        let without = PathNeeds::default();
+        let with = PathNeeds { shadows: true, ..without };
+        assert_eq!(with.bytes_a_path(1) - without.bytes_a_path(1), 68, "64 bytes, and 4 of the queue");
     }
 }

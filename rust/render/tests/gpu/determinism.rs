@@ -5,7 +5,7 @@ use crate::scenes::{features, nested};
 use crate::support::{images, perspective, read_all, render, request, session, settings};
 use glam::DVec3;
 use oocpt_core::settings::Settings;
-use oocpt_render::RenderRequest;
+use oocpt_render::{RenderRequest, Session, SessionOptions};
 
 fn view(size: [u32; 2]) -> RenderRequest {
     request(perspective(DVec3::new(3.0, 4.0, 6.0), DVec3::new(0.0, 0.5, 0.0), 0.7, size))
@@ -33,6 +33,21 @@ fn a_restart_gives_the_same_bits_although_waves_have_grown_meanwhile() {
     session.restart();
     render(&session, &request);
     assert!(first == read_all(&session, &request), "the picture depends on how it was cut");
+}
+
+#[test]
+fn the_number_of_paths_in_flight_does_not_matter() {
+    let request = view([160, 120]);
+    let of = |in_flight| {
+        let options = SessionOptions { validation: true, in_flight: Some(in_flight), ..SessionOptions::default() };
+        let session = Session::with_options(settings(4, 2), options);
+        session.with_scene(nested);
+        render(&session, &request);
+        (session.stats().inventory.paths, read_all(&session, &request))
+    };
+    let (few, many) = (of(1 << 12), of(1 << 16));
+    assert_eq!((few.0, many.0), (1 << 12, 1 << 16), "as many as were asked for");
+    assert!(few.1 == many.1, "the picture depends on the paths in flight");
 }
 
 #[test]

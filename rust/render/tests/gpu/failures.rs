@@ -1,11 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Fails well: one clear message, a converged session, and the next render works.
 
+use crate::materials::{Ramps, board, coordinates, textured, with};
 use crate::scenes::{dome, nested, prim, sphere};
-use crate::support::{perspective, read_all, render, render_with_messages, request, session, settings};
+use crate::support::{perspective, read, read_all, render, render_with_messages, request, session, settings};
 use glam::{DMat4, DVec3};
+use oocpt_core::mesh::{LOST_FOR_GOOD, MeshFiles, Payload, PayloadError, StoredEntry};
+use oocpt_core::scene::{AssetRef, Interpolation};
 use oocpt_core::settings::{Settings, Value};
-use oocpt_render::{RenderRequest, Severity};
+use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
+use oocpt_render::{AovKind, Faults, RenderRequest, Session, SessionOptions, Severity};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
 
 fn view(size: [u32; 2]) -> RenderRequest {
     request(perspective(DVec3::new(3.0, 4.0, 6.0), DVec3::ZERO, 0.7, size))
@@ -76,4 +83,170 @@ fn bad_geometry_is_dropped_with_one_warning_and_the_rest_renders() {
     assert!(messages[0].text.contains("/bad"), "with the prim path: {}", messages[0].text);
     session.restart();
     assert!(render_with_messages(&session, &view([24, 16])).is_empty(), "each problem is reported once");
+}
+
+/// A session of which so many devices are lost, each after so many submissions.
+fn losing(devices: u32, after: u32, streams: bool, budget: u32) -> Session {
+    let faults = Faults { lost_devices: [devices, after], ..Faults::default() };
+    let options = SessionOptions { validation: true, force_streaming: streams, faults, ..SessionOptions::default() };
+    let session = Session::with_options(Settings { memory_budget_mib: budget, ..settings(4, 2) }, options);
+    session.with_scene(nested);
+    session
+}
+
+#[test]
+fn a_picture_whose_device_is_lost_is_rendered_again_once() {
+    let view = view([24, 16]);
+    for streams in [false, true] {
+        let whole = losing(0, 0, streams, 700);
+        render(&whole, &view);
+        let whole = read_all(&whole, &view);
+        // In the middle of an upload, and of samples.
+        for after in [1, 9] {
+            let session = losing(1, after, streams, 701);
+            let messages = render_with_messages(&session, &view);
+            assert_eq!(messages.len(), 1, "after {after}, streaming {streams}: {messages:?}");
+            assert_eq!(messages[0].severity, Severity::Warning, "{messages:?}");
+            assert!(messages[0].text.contains("lost") && messages[0].text.contains("again"), "{messages:?}");
+            assert!(read_all(&session, &view) == whole, "after {after}, streaming {streams}: another picture");
+            session.restart();
+            assert!(render_with_messages(&session, &view).is_empty(), "the next one is as any");
+        }
+    }
+}
+
+#[test]
+fn a_second_loss_ends_it() {
+    let view = view([24, 16]);
+    let session = losing(2, 5, false, 702);
+    let messages = render_with_messages(&session, &view);
+    let severities: Vec<Severity> = messages.iter().map(|message| message.severity).collect();
+    assert_eq!(severities, [Severity::Warning, Severity::Error], "{messages:?}");
+    assert!(messages[1].text.contains("lost"), "{messages:?}");
+    session.restart();
+    assert!(render_with_messages(&session, &view).is_empty(), "and the next picture has a device again");
+}
+
+/// Takes meshes and gives none back.
+#[derive(Debug)]
+struct Abyss(u64);
+
+impl Payload for Abyss {
+    fn size(&self) -> u64 {
+        self.0
+    }
+
+    fn read(&self, _parts: &mut [&mut [u8]]) -> Result<(), PayloadError> {
+        Err(PayloadError::Read(LOST_FOR_GOOD.into()))
+    }
+}
+
+impl MeshFiles for Abyss {
+    fn lasts(&self) -> bool {
+        false
+    }
+
+    fn find(&self, _key: u128) -> Option<StoredEntry> {
+        None
+    }
+
+    fn add(&self, _key: Option<u128>, _head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn Payload>>> {
+        let size = |parts: &Vec<&[u8]>| parts.iter().map(|part| part.len() as u64).sum();
+        Some(payloads.iter().map(|parts| Arc::new(Self(size(parts))) as Arc<dyn Payload>).collect())
+    }
+
+    fn damaged(&self, _key: Option<u128>, _error: &PayloadError) {}
+}
+
+#[test]
+fn a_mesh_that_cannot_be_had_is_left_out_and_named() {
+    let view = view([24, 16]);
+    for streams in [false, true] {
+        // Half of a megabyte is for meshes: the ball has more.
+        let settings = Settings { host_memory_budget_mib: 1, geometry_cache: "0".into(), ..settings(4, 1) };
+        let options = SessionOptions { validation: true, force_streaming: streams, ..SessionOptions::default() };
+        let session = Session::with_options(settings, options);
+        session.with_scene(|db| {
+            db.set_mesh_files(Some(Arc::new(Abyss(0))));
+            db.upsert_mesh(sphere(prim("/lost", DMat4::IDENTITY), 1, 150, 2.0));
+            db.upsert_light(dome([0.25, 0.5, 1.0]));
+        });
+        for picture in 0..2 {
+            // The first picture also says that the ball is larger than the budget of host memory.
+            let messages = render_with_messages(&session, &view);
+            assert!(messages.iter().all(|message| message.severity == Severity::Warning), "{messages:?}");
+            let told = messages.iter().filter(|message| message.text.contains("left out"));
+            let told: Vec<&str> = told.map(|message| &message.text[..]).collect();
+            assert!(told.len() == 1 && told[0].contains("/lost"), "streaming {streams}: {messages:?}");
+            let colors = read::<[f32; 4]>(&session, &view, AovKind::Color);
+            assert!(colors.iter().all(|color| color[..3] == [0.25, 0.5, 1.0]), "the sky alone: {:?}", colors[200]);
+            let of_budget = messages.iter().filter(|message| message.text.contains("oocpt:hostMemoryBudget"));
+            assert_eq!(of_budget.count(), if picture == 0 { 2 } else { 0 }, "streaming {streams}: {messages:?}");
+            session.restart();
+        }
+    }
+}
+
+/// [`Ramps`] on a disk that is busy: reads fail so many times, then take long.
+#[derive(Debug)]
+struct Far {
+    fails: Arc<AtomicU32>,
+    takes: Duration,
+}
+
+impl ImageLibrary for Far {
+    fn open(&self, _: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+        Ok(Arc::new(Self { fails: Arc::clone(&self.fails), takes: self.takes }))
+    }
+}
+
+impl Image for Far {
+    fn info(&self) -> ImageInfo {
+        Ramps.info()
+    }
+
+    fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+        if self.fails.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |fails| fails.checked_sub(1)).is_ok() {
+            return Err(ImageError("the disk is busy".into()));
+        }
+        std::thread::sleep(self.takes);
+        Ramps.read(level, at, size, out)
+    }
+}
+
+#[test]
+fn textures_on_a_slow_disk_are_waited_for() {
+    let view = view([24, 16]);
+    let pictured = |images: Arc<dyn ImageLibrary>, faults: Faults, streams: bool| {
+        let options =
+            SessionOptions { validation: true, force_streaming: streams, faults, ..SessionOptions::default() };
+        let settings = Settings { texture_cache: "0".into(), ..settings(4, 1) };
+        let session = Session::with_options(settings, options).with_images(images);
+        session.with_scene(|db| {
+            db.upsert_material(textured("/material", "diffuseColor", "rgb", &[]));
+            let board = with(board("/board", 1, "/material"), "st", Interpolation::Vertex, coordinates(|st| st));
+            db.upsert_mesh(board);
+            db.upsert_light(dome([1.0; 3]));
+        });
+        let messages = render_with_messages(&session, &view);
+        (messages, read::<f32>(&session, &view, AovKind::Color))
+    };
+    for streams in [false, true] {
+        let (messages, right) = pictured(Arc::new(Ramps), Faults::default(), streams);
+        assert!(messages.is_empty(), "{messages:?}");
+        let far = Far { fails: Arc::new(AtomicU32::new(3)), takes: Duration::from_millis(1500) };
+        let faults = Faults { impatient_millis: 600, ..Faults::default() };
+        let (messages, picture) = pictured(Arc::new(far), faults, streams);
+        assert!(!messages.is_empty(), "streaming {streams}: it is told");
+        for message in &messages {
+            assert_eq!(message.severity, Severity::Warning, "streaming {streams}: {messages:?}");
+            assert!(message.text.contains("still waiting for 1 "), "streaming {streams}: {messages:?}");
+        }
+        assert!(picture == right, "streaming {streams}: another picture");
+        let lost = Far { fails: Arc::new(AtomicU32::new(u32::MAX)), takes: Duration::ZERO };
+        let (messages, picture) = pictured(Arc::new(lost), Faults::default(), streams);
+        assert_eq!(messages.len(), 1, "streaming {streams}: {messages:?}");
+        assert!(messages[0].text.contains("ramps") && messages[0].text.contains("fallback"), "{messages:?}");
+        assert!(picture != right, "streaming {streams}: the fallback");
+    }
 }

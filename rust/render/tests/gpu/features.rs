@@ -83,6 +83,9 @@ fn made(inventory: &Inventory) -> [BTreeSet<String>; 4] {
     ]
 }
 
+/// Features of lights that shadow rays are sent to.
+const SHADOWED: Names = &["DOME", "DISTANT", "LOCAL_LIGHTS", "MESH_LIGHTS"];
+
 /// Rows that are rendered with everything carried along too, one for each kind of need: compiling everything takes long
 /// on a software renderer.
 const CARRIED: Names = &[
@@ -156,6 +159,10 @@ fn what_is_made_is_what_the_row_says(row: &Row, inventory: &Inventory, bare: &[B
         expected.extend(wanted.iter().copied().flatten().map(|name| (*name).to_owned()));
         if row.features.contains(&"STREAMING") {
             expected.retain(|name| !of_assets.contains(&name.as_str()));
+        }
+        if at == 2 && SHADOWED.iter().any(|name| row.features.contains(name)) {
+            let streamed = row.features.contains(&"STREAMING").then_some("shadow_pending");
+            expected.extend(["shadow_rays", "shadow_queue"].into_iter().chain(streamed).map(String::from));
         }
         let mut given = given[at].clone();
         // How bytes are rounded is not what this is about, nor the passes that build trees: they are the device's.

@@ -4,7 +4,7 @@
 //!
 //! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
 
-use super::{PathState, Ray, SCAN_BLOCK, ShadowRay, hit_stride};
+use super::SCAN_BLOCK;
 use bytemuck::{Pod, Zeroable};
 use core::mem::offset_of;
 
@@ -241,19 +241,3 @@ pub const fn sort_blocks(chunk_count: u32) -> u32 {
 
 /// Bytes of `Frame::light_paths` for a path.
 pub const LIGHT_PATH_BYTES: u64 = 16;
-
-/// Bytes of device memory that a path takes: every array by path and every queue; `light_paths`: where lights ask for
-/// it.
-#[must_use]
-pub const fn path_bytes(max_levels: u32, streaming: bool, light_paths: bool) -> u64 {
-    let radiance = 16;
-    let queues = 5 * size_of::<u32>();
-    let state = size_of::<Ray>() + size_of::<ShadowRay>() + size_of::<PathState>() + radiance + queues;
-    let deferred = 2 * 2 * size_of::<u32>();
-    let numbers = 3 * size_of::<u32>();
-    let waiting = numbers + 2 * size_of::<Pending>() + size_of::<GpuSurface>() + deferred;
-    state as u64
-        + hit_stride(max_levels) as u64
-        + if streaming { waiting as u64 } else { 0 }
-        + if light_paths { LIGHT_PATH_BYTES } else { 0 }
-}

@@ -53,7 +53,6 @@ pub(crate) const OF_STREAMING: Names = &[
     "ended_radiance",
     "free_slots",
     "pending",
-    "shadow_pending",
     "surfaces",
     "deferred 0",
     "deferred 1",

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Tries again what may only have failed for a moment: reads of a busy or distant disk. Any thread.
+
+use std::time::Duration;
+
+/// Calls `read` until it succeeds, once more after each of `pauses` at most, and only after errors that `may_pass`.
+///
+/// # Errors
+/// The last one.
+pub fn again<T, E>(
+    pauses: &[Duration],
+    may_pass: impl Fn(&E) -> bool,
+    mut read: impl FnMut() -> Result<T, E>,
+) -> Result<T, E> {
+    let mut result = read();
+    for pause in pauses {
+        match &result {
+            Err(error) if may_pass(error) => {
+                std::thread::sleep(*pause);
+                result = read();
+            }
+            _ => break,
+        }
+    }
+    result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What comes of reads that fail so many times, and how often is read.
+    fn read(fails: usize, may_pass: bool) -> (Result<(), usize>, usize) {
+        let mut reads = 0;
+        let result = again(
+            &[Duration::ZERO; 3],
+            |_| may_pass,
+            || {
+                reads += 1;
+                if reads > fails { Ok(()) } else { Err(reads) }
+            },
+        );
+        (result, reads)
+    }
+
+    #[test]
+    fn reads_are_tried_again_a_few_times() {
+        assert_eq!(read(0, true), (Ok(()), 1));
+        assert_eq!(read(3, true), (Ok(()), 4));
+        assert_eq!(read(9, true), (Err(4), 4), "the last error");
+        assert_eq!(read(1, false), (Err(1), 1), "what will not pass is not tried again");
+    }
+}
