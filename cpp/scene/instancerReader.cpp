@@ -8,9 +8,9 @@
 #include "scene/tokens.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <iterator>
 #include <string>
-#include <utility>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -121,11 +121,10 @@ oocpt::InstancerDesc HdOocPTDescribeInstancer(const SdfPath& path, const HdOocPT
     desc.motion = HdOocPTDescribeInstancerMotion(state.motion);
     desc.primvars = HdOocPTDescribePrimvars(state.primvars);
     for (const TfTokenVector& set : state.links.sets) {
-        oocpt::LinkSetDesc categories;
         for (const TfToken& category : set) {
-            categories.categories.push_back(rust::String::lossy(category.GetString()));
+            desc.link_names.push_back(rust::String::lossy(category.GetString()));
         }
-        desc.link_sets.push_back(std::move(categories));
+        desc.link_sizes.push_back(static_cast<uint32_t>(set.size()));
     }
     desc.links.reserve(state.links.of.size());
     std::copy(state.links.of.begin(), state.links.of.end(), std::back_inserter(desc.links));

@@ -209,9 +209,8 @@ oocpt::LightDesc HdOocPTReadLight(const HdOocPTPrimSource& source, const TfToken
     _WarnOfShaping(source, desc);
     desc.shadow_enable = inputs.Get(tokens.shadowEnable, true);
     desc.shadow_color = inputs.GetColor(tokens.shadowColor, GfVec3f(0.0f));
-    desc.shadow_distance = inputs.Get(tokens.shadowDistance, -1.0f);
-    desc.shadow_falloff = inputs.Get(tokens.shadowFalloff, -1.0f);
-    desc.shadow_falloff_gamma = inputs.Get(tokens.shadowFalloffGamma, 1.0f);
+    desc.shadow_reach = { inputs.Get(tokens.shadowDistance, -1.0f), inputs.Get(tokens.shadowFalloff, -1.0f),
+        inputs.Get(tokens.shadowFalloffGamma, 1.0f) };
     desc.light_link = inputs.GetText(tokens.lightLink);
     desc.shadow_link = inputs.GetText(tokens.shadowLink);
     desc.camera_visible = true;

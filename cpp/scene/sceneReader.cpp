@@ -89,13 +89,8 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
     _TakeChanges(changes, edits, &dirty);
     if (_isShutterNew) {
         _isShutterNew = false;
-        for (const auto& [path, record] : _records) {
-            if (record
-                && (record->kind == HdOocPTPrimKind::Mesh || record->kind == HdOocPTPrimKind::Instancer
-                    || record->kind == HdOocPTPrimKind::Light)) {
-                dirty[path] |= HdOocPTDirtyTransform | HdOocPTDirtyInstancePrimvars | HdOocPTDirtyPoints;
-            }
-        }
+        _Mark({ HdOocPTPrimKind::Mesh, HdOocPTPrimKind::Instancer, HdOocPTPrimKind::Light },
+            HdOocPTDirtyTransform | HdOocPTDirtyInstancePrimvars | HdOocPTDirtyPoints, &dirty);
     }
     _ReadLinks(&dirty, warnings);
     _ReadPurposes(&dirty, warnings);
@@ -242,81 +237,52 @@ void HdOocPTSceneReader::_ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings
     for (const auto& [path, links] : lights) {
         changed = std::max(changed, _links.Set(path, links, warnings));
     }
-    if (changed != HdOocPTLinkChange::Nothing) {
-        const bool isAll = changed == HdOocPTLinkChange::Everything;
-        // Any mesh or instance may be in the collection, or no longer be.
-        for (const auto& [path, record] : _records) {
-            if (record
-                && (record->kind == HdOocPTPrimKind::Instancer || (isAll && record->kind == HdOocPTPrimKind::Mesh))) {
-                (*dirty)[path] |= HdOocPTDirtyCategories;
-            }
+    // Any mesh or instance may be in the collection, or no longer be.
+    if (changed == HdOocPTLinkChange::Everything) {
+        _Mark({ HdOocPTPrimKind::Mesh, HdOocPTPrimKind::Instancer }, HdOocPTDirtyCategories, dirty);
+    } else if (changed == HdOocPTLinkChange::Instances) {
+        _Mark({ HdOocPTPrimKind::Instancer }, HdOocPTDirtyCategories, dirty);
+    }
+}
+
+void HdOocPTSceneReader::_Mark(std::initializer_list<HdOocPTPrimKind> kinds, uint32_t bits, _DirtyBits* dirty) const
+{
+    for (const auto& [path, record] : _records) {
+        if (record && std::find(kinds.begin(), kinds.end(), record->kind) != kinds.end()) {
+            (*dirty)[path] |= bits;
         }
     }
 }
 
 void HdOocPTSceneReader::_ReadPurposes(_DirtyBits* dirty, HdOocPTWarnings* warnings)
 {
-    const auto& tokens = *HdOocPTSceneTokens;
     _arePurposesChecked = false;
-    HdOocPTPurposes purposes;
-    for (const SdfPath& path : _settingsPrims) {
-        if (purposes.settings.IsEmpty()) {
-            purposes = HdOocPTReadPurposes(*_scene, path);
-        }
-    }
+    HdOocPTPurposes purposes = HdOocPTReadPurposes(*_scene, _settingsPrims);
     if (purposes == _purposes) {
         return;
     }
-    const bool bindsOtherwise = purposes.bindings != _purposes.bindings;
+    if (purposes.bindings != _purposes.bindings) {
+        _Mark({ HdOocPTPrimKind::Mesh }, HdOocPTDirtyMaterialBinding | HdOocPTDirtySubsets, dirty);
+    }
     _purposes = std::move(purposes);
-    if (bindsOtherwise) {
-        for (const auto& [path, record] : _records) {
-            if (record && record->kind == HdOocPTPrimKind::Mesh) {
-                (*dirty)[path] |= HdOocPTDirtyMaterialBinding | HdOocPTDirtySubsets;
-            }
-        }
-    }
-    const bool isUsual
-        = !_purposes.bindings || _purposes.bindings->empty() || _purposes.bindings->front() == tokens.full;
-    if (_purposes.isNamedByDelegate && !isUsual) {
-        warnings->Add(_purposes.settings,
-            "its materialBindingPurposes are not used: this front end hands over one material a prim, the one that is"
-            " bound for the purpose full, else for all");
-    }
-    const TfToken& space = _purposes.colorSpace;
-    if (!space.IsEmpty() && space != tokens.lin_rec709 && space != tokens.lin_rec709_scene) {
-        warnings->Add(_purposes.settings,
-            "its renderingColorSpace " + space.GetString() + " is not supported; rendering is in linear Rec. 709");
-    }
+    HdOocPTWarnOfPurposes(_purposes, warnings);
 }
 
 void HdOocPTSceneReader::CheckPurposes(const TfTokenVector& renderTags, HdOocPTWarnings* warnings)
 {
-    if (!_purposes.included || (_arePurposesChecked && _checkedTags == renderTags)) {
+    if (_arePurposesChecked && _checkedTags == renderTags) {
         return;
     }
     _arePurposesChecked = true;
     _checkedTags = renderTags;
-    const auto& tokens = *HdOocPTSceneTokens;
-    std::set<TfToken> shown;
-    for (const TfToken& tag : renderTags) {
-        shown.insert(HdOocPTPurposeOfTag(tag));
-    }
-    if (shown.empty()) {
-        shown = { tokens.defaultPurpose, tokens.render, tokens.proxy, tokens.guide };
-    }
-    const std::set<TfToken> included(_purposes.included->begin(), _purposes.included->end());
-    for (const auto& [path, record] : _records) {
-        if (!record || !record->mesh || !record->mesh->prim.visible) {
-            continue;
-        }
-        const TfToken& purpose = record->mesh->prim.purpose;
-        if (shown.count(purpose) != included.count(purpose)) {
-            warnings->Add(_purposes.settings,
-                "its includedPurposes are not those that the host shows (" + purpose.GetString()
-                    + (shown.count(purpose) ? " is shown" : " is not shown") + "): the host decides");
-            return;
-        }
+    const std::set<TfToken> disputed = HdOocPTFindDisputedPurposes(_purposes, renderTags);
+    const auto isDisputed = [&](const auto& entry) {
+        const HdOocPTMeshState* mesh = entry.second ? entry.second->mesh.get() : nullptr;
+        return mesh && mesh->prim.visible && disputed.count(mesh->prim.purpose) > 0;
+    };
+    if (!disputed.empty() && std::any_of(_records.begin(), _records.end(), isDisputed)) {
+        warnings->Add(_purposes.settings,
+            "its includedPurposes are not those that the host shows, which makes a difference here: the host decides");
     }
 }
 

@@ -9,12 +9,14 @@
 #include "scene/cameraReader.h"
 #include "scene/links.h"
 #include "scene/motionReader.h"
+#include "scene/primKind.h"
 #include "scene/sceneObserver.h"
 #include "scene/settingsReader.h"
 #include "scene/warnings.h"
 
 #include <cstdint>
 #include <functional>
+#include <initializer_list>
 #include <map>
 #include <memory>
 #include <set>
@@ -100,6 +102,8 @@ private:
     void _TakeRemovals(const std::vector<SdfPath>& removed, oocpt::SceneEdits* edits, _DirtyBits* dirty);
     void _TakeChanges(const HdOocPTSceneChanges& changes, oocpt::SceneEdits* edits, _DirtyBits* dirty);
     void _ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings);
+    /// Prims of these kinds have to be read again.
+    void _Mark(std::initializer_list<HdOocPTPrimKind> kinds, uint32_t bits, _DirtyBits* dirty) const;
     /// Reads what the active render settings say of purposes and colours.
     void _ReadPurposes(_DirtyBits* dirty, HdOocPTWarnings* warnings);
     std::vector<_Job> _MakeJobs(const _DirtyBits& dirty, HdOocPTWarnings* warnings);

@@ -3,9 +3,11 @@
 
 #include "pxr/base/vt/array.h"
 #include "scene/dataSource.h"
+#include "scene/primReader.h"
 #include "scene/tokens.h"
 
 #include <algorithm>
+#include <string>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -114,11 +116,15 @@ bool HdOocPTReadsLensDisabled(const HdSceneIndexBase& scene, const SdfPath& path
     return _IsAnySet(_FindActive(scene, path), { HdOocPTSceneTokens->disableDepthOfField });
 }
 
-HdOocPTPurposes HdOocPTReadPurposes(const HdSceneIndexBase& scene, const SdfPath& path)
+HdOocPTPurposes HdOocPTReadPurposes(const HdSceneIndexBase& scene, const std::set<SdfPath>& prims)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     HdOocPTPurposes purposes;
-    if (const HdContainerDataSourceHandle settings = _FindActive(scene, path)) {
+    for (const SdfPath& path : prims) {
+        const HdContainerDataSourceHandle settings = _FindActive(scene, path);
+        if (!settings) {
+            continue;
+        }
         purposes.settings = path;
         purposes.included = _ReadTokens(settings, tokens.includedPurposes);
         purposes.bindings = _ReadTokens(settings, tokens.materialBindingPurposes);
@@ -127,8 +133,47 @@ HdOocPTPurposes HdOocPTReadPurposes(const HdSceneIndexBase& scene, const SdfPath
         if (_Has(settings, tokens.renderingColorSpace)) {
             HdOocPTConvert(HdOocPTRead(settings, { tokens.renderingColorSpace }), &purposes.colorSpace);
         }
+        break;
     }
     return purposes;
+}
+
+void HdOocPTWarnOfPurposes(const HdOocPTPurposes& purposes, HdOocPTWarnings* warnings)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const bool isUsual = !purposes.bindings || purposes.bindings->empty() || purposes.bindings->front() == tokens.full;
+    if (purposes.isNamedByDelegate && !isUsual) {
+        warnings->Add(purposes.settings,
+            "its materialBindingPurposes are not used: this front end hands over one material a prim, the one that is"
+            " bound for the purpose full, else for all");
+    }
+    const TfToken& space = purposes.colorSpace;
+    if (!space.IsEmpty() && space != tokens.lin_rec709 && space != tokens.lin_rec709_scene) {
+        warnings->Add(purposes.settings,
+            "its renderingColorSpace " + space.GetString() + " is not supported; rendering is in linear Rec. 709");
+    }
+}
+
+std::set<TfToken> HdOocPTFindDisputedPurposes(const HdOocPTPurposes& purposes, const TfTokenVector& renderTags)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    std::set<TfToken> disputed;
+    if (!purposes.included) {
+        return disputed;
+    }
+    std::set<TfToken> shown;
+    for (const TfToken& tag : renderTags) {
+        shown.insert(HdOocPTPurposeOfTag(tag));
+    }
+    const std::set<TfToken> included(purposes.included->begin(), purposes.included->end());
+    for (const TfToken& purpose : { tokens.defaultPurpose, tokens.render, tokens.proxy, tokens.guide }) {
+        // No tags are all.
+        const bool isShown = shown.empty() || shown.count(purpose) > 0;
+        if (isShown != (included.count(purpose) > 0)) {
+            disputed.insert(purpose);
+        }
+    }
+    return disputed;
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

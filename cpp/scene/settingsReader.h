@@ -7,9 +7,11 @@
 #include "pxr/imaging/hd/sceneIndex.h"
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
+#include "scene/warnings.h"
 
 #include <map>
 #include <optional>
+#include <set>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -27,10 +29,10 @@ bool HdOocPTReadsMotionDisabled(const HdSceneIndexBase& scene, const SdfPath& pa
 /// Whether it turns the lens off: disableDepthOfField, of itself or of all its products.
 bool HdOocPTReadsLensDisabled(const HdSceneIndexBase& scene, const SdfPath& path);
 
-/// What a render settings prim, if it is the active one, says of purposes and colours.
+/// What the active render settings prim says of purposes and colours.
 struct HdOocPTPurposes
 {
-    /// The prim; empty if it is not active.
+    /// The prim; empty if none is active.
     SdfPath settings;
     std::optional<TfTokenVector> included;
     /// Purposes of material bindings, the one that counts most first.
@@ -46,7 +48,14 @@ struct HdOocPTPurposes
     }
 };
 
-HdOocPTPurposes HdOocPTReadPurposes(const HdSceneIndexBase& scene, const SdfPath& path);
+/// Of the active one of these render settings prims.
+HdOocPTPurposes HdOocPTReadPurposes(const HdSceneIndexBase& scene, const std::set<SdfPath>& prims);
+
+/// Says what of them is not used.
+void HdOocPTWarnOfPurposes(const HdOocPTPurposes& purposes, HdOocPTWarnings* warnings);
+
+/// The purposes that the settings include and the render tags of the host do not, or the other way round.
+std::set<TfToken> HdOocPTFindDisputedPurposes(const HdOocPTPurposes& purposes, const TfTokenVector& renderTags);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

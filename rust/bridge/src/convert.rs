@@ -219,6 +219,12 @@ pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut Complaints) -> MeshDesc
     }
 }
 
+/// Sets of categories from all their names, set by set. Sizes beyond the names give smaller sets.
+fn link_sets(names: Vec<String>, sizes: &[u32]) -> Vec<Vec<Arc<str>>> {
+    let mut names = names.into_iter().map(Arc::from);
+    sizes.iter().map(|size| names.by_ref().take(*size as usize).collect()).collect()
+}
+
 /// The core's instancer. A prototype without usable indices stays, with no instances.
 pub(crate) fn instancer(desc: ffi::InstancerDesc, complaints: &mut Complaints) -> InstancerDesc {
     let prim = prim(desc.prim);
@@ -242,7 +248,7 @@ pub(crate) fn instancer(desc: ffi::InstancerDesc, complaints: &mut Complaints) -
         motion: motion::instancer_motion(desc.motion, &path, complaints),
         primvars: complaints.primvars(&path, desc.primvars),
         links: Arc::new(InstanceLinks {
-            sets: desc.link_sets.into_iter().map(|set| set.categories.into_iter().map(Arc::from).collect()).collect(),
+            sets: link_sets(desc.link_names, &desc.link_sizes),
             of: Some(desc.links).filter(|links| !links.is_empty()),
         }),
     }
@@ -377,6 +383,15 @@ pub(crate) mod tests {
         assert_eq!(complaints.0.len(), 1, "a height that is no number is told: {:?}", complaints.0);
         let nothing = mesh(ffi::MeshDesc { shape: shape(Vec::new()), ..mesh_desc() }, &mut complaints);
         assert!(nothing.solid.is_none(), "without a size it is none");
+    }
+
+    #[test]
+    fn sets_of_categories_are_told_apart() {
+        let names = || ["a", "b", "c"].map(String::from).to_vec();
+        let found = |sizes: &[u32]| -> Vec<usize> { link_sets(names(), sizes).iter().map(Vec::len).collect() };
+        assert_eq!(found(&[0, 2, 1]), [0, 2, 1], "as they came");
+        assert_eq!(link_sets(names(), &[0, 2, 1])[2], [Arc::from("c")], "in order");
+        assert_eq!(found(&[2, 7]), [2, 1], "no more than there are");
     }
 
     #[test]

@@ -282,13 +282,8 @@ mod ffi {
         seconds: [f64; 2],
     }
 
-    /// Collections of lights' links.
-    struct LinkSetDesc {
-        categories: Vec<String>,
-    }
-
-    /// A point instancer or the instancer of native instances; null arrays are absent. `links`: the number of its set
-    /// of `link_sets` for each instance; empty: all have the first.
+    /// A point instancer or the instancer of native instances; null arrays are absent. `link_names` are categories, set
+    /// by set of `link_sizes`; `links` has the number of the set of each instance, or is empty: all have the first.
     struct InstancerDesc {
         prim: PrimDesc,
         prototypes: Vec<PrototypeDesc>,
@@ -299,7 +294,8 @@ mod ffi {
         transforms: UniquePtr<HeldArray>,
         motion: MotionDesc,
         primvars: Vec<NamedPrimvarDesc>,
-        link_sets: Vec<LinkSetDesc>,
+        link_names: Vec<String>,
+        link_sizes: Vec<u32>,
         links: Vec<u32>,
     }
 
@@ -368,9 +364,7 @@ mod ffi {
         shaping: ShapingDesc,
         shadow_enable: bool,
         shadow_color: [f32; 3],
-        shadow_distance: f32,
-        shadow_falloff: f32,
-        shadow_falloff_gamma: f32,
+        shadow_reach: [f32; 3],
         light_link: String,
         shadow_link: String,
         color: [f32; 3],
@@ -436,12 +430,7 @@ mod ffi {
         fn open_session(images: UniquePtr<ImageSource>) -> Result<Box<Session>>;
         fn close_session(session: Box<Session>) -> Result<()>;
         fn setting_descriptors() -> Result<Vec<SettingDescriptor>>;
-        fn texture_file(
-            images: UniquePtr<ImageSource>,
-            command: &str,
-            resolved: &str,
-            color_space: &str,
-        ) -> Result<String>;
+        fn texture_file(images: UniquePtr<ImageSource>, command: &str, resolved: &str, space: &str) -> Result<String>;
         fn apply_edits(self: &Session, edits: SceneEdits) -> Result<()>;
         fn clear_scene(self: &Session) -> Result<()>;
         fn set_setting(self: &Session, key: &str, value: &ScalarValue) -> Result<SettingOutcome>;

@@ -48,8 +48,8 @@ fn shaping(desc: ffi::ShapingDesc) -> Shaping {
     }
 }
 
-/// Negative distances are no limit, as `UsdLux` says -1 by default.
-fn shadow_reach(distance: f32, falloff: f32, gamma: f32) -> Option<ShadowReach> {
+/// Of distance, falloff and its gamma. Negative distances are no limit, as `UsdLux` says -1 by default.
+fn shadow_reach([distance, falloff, gamma]: [f32; 3]) -> Option<ShadowReach> {
     (distance >= 0.0 && distance.is_finite()).then_some(ShadowReach { distance, falloff, gamma })
 }
 
@@ -70,7 +70,7 @@ pub(crate) fn light(mut desc: ffi::LightDesc) -> LightDesc {
         shaping: desc.has_shaping.then(|| shaping(desc.shaping)),
         shadow_enable: desc.shadow_enable,
         shadow_color: desc.shadow_color,
-        shadow_reach: shadow_reach(desc.shadow_distance, desc.shadow_falloff, desc.shadow_falloff_gamma),
+        shadow_reach: shadow_reach(desc.shadow_reach),
         light_link: optional_text(desc.light_link),
         shadow_link: optional_text(desc.shadow_link),
     }
@@ -113,9 +113,7 @@ mod tests {
             },
             shadow_enable: false,
             shadow_color: [0.0, 0.5, 0.0],
-            shadow_distance: -1.0,
-            shadow_falloff: -1.0,
-            shadow_falloff_gamma: 1.0,
+            shadow_reach: [-1.0, -1.0, 1.0],
             light_link: "/L.collection:lightLink".into(),
             shadow_link: String::new(),
             color: [1.0; 3],
@@ -158,7 +156,8 @@ mod tests {
 
     #[test]
     fn shadows_end_where_a_distance_says_so() {
-        let reach = |distance| light(ffi::LightDesc { shadow_distance: distance, ..light_desc(ffi::LightTag::Disk) });
+        let desc = |distance| ffi::LightDesc { shadow_reach: [distance, -1.0, 1.0], ..light_desc(ffi::LightTag::Disk) };
+        let reach = |distance| light(desc(distance));
         let expected = ShadowReach { distance: 2.0, falloff: -1.0, gamma: 1.0 };
         assert_eq!(reach(2.0).shadow_reach, Some(expected), "as authored");
         for none in [-1.0, f32::NAN, f32::INFINITY] {

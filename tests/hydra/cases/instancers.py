@@ -12,9 +12,9 @@ def _rows(rows, why, **more):
 
 
 _WHY = (
-    "a sky of 1, which surfaces reflect in their colour, from the bottom: ids that are hidden, changing counts, changing"
-    " prototypes, an instancer that is hidden, a hidden id without ids, an inactive id, a prototype that is moved and"
-    " one that is hidden, half a turn, a mirrored one"
+    "a sky of 1, which surfaces reflect in their colour, from the bottom: ids that are hidden, changing counts,"
+    " changing prototypes, an instancer that is hidden, a hidden id without ids, an inactive id, a prototype that is"
+    " moved and one that is hidden, half a turn, a mirrored one"
 )
 _STILL = (
     (R, SKY, R, SKY),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was once ignored in silence: the length of shadows, switches and purposes of render settings, prims without code.
+"""What was once ignored in silence: how far shadows reach, switches and purposes of render settings, prims left out.
 
 Lights give irradiance pi on what faces them, so albedo 0.5 shines with 0.5. Direct light only, middles of cells.
 """
@@ -101,7 +101,7 @@ CASES = [
         edit=ACTIVE, front_end="scene_index", says=("its includedPurposes are not those",),
     ),
     _settings(
-        "30_settings_preview", (GREEN, RED, NONE, NONE), "this front end has the material for full only, and it is said",
+        "30_settings_preview", (GREEN, RED, NONE, NONE), "this front end has the material for full alone, and says so",
         edit=ACTIVE, front_end="legacy", variant="legacy", says=("its materialBindingPurposes are not used",),
     ),
     _settings(

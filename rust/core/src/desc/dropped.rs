@@ -111,8 +111,8 @@ impl DroppedData {
         self.entries().iter().fold(0, |sum, (_, n)| sum.saturating_add(*n))
     }
 
-    /// The counters above 0 with their texts, in the order of [`Self::message`]: of bad data, then those of limits of the
-    /// renderer that were reached by data that are not bad.
+    /// The counters above 0 with their texts, in the order of [`Self::message`]: of bad data, then those of limits of
+    /// the renderer that were reached by data that are not bad.
     #[must_use]
     pub fn told(&self) -> [Vec<(&'static str, u64)>; 2] {
         let limits = Self {

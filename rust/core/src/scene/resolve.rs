@@ -201,8 +201,7 @@ enum Outcome {
     Group(usize),
 }
 
-/// Makes the plan. All meshes of the content that have assets are placed. Gives also the meshes that are seen in
-/// collections beside their own.
+/// Makes the plan, in which all meshes that have assets are placed; and those seen in collections beside their own.
 pub(crate) fn resolve(prims: Prims<'_>, hierarchy: &Hierarchy, reports: &mut Reports) -> (Vec<PlanGroup>, LinkedPrims) {
     let mut resolver = Resolver {
         prims,

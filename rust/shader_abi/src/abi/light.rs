@@ -120,8 +120,8 @@ pub struct Lighting {
     pub mesh_motion: u64,
     /// [`GpuLightKey`](super::scene::GpuLightKey) array: the map to the frame around; its `radiance` is 1.
     pub mesh_keys: u64,
-    /// f32x4 for each local light: how far its shadows reach, over how much of that they fade out, one over the exponent
-    /// of what is left, 0. 0 without `Features::SHADOW_REACH`, as the next.
+    /// f32x4 for each local light: how far its shadows reach, over how much of that they fade out, one over the
+    /// exponent of what is left, 0. 0 without `Features::SHADOW_REACH`, as the next.
     pub local_reaches: u64,
     /// The same for each light at infinity.
     pub infinite_reaches: u64,

@@ -47,8 +47,8 @@ pub struct Light {
     pub has_shadows: bool,
     /// Share of its light, by colour, that reaches what is in shadow.
     pub shadow_color: [f32; 3],
-    /// How far its shadows reach; none: without end. Its numbers are usable: no stretch is longer than the distance, and
-    /// the exponent is above 0.
+    /// How far its shadows reach; none: without end. Its numbers are usable: no stretch is longer than the distance,
+    /// and the exponent is above 0.
     pub shadow_reach: Option<ShadowReach>,
     /// Number in [`LinkTable`] of the category of prims that it lights; 0: all.
     pub light_link: u32,
