@@ -138,11 +138,11 @@ TfToken _Interpolation(size_t count, const HdOocPTMeshState& mesh)
     const auto& tokens = *HdOocPTSceneTokens;
     const bool isCurves = mesh.shape.kind == HdOocPTShapeState::Kind::Curves;
     const VtValue& faces = isCurves ? mesh.shape.counts : mesh.faceVertexCounts;
-    return count == 1                                   ? tokens.constant
-        : count == mesh.points.GetArraySize()           ? tokens.vertex
-        : count == faces.GetArraySize()                 ? tokens.uniform
+    return count == 1                                    ? tokens.constant
+        : count == mesh.points.GetArraySize()            ? tokens.vertex
+        : count == faces.GetArraySize()                  ? tokens.uniform
         : count == mesh.faceVertexIndices.GetArraySize() ? tokens.faceVarying
-                                                        : tokens.constant;
+                                                         : tokens.constant;
 }
 
 /// displayColor or displayOpacity, `property` in USD. UsdImaging's scene delegate leaves both out where their type is

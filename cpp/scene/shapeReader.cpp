@@ -173,10 +173,10 @@ oocpt::ShapeDesc HdOocPTDescribeShape(const HdOocPTShapeState& state)
     desc.wrap = HdOocPTPlaceOf(state.wrap, { tokens.nonperiodic, tokens.periodic, tokens.pinned, tokens.segmented }, 0);
     desc.counts = HdOocPTHoldArray(state.counts);
     desc.indices = HdOocPTHoldArray(state.indices);
-    desc.sizes.reserve(state.sizes.size());
-    std::copy(state.sizes.begin(), state.sizes.end(), std::back_inserter(desc.sizes));
-    desc.axis = state.axis;
-    desc.is_round = state.isRound;
+    desc.solid.reserve(2 + state.sizes.size());
+    desc.solid.push_back(state.axis);
+    desc.solid.push_back(state.isRound ? 1.0 : 0.0);
+    std::copy(state.sizes.begin(), state.sizes.end(), std::back_inserter(desc.solid));
     return desc;
 }
 

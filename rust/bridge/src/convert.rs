@@ -5,6 +5,7 @@
 //! lives.
 
 pub(crate) mod motion;
+mod solid;
 
 use crate::ffi;
 use crate::held::typed_array;
@@ -13,13 +14,10 @@ use oocpt_core::array::{Element, TypedArray, column_matrix};
 use oocpt_core::desc::{Boundary, CurveBasis, CurveWrap, CurvesDesc, FaceVaryingLinear, Shape, TriangleRule};
 use oocpt_core::scene::{
     AssetRef, InstanceLinks, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar,
-    PrimDesc, Primvar, SceneWarning, Solid, SolidSize, Subdivision, SubdivisionTags, SubsetDesc,
+    PrimDesc, Primvar, SceneWarning, Subdivision, SubdivisionTags, SubsetDesc,
 };
 use std::fmt::Debug;
 use std::sync::Arc;
-
-/// [`ffi::ShapeDesc::kind`] of a solid of revolution.
-const SOLID: u8 = 3;
 
 /// What was left out: "part: reason" of a prim.
 #[derive(Debug, Default)]
@@ -90,22 +88,6 @@ impl Complaints {
             corner_sharpnesses: self.optional(path, "cornerSharpnesses", desc.corner_sharpnesses),
             ..SubdivisionTags::default()
         }
-    }
-
-    /// The solid that a prim is, if it is one.
-    fn solid(&mut self, path: &str, desc: &ffi::ShapeDesc) -> Option<Solid> {
-        if desc.kind != SOLID {
-            return None;
-        }
-        let (sizes, _) = desc.sizes.as_chunks::<4>();
-        let size = |&[time, lower, upper, height]: &[f64; 4]| (time, SolidSize { radii: [lower, upper], height });
-        let mut sizes = sizes.iter().map(size);
-        let (_, size) = sizes.next()?;
-        let solid = Solid { size, samples: sizes.collect(), axis: usize::from(desc.axis), is_round: desc.is_round };
-        if !solid.is_usable() {
-            self.add(path, "size", "its radius or height is not a finite number; left out");
-        }
-        Some(solid)
     }
 
     fn shape(&mut self, path: &str, desc: ffi::ShapeDesc) -> Shape {
@@ -277,16 +259,14 @@ pub(crate) mod tests {
         }
     }
 
-    fn no_shape() -> ffi::ShapeDesc {
+    pub(super) fn no_shape() -> ffi::ShapeDesc {
         ffi::ShapeDesc {
             kind: 0,
             basis: 0,
             wrap: 0,
             counts: UniquePtr::null(),
             indices: UniquePtr::null(),
-            sizes: Vec::new(),
-            axis: 0,
-            is_round: false,
+            solid: Vec::new(),
         }
     }
 
@@ -306,7 +286,7 @@ pub(crate) mod tests {
         }
     }
 
-    fn mesh_desc() -> ffi::MeshDesc {
+    pub(super) fn mesh_desc() -> ffi::MeshDesc {
         ffi::MeshDesc {
             prim: prim_desc(),
             prim_id: 7,
@@ -368,21 +348,6 @@ pub(crate) mod tests {
         assert_eq!(creases, [true, true, false], "null means absent");
         assert_eq!(&*mesh.prim.instanced_by[0].prototype_root, "/I/P", "the prototype root");
         assert!(mesh.hole_indices.is_none() && mesh.normals.is_none(), "null means absent");
-    }
-
-    #[test]
-    fn a_solid_arrives_with_its_sizes() {
-        let sizes = vec![9.0, 1.0, 2.0, 3.0, 0.0, 4.0, 5.0, 6.0, 1.0, 7.0, 8.0, f64::NAN, 11.0];
-        let shape = |sizes| ffi::ShapeDesc { kind: 3, sizes, axis: 1, is_round: true, ..no_shape() };
-        let mut complaints = Complaints::default();
-        let converted = mesh(ffi::MeshDesc { shape: shape(sizes), ..mesh_desc() }, &mut complaints);
-        let solid = converted.solid.expect("a solid");
-        assert_eq!((solid.size, solid.axis), (SolidSize { radii: [1.0, 2.0], height: 3.0 }, 1), "the frame's own");
-        assert_eq!(solid.samples[0], (0.0, SolidSize { radii: [4.0, 5.0], height: 6.0 }), "a sample");
-        assert!(solid.samples.len() == 2 && solid.is_round, "what is left over is nothing");
-        assert_eq!(complaints.0.len(), 1, "a height that is no number is told: {:?}", complaints.0);
-        let nothing = mesh(ffi::MeshDesc { shape: shape(Vec::new()), ..mesh_desc() }, &mut complaints);
-        assert!(nothing.solid.is_none(), "without a size it is none");
     }
 
     #[test]

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The boundary between the Hydra shim (C++) and the renderer (Rust); `ffi_images` has the part about images,
-//! `ffi_runner` that of command lines.
+//! The boundary between the Hydra shim (C++) and the renderer (Rust); see `ffi_images`, `ffi_runner` for theirs.
 //!
 //! Guarantees: no panic leaves it (every function goes through `guard` and returns `Result`, a `rust::Error` in C++);
 //! arrays are read where USD holds them, never copied; matrices are Gf's row-vector data, read as columns.
@@ -216,21 +215,14 @@ mod ffi {
         corner_sharpnesses: UniquePtr<HeldArray>,
     }
 
-    /// What the points of a prim are: 0 a mesh, 1 curves, 2 points, 3 none, but a solid of revolution. `basis` and
-    /// `wrap` by place among the variants of the core's `CurveBasis`, `CurveWrap`.
+    /// 0 a mesh, 1 curves, 2 points, 3 a `solid` (convert/solid.rs); the others by place among variants of the core's.
     struct ShapeDesc {
         kind: u8,
         basis: u8,
         wrap: u8,
         counts: UniquePtr<HeldArray>,
         indices: UniquePtr<HeldArray>,
-        /// Of a solid, four each: part of the shutter, radii at the lower and the upper end, height. The first ones are
-        /// the frame's own.
-        sizes: Vec<f64>,
-        /// Of a solid: 0 x, 1 y, 2 z.
-        axis: u8,
-        /// Of a solid: half balls end it.
-        is_round: bool,
+        solid: Vec<f64>,
     }
 
     /// A mesh; null arrays are absent, so is the material when its path is empty.

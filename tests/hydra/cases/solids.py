@@ -82,8 +82,8 @@ CASES = [
         "solids",
         (8, 3),
         crossed(SOLIDS, 0, 1) | crossed(SOLIDS, 1) | crossed(LAST, 2) | {(7, 2): 1 - BALL + 3 * BALL},
-        "areas from the side; in the middle row of opacity 0.4, crossed twice; above: instances, a tube whose joints do "
-        "not count, a point, presence of 0.4, one below its threshold, and one that emits 3",
+        "areas from the side; in the middle row of opacity 0.4, crossed twice; above: instances, a tube whose joints "
+        "do not count, a point, presence of 0.4, one below its threshold, and one that emits 3",
         samples=256,
     ),
     Case(
@@ -101,10 +101,10 @@ for name, size in (("S0_0", {"radius": 0.2}), ("S1_0", {"height": 0.3}), ("S6_0"
         variant="edited",
     ),
     Case(
-        "solid_glass",
-        (2, 1),
-        {(0, 0): 1, (1, 0): 1},
-        "clear glass under an even sky is not seen: what goes in comes out",
+        "solid_materials",
+        (3, 1),
+        {(0, 0): 1, (1, 0): 1, (2, 0): 1 - BALL},
+        "clear glass under an even sky is not seen: what goes in comes out; a black sphere of 0.3 is displaced by 0.1",
         bounces=12,
     ),
     Case(
