@@ -124,6 +124,25 @@ pub(crate) fn probe_features(
     }
 }
 
+#[cfg(feature = "faults")]
+thread_local! {
+    static HIDDEN: std::cell::Cell<Option<fn(&mut Capabilities)>> = const { std::cell::Cell::new(None) };
+}
+
+/// For tests: devices that this thread looks for or opens from now on lack what `hide` takes away.
+#[cfg(feature = "faults")]
+pub fn hide_capabilities(hide: Option<fn(&mut Capabilities)>) {
+    HIDDEN.set(hide);
+}
+
+/// Takes away what a test wants to be missing.
+#[cfg(feature = "faults")]
+pub(crate) fn hide(capabilities: &mut Capabilities) {
+    if let Some(hide) = HIDDEN.get() {
+        hide(capabilities);
+    }
+}
+
 /// The structures that switch features on, kept together because they are chained by address.
 #[derive(Debug)]
 pub(crate) struct FeatureChain {

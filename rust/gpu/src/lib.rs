@@ -90,6 +90,8 @@ mod watch;
 pub use budget::MemoryUse;
 pub use buffer::Buffer;
 pub use capabilities::Capabilities;
+#[cfg(feature = "faults")]
+pub use capabilities::hide_capabilities;
 pub use commands::{Commands, MAX_UPDATE_BYTES};
 pub use enumerate::{enumerate, enumerate_for};
 pub use error::GpuError;
@@ -101,8 +103,6 @@ pub use limits::Limits;
 pub use memory_type::Usage;
 pub use options::OpenOptions;
 pub use pipeline::Pipeline;
-#[cfg(feature = "faults")]
-pub use planted::hide_capabilities;
 pub use range::DeviceRange;
 pub use report::{DeviceKind, DeviceReport, HeapReport};
 pub use staging::{StagingRing, StagingSlice};

@@ -2,27 +2,8 @@
 //! What tests plant in an open device, and what they ask of its watch ([`crate::watch`]). Compiled with the feature
 //! `faults` alone.
 
-use std::cell::Cell;
-
-use crate::capabilities::Capabilities;
 use crate::gpu::Gpu;
 use crate::watch::{DriverMemory, Failure};
-
-thread_local! {
-    static HIDDEN: Cell<Option<fn(&mut Capabilities)>> = const { Cell::new(None) };
-}
-
-/// Makes devices that this thread looks for or opens from now on lack what `hide` takes away.
-pub fn hide_capabilities(hide: Option<fn(&mut Capabilities)>) {
-    HIDDEN.set(hide);
-}
-
-/// Takes away what a test wants to be missing.
-pub(crate) fn hide(capabilities: &mut Capabilities) {
-    if let Some(hide) = HIDDEN.get() {
-        hide(capabilities);
-    }
-}
 
 impl Gpu {
     /// Makes calls fail, in place of what was planted before.
@@ -52,7 +33,7 @@ impl Gpu {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{GpuError, OpenOptions, enumerate_for};
+    use crate::{GpuError, OpenOptions, enumerate_for, hide_capabilities};
 
     #[test]
     fn a_device_that_lacks_something_is_told_by_name() {

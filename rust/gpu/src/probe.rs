@@ -57,7 +57,7 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
     let lent_granule = if lends { lent_granule(instance, physical) } else { 0 };
     capabilities.external_memory_host = lent_granule > 0;
     #[cfg(feature = "faults")]
-    crate::planted::hide(&mut capabilities);
+    crate::capabilities::hide(&mut capabilities);
     let version = properties.api_version;
     let kind = kind_of(properties.device_type);
     // SAFETY: `physical` comes from this instance.

@@ -55,8 +55,8 @@ pub(crate) struct Renderer {
 }
 
 impl Renderer {
-    /// Renders `job` until it is done or `gate` says no; publishes images and stats on the way. A picture whose device is
-    /// lost is rendered again from its start, once, on a device that is opened anew.
+    /// Renders `job` until it is done or `gate` says no; publishes images and stats on the way. A picture whose device
+    /// is lost is rendered again from its start, once, on a device that is opened anew.
     pub(crate) fn render(&mut self, job: &Job, gate: &Gate<'_>) -> Result<(), RenderError> {
         job.request.validate()?;
         let mut progress = Progress::start(gate.shared(), job);
@@ -385,8 +385,8 @@ impl Renderer {
         self.film.as_mut().map_or(Ok(()), |film| film.begin(job))
     }
 
-    /// Wave memory: as [`crate::in_flight`] says, and no more than a share of what the budget leaves; less when there is
-    /// no memory.
+    /// Wave memory: as [`crate::in_flight`] says, and no more than a share of what the budget leaves; less when there
+    /// is no memory.
     fn make_waves(&mut self, setting: &Setting<'_>, view: &SceneView, features: Features) -> Result<(), RenderError> {
         let Setting { device, .. } = *setting;
         let textures = features.contains(Features::TEXTURES);

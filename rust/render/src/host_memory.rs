@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! How much host memory there is to take, who gets how much of it, and how much the process took.
 //!
-//! With a budget, what can be put nowhere else comes first: arrays that the host application lends, tables of instances,
-//! the loader's staging memory. Decoded images have their share, and the rest is divided among what can be evicted or
-//! be on disk ([`Part`]). Linux: `/proc/meminfo`, the limits of control
-//! groups and `/proc/self/status`; elsewhere a guess, and nothing.
+//! With a budget, what can be put nowhere else comes first: arrays that the host application lends, tables of
+//! instances, the loader's staging memory. Decoded images have their share, and the rest is divided among what can be
+//! evicted or be on disk ([`Part`]). Linux: `/proc/meminfo`, the limits of control groups and `/proc/self/status`;
+//! elsewhere a guess, and nothing.
 
 use oocpt_core::scene::Lent;
 use oocpt_core::settings::Settings;

@@ -5,8 +5,8 @@
 //! A wave ends with its longest path, so some of the device idles at its end, the less often the larger waves are
 //! (decisions/0033). On the other hand a wave takes memory in proportion, which others may want, and one that is larger
 //! than what is left to render is of no use at all. So a wave is
-//! - no more than a share of the render ([`WAVES`]): the schedule begins with small waves and doubles them (`schedule`),
-//!   so a render of few samples never gets to larger ones, and what it loses at their ends is a few milliseconds;
+//! - no more than a share of the render ([`WAVES`]): `schedule` begins with small waves and doubles them at most, so a
+//!   render of few samples never gets to larger ones, and what it loses at their ends is a few milliseconds;
 //! - but as many as fill a large device ([`FILLS`]), if the render has so many;
 //! - no more than a share of the device's memory ([`DEVICE_SHARE`]), which tells how large it is: a card of 2 GiB is
 //!   busy with a tenth of what an H200 needs;

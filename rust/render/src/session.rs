@@ -57,6 +57,8 @@ pub struct Session {
     primvars: Mutex<(u64, Arc<[PrimvarUse]>)>,
     /// What `oocpt:materialReport` was written of: edits of materials, and the file.
     material_report: Mutex<(u64, String)>,
+    /// What was said last of the budget of host memory.
+    host_complaint: Mutex<Option<String>>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
@@ -79,6 +81,7 @@ impl Session {
             files: Mutex::new(Arc::new(NoFiles)),
             primvars: Mutex::default(),
             material_report: Mutex::default(),
+            host_complaint: Mutex::default(),
             thread: Mutex::new(None),
         }
     }
@@ -169,7 +172,7 @@ impl Session {
         self.ensure_thread();
     }
 
-    /// Has built meshes kept as the settings say. With a budget of host memory gives what the scene's arrays take of it.
+    /// Has built meshes kept as the settings say. With a budget of host memory gives what the scene's arrays take.
     fn keep_meshes(&self, scene: &mut SceneDb) -> Lent {
         let settings = lock(&self.settings);
         let budget = host_memory::budget(&settings);
@@ -188,8 +191,8 @@ impl Session {
         lent
     }
 
-    /// With a budget of host memory: the bytes that can be put nowhere else; tells where they are more than there is, or
-    /// where meshes have no other place.
+    /// With a budget of host memory: the bytes that can be put nowhere else; tells where they are more than there is,
+    /// or where meshes have no other place.
     fn watch_host_memory(&self, scene: &SceneDb, lent: &Lent, snapshot: &Snapshot) -> u64 {
         let settings = lock(&self.settings);
         let Some(budget) = host_memory::budget(&settings) else { return 0 };
@@ -208,9 +211,12 @@ impl Session {
                 )
             })
         });
-        if let Some(text) = complaint {
-            self.shared.report(Severity::Warning, text);
+        // Once, however often the scene is rendered.
+        let mut told = lock(&self.host_complaint);
+        if let Some(text) = complaint.as_ref().filter(|_| *told != complaint) {
+            self.shared.report(Severity::Warning, text.clone());
         }
+        *told = complaint;
         lent.bytes + tables + Loader::staging_bytes()
     }
 

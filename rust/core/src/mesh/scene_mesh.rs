@@ -227,9 +227,9 @@ impl Deref for SceneMesh {
 }
 
 impl SceneMesh {
-    /// The asset. Reads it from a file where it is not in memory; it is not kept then. Any thread. What cannot be read is
-    /// tried again within two seconds; where that fails, and where a file is damaged, builds the asset again on the rayon
-    /// pool, and keeps it.
+    /// The asset. Reads it from a file where it is not in memory; it is not kept then. Any thread. What cannot be read
+    /// is tried again within two seconds; where that fails, and where a file is damaged, builds the asset again on the
+    /// rayon pool, and keeps it.
     ///
     /// # Errors
     /// The file cannot be read, and the asset not be built again.

@@ -260,7 +260,7 @@ impl TextureImage {
             let begin = usize::try_from(piece.offset).unwrap_or(0);
             let bytes = piece.size[0] as usize * piece.size[1] as usize * self.texels.device_bytes();
             let Some(out) = out.get_mut(begin..begin + bytes) else { continue };
-            // A prepared image has tried again itself; and one that could not be read is not waited for with every tile.
+            // A prepared image has tried again itself; one that could not be read is not waited for with every tile.
             let is_known = !self.is_direct() || !lock(&self.broken).is_empty();
             let pauses = if is_known { &[][..] } else { &PAUSES };
             if let Err(error) = again(pauses, |_| true, || self.piece(&piece, &mut raw, out)) {

@@ -168,7 +168,7 @@ fn a_mesh_that_cannot_be_had_is_left_out_and_named() {
         let session = Session::with_options(settings, options);
         session.with_scene(|db| {
             db.set_mesh_files(Some(Arc::new(Abyss(0))));
-            db.upsert_mesh(sphere(prim("/lost", DMat4::IDENTITY), 1, 150, 2.0));
+            db.upsert_mesh(sphere(prim("/lost", DMat4::IDENTITY), 1, 150, 0.5));
             db.upsert_light(dome([0.25, 0.5, 1.0]));
         });
         for picture in 0..2 {

@@ -61,7 +61,7 @@ fn what_host_memory_has_no_room_for_comes_as_ever() {
     let settings = Settings {
         geometry_budget_kib: budget,
         host_mapped: HostMapped::On,
-        host_memory_budget_mib: 1,
+        host_memory_budget_mib: 8,
         ..small_chunks()
     };
     let session = Session::with_options(settings, options());

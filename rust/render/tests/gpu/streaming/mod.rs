@@ -154,7 +154,7 @@ fn thin_shadow_casters() {
 #[test]
 fn what_the_host_keeps_changes_no_bit() {
     let whole = render(&BEACH, Settings { chunk_size_kib: 256, ..settings(2, 2) }, options());
-    for host_memory_budget_mib in [1, 2, 1 << 20] {
+    for host_memory_budget_mib in [8, 16, 1 << 20] {
         let few = Settings { chunk_size_kib: 256, memory_budget_mib: 5, host_memory_budget_mib, ..settings(2, 2) };
         let streamed = render(&BEACH, few, options());
         assert!(streamed.stats.reloads > 0, "something came again: {:?}", streamed.stats);
