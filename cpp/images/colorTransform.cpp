@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <stdexcept>
+#include <sys/stat.h>
 #include <vector>
 
 namespace OCIO = OCIO_NAMESPACE;
@@ -30,7 +31,17 @@ const OCIO::ConstConfigRcPtr& OwnConfig()
 OCIO::ConstConfigRcPtr UserConfig()
 {
     const char* const path = std::getenv("OCIO");
-    return path && *path ? OCIO::Config::CreateFromEnv() : nullptr;
+    if (!path || !*path) {
+        return nullptr;
+    }
+    // Opening a pipe waits. What is not there, or is the name of a configuration of the library's, OpenColorIO tells.
+    struct stat status
+    {
+    };
+    if (stat(path, &status) == 0 && !S_ISREG(status.st_mode)) {
+        throw std::runtime_error("needs the configuration that $OCIO names, which is no file");
+    }
+    return OCIO::Config::CreateFromEnv();
 }
 
 /// Null where the configuration does not have the color space.

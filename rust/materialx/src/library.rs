@@ -8,6 +8,7 @@ mod parse;
 
 use std::collections::HashMap;
 use std::fs;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
@@ -150,9 +151,10 @@ impl Library {
         let mut texts = Vec::new();
         let mut problems = Vec::new();
         for file in files.iter().take(MAX_FILES) {
-            let size = fs::metadata(file).map_or(u64::MAX, |data| data.len());
-            match fs::read_to_string(file) {
-                _ if size > MAX_FILE_BYTES => problems.push(format!("{}: too large", file.display())),
+            let text = oocpt_files::read(file, MAX_FILE_BYTES).and_then(|bytes| {
+                String::from_utf8(bytes).map_err(|error| io::Error::new(ErrorKind::InvalidData, error))
+            });
+            match text {
                 Ok(text) => texts.push((file.display().to_string(), text)),
                 Err(error) => problems.push(format!("{}: {error}", file.display())),
             }

@@ -10,6 +10,8 @@ use serde::{Deserialize, Serialize};
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 
+/// Longest report that is read, bytes.
+const LONGEST: u64 = 4 << 30;
 /// The version of the format.
 pub const VERSION: u32 = 1;
 /// What a report begins with.
@@ -134,7 +136,7 @@ impl ChunkReport {
         checked.map_err(|source| ChunkReportError::File { path: path.into(), source })?;
         let json = serde_json::to_vec(self);
         let json = json.map_err(|source| ChunkReportError::Content { path: path.into(), source })?;
-        std::fs::write(path, json).map_err(|source| ChunkReportError::File { path: path.into(), source })
+        oocpt_files::replace(path, &json).map_err(|source| ChunkReportError::File { path: path.into(), source })
     }
 
     /// Reads a report and checks that its indices are in range.
@@ -142,7 +144,8 @@ impl ChunkReport {
     /// # Errors
     /// See [`ChunkReportError`].
     pub fn read(path: &Path) -> Result<Self, ChunkReportError> {
-        let json = std::fs::read(path).map_err(|source| ChunkReportError::File { path: path.into(), source })?;
+        let json =
+            oocpt_files::read(path, LONGEST).map_err(|source| ChunkReportError::File { path: path.into(), source })?;
         let report: Self =
             serde_json::from_slice(&json).map_err(|source| ChunkReportError::Content { path: path.into(), source })?;
         let chunks = report.chunks.len();

@@ -12,7 +12,7 @@ use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::{ErrorRow, Usage};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{BufRead as _, BufReader, Error, ErrorKind, Read as _, Result, Write as _};
 use std::path::Path;
 
@@ -91,7 +91,7 @@ impl ErrorReport {
     pub fn read_all(path: &Path) -> Result<Vec<Self>> {
         let mut reports: Vec<Self> = Vec::new();
         let mut broken = None;
-        for (number, line) in BufReader::new(File::open(path)?.take(LONGEST)).lines().enumerate() {
+        for (number, line) in BufReader::new(oocpt_files::open(path)?.take(LONGEST)).lines().enumerate() {
             let line = line?;
             if let Some(error) = broken.take() {
                 return Err(error);
@@ -130,10 +130,7 @@ impl ReportWriter {
         if !begins_with_or_is_empty(path, MAGIC)? {
             return Err(Error::new(ErrorKind::AlreadyExists, "the file is no report of errors and is left as it is"));
         }
-        if is_first {
-            File::create(path)?;
-        }
-        let mut writer = Self { file: OpenOptions::new().append(true).open(path)? };
+        let mut writer = Self { file: oocpt_files::append(path, is_first)? };
         writer.line(header)?;
         Ok(writer)
     }
@@ -149,7 +146,7 @@ impl ReportWriter {
 /// Whether a report that begins with `magic` may be written to `path`: there is one, an empty file, or none.
 pub(crate) fn begins_with_or_is_empty(path: &Path, magic: &[u8]) -> Result<bool> {
     let mut start = Vec::new();
-    match File::open(path) {
+    match oocpt_files::open(path) {
         Ok(file) => file.take(magic.len() as u64).read_to_end(&mut start)?,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(true),
         Err(error) => return Err(error),
@@ -160,6 +157,29 @@ pub(crate) fn begins_with_or_is_empty(path: &Path, magic: &[u8]) -> Result<bool>
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A setting may name anything: a pipe would hang the host for ever.
+    #[cfg(unix)]
+    #[test]
+    fn no_report_is_written_to_a_pipe() {
+        let path = std::env::temp_dir().join(format!("oocpt-report-pipe-{}", std::process::id()));
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().expect("mkfifo").success());
+        let said = [
+            ReportWriter::begin(&path, true, &header(1)).expect_err("a pipe").to_string(),
+            ErrorReport::read_all(&path).expect_err("a pipe").to_string(),
+            crate::chunk_report::ChunkReport::default().write(&path).expect_err("a pipe").to_string(),
+            crate::material_report::MaterialReport { version: 1, materials: Vec::new() }
+                .write(&path)
+                .expect_err("a pipe")
+                .to_string(),
+            crate::picture::write(&path, [1, 1], &[0.0; 4], &Vec::new()).expect_err("a pipe").to_string(),
+            crate::picture::read_attributes(&path).expect_err("a pipe").to_string(),
+        ];
+        std::fs::remove_file(&path).expect("it is there, as it was");
+        for said in said {
+            assert!(said.contains("is a pipe, not a file"), "{said}");
+        }
+    }
 
     fn header(seed: u32) -> ErrorReportHeader {
         ErrorReportHeader { oocpt_error_report: VERSION, width: 4, height: 3, seed, ..ErrorReportHeader::default() }
@@ -190,7 +210,7 @@ mod tests {
                 .line(&UsageLine { usage: Usage { gpu_peak_bytes: seed.into(), ..Usage::default() } })
                 .expect("a line");
         }
-        let mut file = OpenOptions::new().append(true).open(&path).expect("it is there");
+        let mut file = std::fs::OpenOptions::new().append(true).open(&path).expect("it is there");
         file.write_all(b"{\"samples\":4,\"sec").expect("half a line");
         let reports = ErrorReport::read_all(&path).expect("a report");
         assert_eq!(reports.len(), 2, "the first render of a session empties the file, the next one goes on");

@@ -8,7 +8,7 @@ use crate::error_report::begins_with_or_is_empty;
 use oocpt_core::material::{MaterialText, describe};
 use oocpt_core::scene::SceneDb;
 use serde::{Deserialize, Serialize};
-use std::io::{Error, ErrorKind, Read as _};
+use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// The version of the format.
@@ -67,7 +67,7 @@ impl MaterialReport {
         begins_with_or_is_empty(path, MAGIC)
             .and_then(|ours| if ours { Ok(()) } else { Err(refused()) })
             .and_then(|()| Ok(serde_json::to_vec(self)?))
-            .and_then(|json| std::fs::write(path, json))
+            .and_then(|json| oocpt_files::replace(path, &json))
             .map_err(|source| MaterialReportError::File { path: path.into(), source })
     }
 
@@ -77,8 +77,7 @@ impl MaterialReport {
     /// See [`MaterialReportError`].
     pub fn read(path: &Path) -> Result<Self, MaterialReportError> {
         let fail = |source: Error| MaterialReportError::File { path: path.into(), source };
-        let mut json = Vec::new();
-        std::fs::File::open(path).and_then(|file| file.take(LONGEST).read_to_end(&mut json)).map_err(fail)?;
+        let json = oocpt_files::read(path, LONGEST).map_err(fail)?;
         let report: Self = serde_json::from_slice(&json).map_err(|error| fail(error.into()))?;
         if report.version != VERSION {
             return Err(MaterialReportError::Version { path: path.into(), version: report.version });

@@ -11,6 +11,7 @@ use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{Encoding, Image, Layer, LayerAttributes, MetaData, SpecificChannels, Vec2, WritableImage as _};
 use oocpt_core::stats::{ErrorRow, Stats};
 use serde::Serialize;
+use std::io::{BufReader, BufWriter};
 use std::path::Path;
 
 /// What the names of our attributes begin with.
@@ -111,8 +112,12 @@ pub fn write(path: &Path, size: [u32; 2], rgba: &[f32], attributes: &Attributes)
         layer.other.insert(Text::from(format!("{PREFIX}{name}").as_str()), value);
     }
     let layer = Layer::new((width, height), layer, Encoding::SMALL_LOSSLESS, SpecificChannels::rgba(pixel));
-    let done = Image::from_layer(layer).write().to_file(path);
-    done.map_err(|error| PictureError::File(path.display().to_string(), error.to_string()))
+    let mut done = Ok(());
+    let written = oocpt_files::replace_by(path, |file| {
+        done = Image::from_layer(layer).write().to_buffered(BufWriter::new(file));
+        done.as_ref().map_err(|error| std::io::Error::other(error.to_string())).copied()
+    });
+    written.map_err(|error| PictureError::File(path.display().to_string(), error.to_string()))
 }
 
 /// The `oocpt:` attributes of an EXR file, sorted by name; without any it was made by something else.
@@ -121,7 +126,8 @@ pub fn write(path: &Path, size: [u32; 2], rgba: &[f32], attributes: &Attributes)
 /// [`PictureError::File`].
 pub fn read_attributes(path: &Path) -> Result<Attributes, PictureError> {
     let said = |error: exr::error::Error| PictureError::File(path.display().to_string(), error.to_string());
-    let meta = MetaData::read_from_file(path, false).map_err(said)?;
+    let file = oocpt_files::open(path).map_err(exr::error::Error::from).map_err(said)?;
+    let meta = MetaData::read_from_buffered(BufReader::new(file), false).map_err(said)?;
     let mut found = Attributes::new();
     for header in &meta.headers {
         for (name, value) in header.own_attributes.other.iter().chain(&header.shared_attributes.other) {

@@ -8,6 +8,7 @@ use crate::aov::AovKind;
 use crate::publish::Published;
 use exr::prelude::{ReadChannels as _, ReadLayers as _, Vec2, read};
 use oocpt_core::stats::TrueError;
+use std::io::BufReader;
 use std::path::Path;
 
 /// Keeps the relative error of black pixels finite.
@@ -41,7 +42,8 @@ impl Reference {
     /// Reads the first layer's R, G and B.
     pub(crate) fn read(path: &Path, [width, height]: [u32; 2]) -> Result<Self, ReferenceError> {
         let said = |error: exr::error::Error| ReferenceError::Read(format!("{}: {error}", path.display()));
-        let meta = exr::meta::MetaData::read_from_file(path, false).map_err(said)?;
+        let open = || Ok(BufReader::new(oocpt_files::open(path)?));
+        let meta = open().and_then(|file| exr::meta::MetaData::read_from_buffered(file, false)).map_err(said)?;
         let size = meta.headers.first().map_or(Vec2(0, 0), |header| header.layer_size);
         if size != Vec2(width as usize, height as usize) {
             return Err(ReferenceError::Size(width, height, size.x(), size.y()));
@@ -60,7 +62,7 @@ impl Reference {
             )
             .first_valid_layer()
             .all_attributes()
-            .from_file(path)
+            .from_buffered(open().map_err(said)?)
             .map_err(said)?;
         let top_first = image.layer_data.channel_data.pixels;
         if top_first.len() != size.area() {

@@ -100,11 +100,8 @@ impl Pack {
 
     /// A file of another process, be it still being written: the records that are whole, up to the first that is not.
     pub(super) fn open(path: PathBuf) -> io::Result<Self> {
-        let file = File::open(&path)?;
+        let file = oocpt_files::open(&path)?;
         let metadata = file.metadata()?;
-        if !metadata.is_file() {
-            return Err(io::Error::from(io::ErrorKind::InvalidInput));
-        }
         let mut records = FxHashMap::default();
         let mut at = 0;
         while let Some(header) = Header::read(&file, at, metadata.len()) {

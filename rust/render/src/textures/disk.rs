@@ -91,7 +91,7 @@ impl DiskCache {
     /// The entry of a key, if there is one that is whole.
     pub(crate) fn find(&self, key: &str) -> Option<TxFile> {
         let path = self.path(key);
-        let file = File::open(&path).ok()?;
+        let file = oocpt_files::open(&path).ok()?;
         let used = file.metadata().and_then(|metadata| metadata.modified());
         match TxFile::open(file) {
             Ok(entry) if entry.description().key == key => {
@@ -221,7 +221,7 @@ impl Pending<'_> {
         let writer = self.writer.take()?;
         let ended = writer.finish().and_then(|_file| {
             // Opened before it has its name: from then on another process may remove it.
-            let entry = TxFile::open(File::open(&self.part)?)?;
+            let entry = TxFile::open(oocpt_files::open(&self.part)?)?;
             fs::rename(&self.part, &self.path)?;
             Ok(entry)
         });

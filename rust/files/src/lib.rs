@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Files whose names come from settings and scenes. Opening a pipe waits for its other end, opening a device may do
+//! anything, and neither has an end: so regular files are opened, and nothing else, in bounded time.
+//!
+//! Each function looks at what has the name before it opens it, opens without waiting (`O_NONBLOCK`), and looks once
+//! more at what it has got, should it have been replaced meanwhile. Links are followed. Errors that say what something
+//! is read on after its name: "is a pipe, not a file". Any thread.
+
+#![forbid(unsafe_code)]
+
+use std::fs::{File, FileType, OpenOptions};
+use std::io::{Error, ErrorKind, Read as _, Result, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Opens a file to be read.
+///
+/// # Errors
+/// It is not there, cannot be read, or is no regular file ([`ErrorKind::InvalidInput`]).
+pub fn open(path: &Path) -> Result<File> {
+    let kind = std::fs::metadata(path)?.file_type();
+    refuse(kind)?;
+    checked(without_waiting(OpenOptions::new().read(true)).open(path)?)
+}
+
+/// All of a file of at most so many bytes.
+///
+/// # Errors
+/// As [`open`]; it is longer ([`ErrorKind::FileTooLarge`]), or cannot be read to its end.
+pub fn read(path: &Path, most_bytes: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    // One byte more than allowed tells what is longer, also where it grows meanwhile.
+    open(path)?.take(most_bytes.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most_bytes {
+        return Err(Error::new(ErrorKind::FileTooLarge, format!("has more than {most_bytes} bytes")));
+    }
+    Ok(bytes)
+}
+
+/// Opens a file to be written at its end, or makes it. With `anew` it is empty then.
+///
+/// # Errors
+/// It cannot be written, or there is something that is no regular file ([`ErrorKind::InvalidInput`]).
+pub fn append(path: &Path, anew: bool) -> Result<File> {
+    refuse_existing(path)?;
+    let file = checked(without_waiting(OpenOptions::new().append(true).create(true)).open(path)?)?;
+    if anew {
+        file.set_len(0)?;
+    }
+    Ok(file)
+}
+
+/// Writes a file whole: under another name beside it, which is then its own. Readers see the old one or the new one. Of
+/// a link it is what it leads to that is replaced.
+///
+/// # Errors
+/// It cannot be written, or there is something that is no regular file ([`ErrorKind::InvalidInput`]). What was there
+/// stays as it is.
+pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
+    replace_by(path, |mut file| file.write_all(bytes))
+}
+
+/// As [`replace`], with what `write` writes.
+///
+/// # Errors
+/// Those of `write`, and as [`replace`].
+pub fn replace_by(path: &Path, write: impl FnOnce(File) -> Result<()>) -> Result<()> {
+    refuse_existing(path)?;
+    let path = std::fs::canonicalize(path).unwrap_or_else(|_not_there| path.to_path_buf());
+    let beside = name_beside(&path);
+    let file = OpenOptions::new().write(true).create_new(true).open(&beside)?;
+    let done = write(file).and_then(|()| std::fs::rename(&beside, &path));
+    if done.is_err() {
+        // It is the first error that counts.
+        let _removed = std::fs::remove_file(&beside);
+    }
+    done
+}
+
+/// A name that no other call, thread or process uses.
+fn name_beside(path: &Path) -> PathBuf {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let number = COUNT.fetch_add(1, Ordering::Relaxed);
+    let mut name = path.as_os_str().to_owned();
+    name.push(format!(".{}-{number}.tmp", std::process::id()));
+    name.into()
+}
+
+/// What is not there may be made.
+fn refuse_existing(path: &Path) -> Result<()> {
+    match std::fs::metadata(path) {
+        Ok(metadata) => refuse(metadata.file_type()),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(error),
+    }
+}
+
+fn checked(file: File) -> Result<File> {
+    refuse(file.metadata()?.file_type())?;
+    Ok(file)
+}
+
+fn refuse(kind: FileType) -> Result<()> {
+    let what = what_else(kind);
+    if kind.is_file() { Ok(()) } else { Err(Error::new(ErrorKind::InvalidInput, format!("is {what}, not a file"))) }
+}
+
+#[cfg(unix)]
+fn what_else(kind: FileType) -> &'static str {
+    use std::os::unix::fs::FileTypeExt as _;
+    if kind.is_dir() {
+        "a folder"
+    } else if kind.is_fifo() {
+        "a pipe"
+    } else if kind.is_socket() {
+        "a socket"
+    } else {
+        "a device"
+    }
+}
+
+#[cfg(not(unix))]
+fn what_else(kind: FileType) -> &'static str {
+    if kind.is_dir() { "a folder" } else { "something else" }
+}
+
+#[cfg(unix)]
+fn without_waiting(options: &mut OpenOptions) -> &mut OpenOptions {
+    use std::os::unix::fs::OpenOptionsExt as _;
+    // A small constant; the standard library adds O_CLOEXEC.
+    options.custom_flags(rustix::fs::OFlags::NONBLOCK.bits().cast_signed())
+}
+
+#[cfg(not(unix))]
+fn without_waiting(options: &mut OpenOptions) -> &mut OpenOptions {
+    options
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+    use std::os::unix::net::UnixListener;
+    use std::time::{Duration, Instant};
+
+    /// A folder with one of everything, removed at the end.
+    struct Folder(PathBuf);
+
+    impl Folder {
+        fn new(name: &str) -> Self {
+            let folder = std::env::temp_dir().join(format!("oocpt-files-{name}-{}", std::process::id()));
+            std::fs::create_dir_all(&folder).expect("a temporary folder");
+            Self(folder)
+        }
+
+        fn path(&self, name: &str) -> PathBuf {
+            self.0.join(name)
+        }
+
+        fn names(&self) -> Vec<String> {
+            let entries = std::fs::read_dir(&self.0).expect("readable");
+            let mut names: Vec<String> =
+                entries.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned()).collect();
+            names.sort();
+            names
+        }
+
+        /// What is no file, and what it is called.
+        fn others(&self) -> (Vec<(PathBuf, &'static str)>, UnixListener) {
+            let [pipe, link, socket] = ["pipe", "link", "socket"].map(|name| self.path(name));
+            let made = std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo");
+            assert!(made.success(), "a pipe");
+            std::os::unix::fs::symlink(&pipe, &link).expect("a link");
+            let listener = UnixListener::bind(&socket).expect("a socket");
+            let device = PathBuf::from("/dev/zero");
+            let folder = self.0.clone();
+            let all = vec![
+                (pipe, "is a pipe, not a file"),
+                (link, "is a pipe, not a file"),
+                (socket, "is a socket, not a file"),
+                (device, "is a device, not a file"),
+                (folder, "is a folder, not a file"),
+            ];
+            (all, listener)
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            std::fs::remove_dir_all(&self.0).expect("own files can be removed");
+        }
+    }
+
+    #[test]
+    fn what_is_no_file_is_refused_at_once() {
+        let folder = Folder::new("others");
+        let (others, _listener) = folder.others();
+        let started = Instant::now();
+        for (path, said) in &others {
+            let tried = [
+                open(path).map(|_file| ()),
+                read(path, 10).map(|_bytes| ()),
+                append(path, false).map(|_file| ()),
+                append(path, true).map(|_file| ()),
+                replace(path, b"x"),
+            ];
+            for (index, result) in tried.into_iter().enumerate() {
+                let error = result.expect_err("no file");
+                assert_eq!(error.to_string(), *said, "{} by function {index}", path.display());
+            }
+        }
+        assert!(started.elapsed() < Duration::from_secs(5), "nobody waits");
+        assert_eq!(folder.names(), ["link", "pipe", "socket"], "nothing is left, all is as it was");
+    }
+
+    /// A pipe that takes a file's place between the two looks is opened without waiting, and refused.
+    #[test]
+    fn what_comes_between_is_refused_too() {
+        let folder = Folder::new("between");
+        let (others, _listener) = folder.others();
+        let pipe = &others[0].0;
+        let opened = without_waiting(OpenOptions::new().read(true)).open(pipe).expect("opened without waiting");
+        assert_eq!(checked(opened).expect_err("a pipe").to_string(), "is a pipe, not a file");
+        // Nobody reads it.
+        assert!(without_waiting(OpenOptions::new().append(true)).open(pipe).is_err(), "fails without waiting");
+    }
+
+    #[test]
+    fn files_are_read_up_to_a_limit() {
+        let folder = Folder::new("read");
+        let path = folder.path("file");
+        std::fs::write(&path, b"12345").expect("a temporary file");
+        assert_eq!(read(&path, 5).expect("short enough"), b"12345");
+        assert_eq!(read(&path, u64::MAX).expect("no limit"), b"12345");
+        assert_eq!(read(&path, 4).expect_err("too long").kind(), ErrorKind::FileTooLarge);
+        assert_eq!(read(&folder.path("none"), 4).expect_err("none").kind(), ErrorKind::NotFound);
+    }
+
+    #[test]
+    fn files_are_replaced_whole_and_links_stay() {
+        let folder = Folder::new("write");
+        let [path, link] = ["file", "link"].map(|name| folder.path(name));
+        replace(&path, b"one").expect("made");
+        std::os::unix::fs::symlink("file", &link).expect("a link");
+        replace(&link, b"two").expect("replaced");
+        assert_eq!(std::fs::read(&path).expect("there"), b"two", "what the link leads to");
+        assert!(std::fs::symlink_metadata(&link).expect("there").is_symlink(), "the link stays");
+        let failed = replace_by(&path, |_file| Err(Error::other("no room")));
+        assert!(failed.is_err() && std::fs::read(&path).expect("there") == b"two", "as it was");
+        append(&path, false).expect("there").write_all(b"+").expect("written");
+        assert_eq!(std::fs::read(&path).expect("there"), b"two+");
+        append(&path, true).expect("there").write_all(b"new").expect("written");
+        append(&folder.path("other"), false).expect("made");
+        assert_eq!(std::fs::read(&path).expect("there"), b"new");
+        assert_eq!(folder.names(), ["file", "link", "other"], "nothing else is left");
+    }
+}
