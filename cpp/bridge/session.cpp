@@ -4,6 +4,7 @@
 #include "bridge/imageSource.h"
 #include "bridge/renderDesc.h"
 #include "bridge/scalar.h"
+#include "oocpt-bridge/src/ffi_runner.rs.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/tf/diagnostic.h"
 #include "pxr/base/tf/stringUtils.h"
@@ -18,6 +19,7 @@
 #include <iterator>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <utility>
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -60,6 +62,7 @@ public:
     }
 
     void ForwardSetting(const TfToken& key, const VtValue& value);
+    HdOocPTSettingMap TakeSceneSettings();
     void ForwardPrimSettings();
     bool IsStill() const;
 
@@ -70,6 +73,8 @@ public:
     /// What the host set, and what the active render settings prim sets on top of it.
     HdOocPTSettingMap hostSettings;
     HdOocPTSettingMap primSettings;
+    /// What the scene set in vain, told once.
+    std::set<TfToken> refusedSettings;
 
     /// Guards what follows.
     std::mutex mutex;
@@ -103,9 +108,29 @@ void HdOocPTSession::_Impl::ForwardSetting(const TfToken& key, const VtValue& va
     }
 }
 
+/// What the scene sets, without what belongs to the machine.
+HdOocPTSettingMap HdOocPTSession::_Impl::TakeSceneSettings()
+{
+    HdOocPTSettingMap settings = reader->GetSettings();
+    for (auto setting = settings.begin(); setting != settings.end();) {
+        const TfToken& key = setting->first;
+        if (oocpt::scene_may_set(_Str(key.GetString()))) {
+            ++setting;
+            continue;
+        }
+        if (refusedSettings.insert(key).second) {
+            TF_WARN("OocPT: the scene sets %s, which belongs to the machine: only the host and the environment set it; "
+                    "ignored",
+                key.GetText());
+        }
+        setting = settings.erase(setting);
+    }
+    return settings;
+}
+
 void HdOocPTSession::_Impl::ForwardPrimSettings()
 {
-    const HdOocPTSettingMap& current = reader->GetSettings();
+    const HdOocPTSettingMap current = TakeSceneSettings();
     if (current == primSettings) {
         return;
     }

@@ -33,7 +33,7 @@ LISTED = [
     "oocpt:device", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:hostMemoryBudget", "oocpt:dicingRate",
     "oocpt:report", "oocpt:targetError",
     "oocpt:stragglerRoulette", "oocpt:adaptiveSampling", "oocpt:textureCache", "oocpt:textureCacheSize",
-    "oocpt:geometryCache", "oocpt:geometryCacheSize",
+    "oocpt:geometryCache", "oocpt:geometryCacheSize", "oocpt:pipelineCache",
     "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility", "enableSceneLights",
 ]  # fmt: skip
 # Tools for developing the renderer: they work wherever a setting can be given, and no host lists them.
@@ -72,26 +72,17 @@ def test_settings_are_listed_with_types_usdview_knows(host):
 
 
 def test_settings_of_developers_work_although_no_host_lists_them(host, fresh_host, tmp_path):
-    """From the host, from the RenderSettings prim and from the environment."""
-    by_host, by_prim, by_variable = (tmp_path / f"{place}.json" for place in ("host", "prim", "variable"))
+    """From the host and from the environment."""
+    by_host, by_variable = (tmp_path / f"{place}.json" for place in ("host", "variable"))
     with host.open(PATH, (16, 16), settings=QUICK | {"oocpt:chunkReport": str(by_host)}) as view:
         view.render()
         assert view.stats()["oocpt:featuresCarried"] == "", view.stats()["oocpt:featuresCarried"]
         view.edit("engine.SetRendererSetting('oocpt:carry', 'LENS')")
         view.render()
         assert view.stats()["oocpt:featuresCarried"] == "LENS", view.stats()["oocpt:featuresCarried"]
-    scene = tmp_path / "settings.usda"
-    scene.write_text(
-        PATH.read_text() + 'def RenderSettings "Settings" {\n'
-        "  int oocpt:samplesPerPixel = 1\n"
-        f'  string oocpt:chunkReport = "{by_prim}"\n'
-        "  rel camera = </World/Camera>\n"
-        "}\n"
-    )
-    host.call("record", stage=str(scene), out=str(tmp_path / "out.exr"), width=16, render_settings="/Settings")
     other = fresh_host(host.scene_index, OOCPT_CHUNK_REPORT=str(by_variable))
     other.picture(PATH, (16, 16), settings=QUICK)
-    for report in (by_host, by_prim, by_variable):
+    for report in (by_host, by_variable):
         assert json.loads(report.read_text())["chunks"], report
 
 
@@ -168,6 +159,44 @@ def test_render_settings_prim_reaches_the_delegate(host, tmp_path):
         PATH, (16, 16), settings={"oocpt:samplesPerPixel": 5, "oocpt:maxBounces": 1, "oocpt:seed": 33}
     )
     compare.same_bits(exr.read(out, expected["color"].dtype), expected["color"], "settings prim")
+
+
+def test_a_scene_sets_nothing_that_belongs_to_the_machine(fresh_host, host, tmp_path):
+    """Each is one warning by name and has no effect: the environment's counts. What else the scene sets does."""
+    import exr
+
+    wanted, unwanted = tmp_path / "wanted.json", tmp_path / "unwanted"
+    of_machine = {
+        "oocpt:memoryBudget": "int = 1", "oocpt:geometryBudget": "int = 1", "oocpt:hostMemoryBudget": "int = 1",
+        "oocpt:device": 'string = "no such device"', "oocpt:chunkSize": "int = 16", "oocpt:policy": 'string = "sweep"',
+        "oocpt:traversal": 'string = "compute"', "oocpt:hostMappedGeometry": 'string = "on"',
+        "oocpt:textureCacheSize": "int = 1", "oocpt:geometryCacheSize": "int = 1", "oocpt:carry": 'string = "all"',
+        **{
+            f"oocpt:{name}": f'string = "{unwanted}"'
+            for name in ("report", "chunkReport", "materialReport", "reference", "textureCache", "geometryCache",
+                         "pipelineCache")
+        },
+    }  # fmt: skip
+    lines = "".join(
+        f"  {kind.split(' = ')[0]} {key} = {kind.split(' = ')[1]}\n" for key, kind in of_machine.items()
+    )
+    scene = tmp_path / "settings.usda"
+    scene.write_text(
+        PATH.read_text() + 'def RenderSettings "Settings" {\n'
+        "  int oocpt:samplesPerPixel = 5\n  int oocpt:maxBounces = 1\n  int oocpt:seed = 33\n"
+        f"{lines}  rel camera = </World/Camera>\n}}\n"
+    )
+    other = fresh_host(host.scene_index, OOCPT_CHUNK_REPORT=str(wanted))
+    out = tmp_path / "settings.exr"
+    other.call("record", stage=str(scene), out=str(out), width=16, render_settings="/Settings")
+    for key in of_machine:
+        assert other.log.count(f"the scene sets {key}, which belongs to the machine") == 1, (key, other.log)
+    assert other.log.count("which belongs to the machine") == len(of_machine), other.log
+    assert json.loads(wanted.read_text())["chunks"] and not unwanted.exists()
+    expected = host.picture(
+        PATH, (16, 16), settings={"oocpt:samplesPerPixel": 5, "oocpt:maxBounces": 1, "oocpt:seed": 33}
+    )
+    compare.same_bits(exr.read(out, expected["color"].dtype), expected["color"], "settings of the scene")
 
 
 def test_time_limit_ends_a_render(host):

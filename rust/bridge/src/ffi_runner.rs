@@ -6,6 +6,7 @@ use crate::guard::{BridgeError, guard};
 use crate::runner::{self, begin_picture, interrupt, picture_rendered};
 use ffi::{Interrupted, PrimWarning};
 use oocpt_core::scene::{SceneWarning, summary};
+use oocpt_core::settings::{Scope, Settings};
 
 /// See [`runner::interrupted`].
 fn interrupted() -> Result<Interrupted, BridgeError> {
@@ -19,6 +20,11 @@ fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>, BridgeErro
         let warning = |w: PrimWarning| SceneWarning::of_notes(w.path.into(), vec![w.text]);
         Ok(summary(&warnings.into_iter().map(warning).collect::<Vec<_>>()))
     })
+}
+
+/// Whether a scene may set the setting of that name; also where there is none.
+fn scene_may_set(key: &str) -> bool {
+    Settings::scope(key) != Some(Scope::Machine)
 }
 
 /// Clipping planes of a camera that count.
@@ -57,6 +63,7 @@ mod ffi {
 
     extern "Rust" {
         fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>>;
+        fn scene_may_set(key: &str) -> bool;
         fn max_clip_planes() -> usize;
 
         fn begin_picture(folder: &str) -> Result<bool>;

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::residency::PolicyKind;
 pub use host_mapped::HostMapped;
-pub use table::Audience;
 use table::TABLE;
+pub use table::{Audience, Scope};
 pub use traversal::TraversalKind;
 
 /// All settings. Values are inside their bounds as long as they are changed through [`Settings::set`].
@@ -54,6 +54,8 @@ pub struct Settings {
     pub geometry_cache: String,
     /// Limit of the geometry cache, MiB.
     pub geometry_cache_mib: u32,
+    /// Folder in which compiled pipelines are kept, "0" = none, empty = the user's own.
+    pub pipeline_cache: String,
     /// Longest piece of an edge of a subdivision surface, in pixels; 0 = edges are cut as the refine level says.
     pub dicing_rate: f32,
     /// File to write a report about the chunks to, empty = none.
@@ -148,6 +150,8 @@ pub struct Descriptor {
     pub doc: &'static str,
     /// Hosts list only what is for users.
     pub audience: Audience,
+    /// Who may set it.
+    pub scope: Scope,
 }
 
 impl Default for Settings {
@@ -170,6 +174,7 @@ impl Default for Settings {
             texture_cache_mib: 32 << 10,
             geometry_cache: String::new(),
             geometry_cache_mib: 32 << 10,
+            pipeline_cache: String::new(),
             dicing_rate: 2.0,
             chunk_report: String::new(),
             material_report: String::new(),
@@ -260,6 +265,7 @@ impl Settings {
             "oocpt:textureCacheSize" => Field::Int(&mut self.texture_cache_mib, 1, u32::MAX),
             "oocpt:geometryCache" => Field::Text(&mut self.geometry_cache),
             "oocpt:geometryCacheSize" => Field::Int(&mut self.geometry_cache_mib, 1, u32::MAX),
+            "oocpt:pipelineCache" => Field::Text(&mut self.pipeline_cache),
             "oocpt:dicingRate" => Field::Float(&mut self.dicing_rate, 0.0, 1e6),
             "oocpt:chunkReport" => Field::Text(&mut self.chunk_report),
             "oocpt:materialReport" => Field::Text(&mut self.material_report),
@@ -298,10 +304,17 @@ impl Settings {
         TABLE
             .iter()
             .filter_map(|row| {
-                let (key, name, doc, audience) = (row.key, row.name, row.help, row.audience);
-                Some(Descriptor { key, name, default: defaults.get(key)?, doc, audience })
+                let (key, name, doc) = (row.key, row.name, row.help);
+                let (audience, scope) = (row.audience, row.scope);
+                Some(Descriptor { key, name, default: defaults.get(key)?, doc, audience, scope })
             })
             .collect()
+    }
+
+    /// What `key` is about; `None` for an unknown key.
+    #[must_use]
+    pub fn scope(key: &str) -> Option<Scope> {
+        TABLE.iter().find(|row| row.key == key).map(|row| row.scope)
     }
 
     /// The environment variable that sets `key`, e.g. `OOCPT_SAMPLES_PER_PIXEL`; `None` for an unknown key.
