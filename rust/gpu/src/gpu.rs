@@ -51,7 +51,8 @@ impl Gpu {
         let mut probed = devices.swap_remove(chosen);
         probed.report = reports.swap_remove(chosen);
         tracing::info!(device = probed.report.name, why = probed.report.why, "GPU opened");
-        let cache_file = options.pipeline_cache.as_ref().map(|folder| CacheFile::new(folder, &probed));
+        let cache_file = options.pipeline_cache.as_ref();
+        let cache_file = cache_file.map(|folder| CacheFile::new(folder, &probed, options.pipeline_key));
         let mut device = Device::new(instance, probed, options)?;
         if options.crash_markers {
             let mut words = NewBuffer::new(&device, "crash markers", MARKER_BYTES, Usage::Readback)?;

@@ -27,6 +27,8 @@ pub struct OpenOptions {
     /// Folder for the compiled pipelines of each device and driver, kept from run to run; made when needed. None = in
     /// memory only. See [`Gpu::save_pipeline_cache`](crate::Gpu::save_pipeline_cache).
     pub pipeline_cache: Option<PathBuf>,
+    /// What the caller's shaders are: callers of other shaders have files of their own there.
+    pub pipeline_key: u64,
 }
 
 impl Default for OpenOptions {
@@ -40,6 +42,7 @@ impl Default for OpenOptions {
             crash_markers: true,
             transfer_queue: true,
             pipeline_cache: None,
+            pipeline_key: 0,
         }
     }
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The pipeline cache, and its file: one for each device and driver version, in a folder of the caller's.
+//! The pipeline cache, and its file: one for each device, driver version and set of shaders, in a folder of the
+//! caller's.
 //!
 //! A file that is damaged, cut, too large or another device's is ignored and replaced; nothing that goes wrong with the
 //! disk fails anything, it is only logged. Files are written beside and renamed, so that readers see a whole one, old
@@ -7,10 +8,11 @@
 //! thread.
 
 use std::fs::File;
-use std::io::{self, Read, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, SystemTime};
 
 use ash::vk;
 use xxhash_rust::xxh3::xxh3_64;
@@ -22,6 +24,15 @@ use crate::probe::Probed;
 
 /// Most bytes of a cache that are read or written.
 const MOST_BYTES: u64 = 64 << 20;
+/// Most bytes of all files of the folder, and how many: those not used for longest go.
+const MOST_IN_ALL: u64 = 256 << 20;
+const MOST_FILES: usize = 16;
+/// A file is marked as used no more often than this; one under way that is older was left by a process that died.
+const DAY: Duration = Duration::from_secs(24 * 60 * 60);
+/// How names begin and end, and how those of files under way end (`oocpt_files::replace`).
+const PREFIX: &str = "pipelines-";
+const ENDING: &str = "bin";
+const UNDER_WAY: &str = "tmp";
 const MAGIC: [u8; 8] = *b"OocPTpc1";
 /// Magic, payload length, payload checksum.
 const HEADER_BYTES: usize = 24;
@@ -39,10 +50,10 @@ pub(crate) struct CacheFile {
 }
 
 impl CacheFile {
-    pub(crate) fn new(folder: &Path, probed: &Probed) -> Self {
+    pub(crate) fn new(folder: &Path, probed: &Probed, key: u64) -> Self {
         let properties = &probed.properties;
         let uuid: String = probed.device_uuid.iter().map(|byte| format!("{byte:02x}")).collect();
-        let name = format!("pipelines-{uuid}-{:08x}.bin", properties.driver_version);
+        let name = format!("{PREFIX}{uuid}-{:08x}-{key:016x}.{ENDING}", properties.driver_version);
         let version = vk::PipelineCacheHeaderVersion::ONE.as_raw().to_le_bytes();
         let ids = [VULKAN_HEADER_BYTES, properties.vendor_id, properties.device_id].map(u32::to_le_bytes);
         let vulkan_header = [&ids[0][..], &version, &ids[1], &ids[2], &properties.pipeline_cache_uuid].concat();
@@ -51,7 +62,7 @@ impl CacheFile {
 
     /// What the driver stored last time; None when there is nothing that can be used.
     fn load(&self) -> Option<Vec<u8>> {
-        let bytes = match read_bounded(&self.path) {
+        let bytes = match oocpt_files::read(&self.path, MOST_BYTES + HEADER_BYTES as u64) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return None,
             Err(error) => {
@@ -62,6 +73,7 @@ impl CacheFile {
         match payload_of(&bytes, &self.vulkan_header) {
             Ok(payload) => {
                 self.stored.store(xxh3_64(payload), Ordering::Relaxed);
+                self.mark();
                 Some(payload.to_vec())
             }
             Err(reason) => {
@@ -77,36 +89,75 @@ impl CacheFile {
         if payload.len() as u64 > MOST_BYTES || self.stored.load(Ordering::Relaxed) == checksum {
             return;
         }
-        match write_beside(&self.path, &file_of(payload)) {
-            Ok(()) => self.stored.store(checksum, Ordering::Relaxed),
+        let folder = self.path.parent().unwrap_or(Path::new("."));
+        let written =
+            std::fs::create_dir_all(folder).and_then(|()| oocpt_files::replace(&self.path, &file_of(payload)));
+        match written {
+            Ok(()) => {
+                self.stored.store(checksum, Ordering::Relaxed);
+                self.clean(folder);
+            }
             Err(error) => tracing::warn!(%error, path = %self.path.display(), "the pipeline cache was not written"),
+        }
+    }
+
+    /// Marks it as used.
+    fn mark(&self) {
+        let now = SystemTime::now();
+        let is_old = |file: &File| {
+            let used = file.metadata().and_then(|metadata| metadata.modified()).ok();
+            used.is_some_and(|used| now.duration_since(used).is_ok_and(|age| age > DAY))
+        };
+        // The times of a folder that cannot be written do not matter.
+        let marked =
+            oocpt_files::open(&self.path).and_then(|file| if is_old(&file) { file.set_modified(now) } else { Ok(()) });
+        tracing::trace!(?marked, "used");
+    }
+
+    /// Removes what was not used for longest until the bounds of the folder hold, but not its own file.
+    fn clean(&self, folder: &Path) {
+        let now = SystemTime::now();
+        let mut files = Vec::new();
+        for file in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+            let (path, name) = (file.path(), file.file_name());
+            let Some(metadata) = file.metadata().ok().filter(std::fs::Metadata::is_file) else { continue };
+            if !name.to_str().is_some_and(is_ours) || path == self.path {
+                continue;
+            }
+            let used = metadata.modified().unwrap_or(now);
+            match path.extension().and_then(|ending| ending.to_str()) {
+                Some(ENDING) => files.push((used, metadata.len(), path)),
+                Some(UNDER_WAY) if now.duration_since(used).is_ok_and(|age| age > DAY) => remove(&path),
+                _ => {}
+            }
+        }
+        files.sort();
+        let own = std::fs::metadata(&self.path).map_or(0, |metadata| metadata.len());
+        let mut sum = files.iter().fold(own, |sum, (_, bytes, _)| sum.saturating_add(*bytes));
+        let mut count = files.len() + 1;
+        for (_, bytes, path) in files {
+            if sum <= MOST_IN_ALL && count <= MOST_FILES {
+                break;
+            }
+            remove(&path);
+            (sum, count) = (sum.saturating_sub(bytes), count - 1);
         }
     }
 }
 
-fn read_bounded(path: &Path) -> io::Result<Vec<u8>> {
-    let most = MOST_BYTES + HEADER_BYTES as u64;
-    let mut bytes = Vec::new();
-    // One byte more than allowed: then the length in the header cannot be right, and the file is ignored.
-    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
-    Ok(bytes)
+/// Whether a file of the folder has a name that [`CacheFile::new`] may have given: the user's own stay.
+fn is_ours(name: &str) -> bool {
+    name.strip_prefix(PREFIX).is_some_and(|rest| {
+        let stem = rest.split('.').next().unwrap_or_default();
+        stem.bytes().all(|byte| byte.is_ascii_hexdigit() || byte == b'-')
+    })
 }
 
-/// Writes a file of its own and renames it, so that the path always names a whole one.
-fn write_beside(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    static COUNT: AtomicU32 = AtomicU32::new(0);
-    let folder = path.parent().unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder)?;
-    let number = COUNT.fetch_add(1, Ordering::Relaxed);
-    let beside = path.with_extension(format!("{}-{number}.tmp", std::process::id()));
-    let written = File::create(&beside).and_then(|mut file| file.write_all(bytes));
-    let renamed = written.and_then(|()| std::fs::rename(&beside, path));
-    if renamed.is_err()
-        && let Err(error) = std::fs::remove_file(&beside)
-    {
-        tracing::debug!(%error, path = %beside.display(), "not removed");
+fn remove(path: &Path) {
+    // Another process may have been faster.
+    if let Err(error) = std::fs::remove_file(path) {
+        tracing::debug!(%error, path = %path.display(), "not removed");
     }
-    renamed
 }
 
 fn file_of(payload: &[u8]) -> Vec<u8> {
@@ -229,5 +280,42 @@ mod tests {
         file.store(&huge);
         assert_eq!(new().load().as_deref(), Some(&b"device two"[..]), "too large to be stored");
         std::fs::remove_dir_all(folder.parent().expect("made above")).expect("own files can be removed");
+    }
+
+    #[test]
+    fn files_that_were_not_used_for_longest_go() {
+        let folder = std::env::temp_dir().join(format!("oocpt-caches-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a temporary folder");
+        let plant = |name: &str, days: u32| {
+            let path = folder.join(name);
+            std::fs::write(&path, b"x").expect("writable");
+            let file = File::options().append(true).open(&path).expect("there");
+            file.set_modified(SystemTime::now() - DAY * days).expect("a time");
+        };
+        for day in 1..30 {
+            plant(&format!("pipelines-00-{day:08x}-00.bin"), day);
+        }
+        plant("pipelines-00-00-00.bin.7-0.tmp", 2);
+        plant("pipelines-00-00-01.bin.8-0.tmp", 0);
+        plant("pipelines-of-mine.bin", 90);
+        plant("letter.txt", 90);
+        let own = CacheFile {
+            path: folder.join("pipelines-00-0000002a-00.bin"),
+            vulkan_header: b"device".to_vec(),
+            stored: AtomicU64::new(0),
+        };
+        own.store(b"device");
+        let mut names: Vec<String> = std::fs::read_dir(&folder)
+            .expect("readable")
+            .map(|entry| entry.expect("entry").file_name().to_string_lossy().into_owned())
+            .collect();
+        names.sort();
+        let mut expected: Vec<String> = (1..MOST_FILES).map(|day| format!("pipelines-00-{day:08x}-00.bin")).collect();
+        let others =
+            ["letter.txt", "pipelines-00-00-01.bin.8-0.tmp", "pipelines-of-mine.bin", "pipelines-00-0000002a-00.bin"];
+        expected.extend(others.map(str::to_owned));
+        expected.sort();
+        assert_eq!(names, expected, "the newest, its own, what is under way, and what others keep there");
+        std::fs::remove_dir_all(&folder).expect("own files can be removed");
     }
 }

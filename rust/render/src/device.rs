@@ -6,14 +6,17 @@
 //! share, so that no session's budget bounds another one.
 
 use crate::bsdf_tables;
+use crate::cache_folder::cache_folder;
 use crate::error::RenderError;
 use crate::loader::Loader;
 use crate::sync::lock;
 use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Heap, HeapOptions, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
-use oocpt_shader_abi::{Features, Module, Push, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
+use oocpt_shader_abi::{ALL, Features, Module, Push, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
 use rustc_hash::FxHashMap;
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
+use xxhash_rust::xxh3::Xxh3;
 
 /// Size of the arenas scene data is placed in, bytes, and the smallest.
 const ARENA_BYTES: u64 = 64 << 20;
@@ -58,6 +61,39 @@ pub(crate) struct DeviceOptions {
     pub(crate) validation: bool,
     /// Hard limit of device memory, MiB; 0 = 90 % of what is free.
     pub(crate) budget_mib: u32,
+    /// Folder in which compiled pipelines are kept; none: they are not.
+    pub(crate) pipeline_cache: Option<PathBuf>,
+}
+
+/// The folder that `oocpt:pipelineCache` names: empty: the user's own; "0": none.
+pub(crate) fn pipeline_folder(setting: &str) -> Option<PathBuf> {
+    match setting {
+        "0" => None,
+        "" => cache_folder("pipelines"),
+        path => Some(PathBuf::from(path)),
+    }
+}
+
+/// What the passes are made of: pipelines of other passes are of no use.
+fn passes_key() -> u64 {
+    static KEY: OnceLock<u64> = OnceLock::new();
+    *KEY.get_or_init(|| {
+        let mut hash = Xxh3::new();
+        for module in ALL {
+            hash.update(bytemuck::cast_slice(module.words));
+        }
+        hash.digest()
+    })
+}
+
+/// Compiled pipelines are written to disk no more often than this while passes are compiled.
+const KEEP_INTERVAL: Duration = Duration::from_secs(1);
+
+/// Pipelines that are not on disk yet, and when some were written last.
+#[derive(Debug, Default)]
+struct Unkept {
+    count: u32,
+    written: Option<Instant>,
 }
 
 /// Longest wait for the translation of one shader, which is single-threaded: what takes 10 s alone may take minutes
@@ -84,6 +120,7 @@ pub(crate) struct Device {
     loader: OnceLock<Loader>,
     bsdf_tables: [Mutex<Option<Buffer>>; 4],
     pipelines: Mutex<FxHashMap<(&'static str, Specialisation), Compiled>>,
+    unkept: Mutex<Unkept>,
 }
 
 static OPEN: Mutex<Vec<Arc<Device>>> = Mutex::new(Vec::new());
@@ -100,6 +137,8 @@ impl Device {
             selector: (!options.selector.is_empty()).then(|| options.selector.clone()),
             validation: options.validation,
             budget_bytes: (options.budget_mib > 0).then(|| u64::from(options.budget_mib) << 20),
+            pipeline_cache: options.pipeline_cache.clone(),
+            pipeline_key: passes_key(),
             ..OpenOptions::default()
         })?;
         tracing::info!(device = gpu.report().name, "opened");
@@ -113,6 +152,7 @@ impl Device {
             loader: OnceLock::new(),
             bsdf_tables: Default::default(),
             pipelines: Mutex::default(),
+            unkept: Mutex::default(),
         });
         open.push(Arc::clone(&device));
         Ok(device)
@@ -205,8 +245,20 @@ impl Device {
         let words = module.specialised(&constants);
         let pipeline = Arc::new(Pipeline::new(&self.gpu, module.name, &words, &constants, push_bytes)?);
         tracing::debug!(pass = module.name, secs = started.elapsed().as_secs_f64(), "compiled");
+        lock(&self.unkept).count += 1;
         let made = Compiled { pipeline, secs: started.elapsed().as_secs_f64(), is_translated: false };
         Ok(Arc::clone(&lock(&self.pipelines).entry(key).or_insert(made).pipeline))
+    }
+
+    /// Writes the pipelines that were compiled since the last time to disk, after a batch of them or, `at_end`, a
+    /// render: hosts may leave without closing the device.
+    pub(crate) fn keep_pipelines(&self, at_end: bool) {
+        let mut unkept = lock(&self.unkept);
+        let is_early = !at_end && unkept.written.is_some_and(|written| written.elapsed() < KEEP_INTERVAL);
+        if unkept.count > 0 && !is_early {
+            self.gpu.save_pipeline_cache();
+            *unkept = Unkept { count: 0, written: Some(Instant::now()) };
+        }
     }
 
     /// Has the driver translate `pipeline`, in a submission of its own, unless it was used before; gives how many were

@@ -4,7 +4,7 @@
 //! Render thread only. What can be kept from frame to frame (device, scene, wave memory, images) is kept.
 
 use crate::assets::{Scene, SceneCache, SceneView};
-use crate::device::{Device, DeviceOptions};
+use crate::device::{Device, DeviceOptions, pipeline_folder};
 use crate::engine::{self, Parts, Tiles, Tracer, Waves};
 use crate::error::RenderError;
 use crate::feedback::Feedback;
@@ -90,6 +90,7 @@ impl Renderer {
             progress.begin_again();
             result = self.render_on(&device, job, gate, &mut progress);
         }
+        device.keep_pipelines(true);
         progress.end(&device.gpu);
         #[cfg(feature = "faults")]
         {
@@ -336,6 +337,7 @@ impl Renderer {
             selector: job.settings.device.clone(),
             validation: job.options.validation,
             budget_mib: job.settings.memory_budget_mib,
+            pipeline_cache: pipeline_folder(&job.settings.pipeline_cache),
         };
         if self.device.as_ref().is_some_and(|have| !have.serves(&options)) {
             *self = Self::default();

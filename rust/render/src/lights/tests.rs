@@ -233,7 +233,7 @@ pub(super) mod probe {
         surfaces: Option<&SurfaceEntries>,
         modes: [u32; N],
     ) -> [Vec<[f32; 4]>; N] {
-        let options = DeviceOptions { selector: String::new(), validation: true, budget_mib: 0 };
+        let options = DeviceOptions { validation: true, ..DeviceOptions::default() };
         let device = Device::open(&options).expect("a device");
         let mut tables = LightTables::default();
         tables.sync(&device, table).expect("the tables fit");

@@ -58,6 +58,7 @@ impl Passes {
             }
             Ok::<_, RenderError>(pipelines)
         })?;
+        device.keep_pipelines(false);
         timings.compile_secs += started.elapsed().as_secs_f64();
         Ok(Self { pipelines })
     }
