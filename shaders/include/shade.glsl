@@ -23,12 +23,12 @@ void add_met_lights(uint path, Ray ray, Surface surface, PathState state) {
     bool met;
     set_light_time(path);
     const vec3 lights = lights_along(origin, ray.d, t_end, camera, from, met);
-    if (met) add_radiance(path, clamp_contribution(state.throughput * lights, ray.bounce > 1u));
+    if (met) add_radiance(path, clamp_contribution(path, state.throughput * lights, ray.bounce > 1u));
 }
 
 // Stores the shadow ray, or adds its contribution where nothing can be in its way. Gives whether there is a ray.
 bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, vec3 throughput) {
-    const vec3 contribution = clamp_contribution(throughput * ls.contribution, bounce > 0u);
+    const vec3 contribution = clamp_contribution(path, throughput * ls.contribution, bounce > 0u);
     if (!(max_component(contribution) > 0.0)) return false;
     if ((ls.flags & LIGHT_NO_SHADOWS) != 0u) {
         add_radiance(path, contribution);
@@ -91,7 +91,7 @@ void shade(uint path, out bool asks, out bool go_on) {
     if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
         const float weight = HAS_MESH_LIGHTS ? emission_share(path, ray, surface, state.pdf) : 1.0;
         // As for other lights: what shadow rays could bring at bounce 0 is direct.
-        add_radiance(path, clamp_contribution(state.throughput * (shading.emission * weight),
+        add_radiance(path, clamp_contribution(path, state.throughput * (shading.emission * weight),
                                               ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u)));
     }
     if (only_lights) return;

@@ -211,11 +211,17 @@ float max_component(vec3 v) {
     return max(v.x, max(v.y, v.z));
 }
 
-// What may be added to the radiance of a path: zero, and counted, when not finite; bounded when indirect and a bound is
-// set.
-vec3 clamp_contribution(vec3 contribution, bool indirect) {
+// Counts what is not finite, and notes the least pixel, whatever the order in which they come.
+void note_nonfinite(uvec2 pixel) {
+    atomicAdd(COUNTERS.nonfinite, 1u);
+    atomicMax(COUNTERS.nonfinite_pixel, ~(pixel.y * FRAME.width + pixel.x));
+}
+
+// What may be added to the radiance of a path: zero, and counted with its place, when not finite; bounded when indirect
+// and a bound is set.
+vec3 clamp_contribution(uint path, vec3 contribution, bool indirect) {
     if (!is_finite(contribution)) {
-        atomicAdd(COUNTERS.nonfinite, 1u);
+        note_nonfinite(pixel_position(path_pixel(path)));
         return vec3(0.0);
     }
     const float bound = FRAME.clamp;

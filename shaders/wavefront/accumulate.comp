@@ -48,7 +48,12 @@ void main() {
     FilmPixel film = Film(FRAME.film).v[pixel];
     const uint64_t ended = HAS_STREAMING ? STREAMING.ended_radiance : FRAME.radiance;
     for (uint path = thread; path < push.path_count; path += pixels) {
-        const vec4 value = ConstVec4s(ended).v[push.arg0 + path];
+        vec4 value = ConstVec4s(ended).v[push.arg0 + path];
+        // Sums of what is finite, of a path's contributions or of a pixel's samples, may not be.
+        if (!is_finite(value.rgb) || !is_finite(film.sum.rgb + value.rgb)) {
+            note_nonfinite(position);
+            value.rgb = vec3(0.0);
+        }
         const vec3 mean = film.sum.rgb / float(max(film.samples, 1u));
         const vec3 deviation = film.samples == 0u ? vec3(0.0) : value.rgb - mean;
         if ((film.samples & (film.samples - 1u)) == 0u) film.earlier = mean;

@@ -23,14 +23,14 @@ void shade(uint path) {
             seen += domes_behind(ray.d);
             met = true;
         }
-        Vec4s(FRAME.radiance).v[path] = met ? vec4(clamp_contribution(seen, false), 1.0) : vec4(0.0);
+        Vec4s(FRAME.radiance).v[path] = met ? vec4(clamp_contribution(path, seen, false), 1.0) : vec4(0.0);
         return;
     }
     const PathState state = load_path(path);
     const PreviousVertex from = load_previous_vertex(path, ray.o, state.pdf);
     vec3 sum = lights_at_infinity(ray.d, from);
     if (HAS_LOCAL_LIGHTS) sum += lights_along(origin, ray.d, LARGEST, false, from, met);
-    const vec3 contribution = clamp_contribution(state.throughput * sum, ray.bounce > 1u);
+    const vec3 contribution = clamp_contribution(path, state.throughput * sum, ray.bounce > 1u);
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
     Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
 }

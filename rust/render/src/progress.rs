@@ -22,6 +22,7 @@ use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::{Stats, StreamingStats, Usage};
 use oocpt_gpu::Gpu;
 use oocpt_shader_abi::Counters;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// First interval between published images.
@@ -51,6 +52,8 @@ pub(crate) struct Progress<'a> {
     decided: Option<u64>,
     /// What was counted before another feed went on.
     before: Option<Counters>,
+    /// `Counters::nonfinite_pixel`.
+    nonfinite_pixel: u32,
     pub(crate) timings: Timings,
 }
 
@@ -87,6 +90,7 @@ impl<'a> Progress<'a> {
             interactive: job.settings.interactive,
             decided: None,
             before: None,
+            nonfinite_pixel: 0,
             log: ErrorLog::start(shared, job),
             size: [job.request.width, job.request.height],
             bar: job.options.progress_bar.then(ProgressBar::new),
@@ -218,8 +222,9 @@ impl<'a> Progress<'a> {
     /// Publishes the images that the last finished submission copied out.
     #[expect(clippy::cast_precision_loss, reason = "rates are shown, not computed with")]
     pub(crate) fn publish(&mut self, film: &Film) -> Result<(), RenderError> {
-        let Counters { closest_rays, shadow_rays, nonfinite, stack_overflows, .. } =
+        let Counters { closest_rays, shadow_rays, nonfinite, nonfinite_pixel, stack_overflows, .. } =
             film.publish(&self.shared.published)?;
+        self.nonfinite_pixel = self.nonfinite_pixel.max(nonfinite_pixel);
         let before = self.before.unwrap_or_default();
         let (closest_rays, shadow_rays) = (closest_rays + before.closest_rays, shadow_rays + before.shadow_rays);
         let nonfinite = nonfinite.saturating_add(before.nonfinite);
@@ -331,6 +336,17 @@ impl<'a> Progress<'a> {
         Ok(())
     }
 
+    /// One warning for each row of renders that have such samples: hosts begin anew at each edit.
+    fn tell_nonfinite(&self, count: u64) {
+        if count == 0 {
+            if self.done >= self.total_paths() {
+                self.shared.nonfinite_told.store(false, Ordering::Relaxed);
+            }
+        } else if !self.shared.nonfinite_told.swap(true, Ordering::Relaxed) {
+            self.shared.report(Severity::Warning, nonfinite_text(count, self.nonfinite_pixel, self.size[0]));
+        }
+    }
+
     /// The render is over, as planned or not: notes memory use, tells the report, and turns what the validation layer
     /// said into errors: it is only on in tests.
     pub(crate) fn end(&mut self, gpu: &Gpu) {
@@ -339,10 +355,35 @@ impl<'a> Progress<'a> {
         (stats.gpu_bytes, stats.gpu_peak_bytes, stats.gpu_budget_bytes) = (memory.used, memory.peak, memory.budget);
         stats.host_peak_bytes = host_memory::peak();
         let usage = Usage::of(&stats);
+        let nonfinite = stats.nonfinite_samples;
         drop(stats);
+        self.tell_nonfinite(nonfinite);
         self.log.usage(self.shared, usage);
         for message in gpu.take_validation_messages() {
             self.shared.report(Severity::Error, format!("Vulkan validation: {message}"));
         }
+    }
+}
+
+/// What is said of samples that are not finite; `pixel` is `Counters::nonfinite_pixel`.
+fn nonfinite_text(count: u64, pixel: u32, width: u32) -> String {
+    let samples = if count == 1 { "1 sample is".to_owned() } else { format!("{count} samples are") };
+    let place = (pixel != 0 && width != 0).then(|| (!pixel % width, !pixel / width));
+    let place = place
+        .map_or_else(String::new, |(x, y)| format!("; the lowest pixel that sees one is {x}, {y} from the lower left"));
+    format!("{samples} not finite (a light or material without bounds) and left out{place}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::nonfinite_text;
+
+    #[test]
+    fn samples_that_are_not_finite_are_told_with_their_place() {
+        let said = nonfinite_text(7, !(3 * 64 + 5), 64);
+        assert!(said.starts_with("7 samples are not finite") && said.contains("is 5, 3 from the lower left"), "{said}");
+        let said = nonfinite_text(1, u32::MAX, 64);
+        assert!(said.starts_with("1 sample is not") && said.contains("is 0, 0 from"), "{said}");
+        assert!(nonfinite_text(2, 0, 64).ends_with("left out"), "no place");
     }
 }

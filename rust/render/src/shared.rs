@@ -10,6 +10,7 @@ use crate::sync::lock;
 use crate::timings::Timings;
 use oocpt_core::stats::Stats;
 use oocpt_gpu::DeviceReport;
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -48,6 +49,8 @@ pub(crate) struct Shared {
     /// Reports of error that renders of this session have begun.
     pub(crate) reports: Mutex<Vec<String>>,
     pub(crate) messages: Mutex<Vec<Message>>,
+    /// The last render had samples that are not finite, which was told.
+    pub(crate) nonfinite_told: AtomicBool,
     #[cfg(feature = "faults")]
     pub(crate) witness: Mutex<crate::faults::Witness>,
 }

@@ -78,7 +78,7 @@ struct Counters {
     uint settle_count[2];
     uint settle_next[2];
     IndirectArgs settle_args[2];
-    uint pad;
+    uint nonfinite_pixel;
 };
 
 struct FilmPixel {

@@ -384,7 +384,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         settle_count,
         settle_next,
         settle_args,
-        pad
+        nonfinite_pixel
     }),
     layout!(FilmPixel { sum, compensation, m2, samples, m2_compensation, pad0, earlier, pad1 }),
     layout!(ErrorSums { s, d, ss, sd, dd, doubt, worst, worst_pixel, pixels, fewest, most, pad }),

@@ -129,7 +129,7 @@ pub struct Counters {
     pub chunk_visits: u64,
     /// Total, streaming: times that a ray was deferred.
     pub chunk_misses: u64,
-    /// Total: contributions that were NaN or infinite and were dropped.
+    /// Total: contributions, and samples of their sums, that were NaN or infinite and were dropped.
     pub nonfinite: u32,
     /// Total: rays for which traversal ran out of stack and left nodes out; must stay 0, else `STACK_SIZE` is too
     /// small.
@@ -199,8 +199,9 @@ pub struct Counters {
     pub settle_next: [u32; 2],
     /// For `settle_closest` and `settle_shadow`.
     pub settle_args: [IndirectArgs; 2],
-    /// 0.
-    pub pad: u32,
+    /// Total: the complement of the least `y * width + x` of the pixels of [`Counters::nonfinite`], whatever the order
+    /// in which they came; 0 = none.
+    pub nonfinite_pixel: u32,
 }
 
 impl Counters {
