@@ -2,6 +2,10 @@
 //! Roulette on loads changes no mean: over many seeds the picture is the one in core, region by region, when nearly
 //! every load is played for, and when production's prices decide. The same seed renders both, so the noise that they
 //! share cancels and what is left is the roulette's own.
+//!
+//! Which rays wait for a load depends on how fast loads and rounds are, so no two runs play the same; the mean over the
+//! draws is the same in all of them. Differences are therefore judged by their own spread: one look at a number of
+//! seeds that is fixed before, by Student's distribution, with one bound on all comparisons of this file together.
 
 use super::scenes::{SCENES, Scene};
 use super::{TestFiles, options, percent, planting, request_of, small_chunks, smallest_budget};
@@ -13,20 +17,23 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Seeds, and with all tests. The draws of consecutive seeds are stratified, so a mean over them is closer to the truth
-/// than its standard error says: an unlucky set of seeds is not taken for a bias.
-const SEEDS: [u32; 2] = [24, 64];
-/// What is planted is so large that fewer show it, by the same decision: when nearly every load is played for, and
-/// by production's prices. Those depend on how long rounds take, so that a quiet machine plays less.
-const SEEDS_OF_FAULTS: u32 = 8;
-const SEEDS_OF_FAULTS_BY_PRICES: u32 = 16;
-/// How often the roulette is played for each seed that is asked for ([`plays`]), where what is planted is to be seen in
-/// few seeds, and the most times as many seeds that may be rendered until it has been.
+/// Seeds, and with all tests. The draws of consecutive seeds are stratified, by sixteen: a mean over them is closer to
+/// the truth than its standard error says, never further.
+const SEEDS: [u32; 2] = [32, 64];
+/// How often the roulette is to be played for each of them ([`plays`]), and the most times as many seeds that may be
+/// rendered for that.
 const PLAYS: u32 = 16;
-const PLAYS_OF_FAULTS: u32 = 128;
-const MOST_BATCHES: u32 = 8;
-/// Probability of every load that is played for.
-const PER_MILLE: u16 = 300;
+const MOST_BATCHES: u32 = 4;
+/// Seeds that only tell how often a machine plays.
+const PILOTS: Range<u32> = 1 << 20..(1 << 20) + 4;
+/// Probability of every load that is played for. At a half a load adds as much as often as it takes away, so that
+/// Student's distribution holds far out with few seeds: with less, means that lie low come with spreads that are too
+/// small.
+const PER_MILLE: u16 = 500;
+/// So many standard deviations of a normal distribution are as unlikely as a 63rd of 1e-4, to both sides: there are
+/// nine comparisons of seven regions where nothing is planted, so all of them together fail by chance once in 10 000
+/// times (Bonferroni).
+const FAMILY: f64 = 4.8;
 /// Regions from left to right and from top to bottom.
 const REGIONS: [usize; 2] = [3, 2];
 
@@ -95,22 +102,28 @@ impl Renderer {
 
 /// What seeds show.
 struct Shown {
-    seeds: Range<u32>,
+    seeds: u32,
     /// Means and their standard errors of `with - without`, region by region.
     differences: Vec<(f64, f64)>,
 }
 
-/// Renders seeds from `first` on, `batch` of them and, where fewer rays end than `least` for each of the batch, more:
-/// how many rays wait, and so end, depends on the speed of the machine. Only what has ended decides, never its effect.
-fn show(without: &mut Renderer, with: &mut Renderer, first: u32, (batch, least): (u32, u32)) -> Shown {
+/// How many seeds play often enough on this machine, by what others have played: had those that are compared a say in
+/// it, they would end where more rays than on average have ended, and be too dark in the mean.
+fn enough(with: &mut Renderer) -> u32 {
+    let least = seeds(SEEDS);
+    for seed in PILOTS {
+        let _ = with.regions(seed);
+    }
+    let played = plays(&with.totals).max(1);
+    let wanted = (u64::from(PLAYS * least) * PILOTS.len() as u64).div_ceil(played);
+    with.totals = StreamingStats::default();
+    u32::try_from(wanted).unwrap_or(u32::MAX).clamp(least, MOST_BATCHES * least).next_multiple_of(16)
+}
+
+/// Renders as many seeds.
+fn show(without: &mut Renderer, with: &mut Renderer, end: u32) -> Shown {
     let mut sums = vec![(0.0, 0.0); REGIONS[0] * REGIONS[1] + 1];
-    let before = plays(&with.totals);
-    let mut end = first;
-    while end < first + batch
-        || (end < first + MOST_BATCHES * batch && plays(&with.totals) - before < u64::from(least * batch))
-    {
-        let seed = end;
-        end += 1;
+    for seed in 0..end {
         let (expected, [alpha, counts]) = without.regions(seed);
         let (got, [same_alpha, same_counts]) = with.regions(seed);
         assert!(counts == same_counts, "what is played with decides nothing");
@@ -120,15 +133,15 @@ fn show(without: &mut Renderer, with: &mut Renderer, first: u32, (batch, least):
             *sum = (sum.0 + d, sum.1 + d * d);
         }
     }
-    let n = f64::from(end - first);
+    let n = f64::from(end);
     let of = |(sum, squares): (f64, f64)| (sum / n, ((squares / n - (sum / n).powi(2)).max(0.0) / (n - 1.0)).sqrt());
-    Shown { seeds: first..end, differences: sums.into_iter().map(of).collect() }
+    Shown { seeds: end, differences: sums.into_iter().map(of).collect() }
 }
 
-/// As unlikely for a mean of so many seeds, by Student's distribution, as 3 standard deviations for one of very many
-/// (Abramowitz and Stegun 26.7.5).
+/// As unlikely for a mean of so many seeds, by Student's distribution, as [`FAMILY`] standard deviations for one of
+/// very many (Abramowitz and Stegun 26.7.5).
 fn limit(seeds: u32) -> f64 {
-    let (z, nu) = (3.0_f64, f64::from(seeds - 1));
+    let (z, nu) = (FAMILY, f64::from(seeds - 1));
     let terms = [z, (z.powi(3) + z) / 4.0, (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0];
     let third = (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0;
     terms[0] + terms[1] / nu + terms[2] / nu.powi(2) + third / nu.powi(3)
@@ -139,22 +152,22 @@ fn plays(totals: &StreamingStats) -> u64 {
     totals.roulette_paths.min(totals.roulette_shadow_rays).min(2 * totals.roulette_loads_saved)
 }
 
-/// Whether rays ended so often, over all seeds, that the test says something.
+/// Whether rays ended so often, over all seeds, that the test says something: half as often as the seeds that were
+/// asked said.
 fn was_played(totals: &StreamingStats) -> bool {
-    plays(totals) >= u64::from(PLAYS * seeds(SEEDS))
+    plays(totals) >= u64::from(PLAYS * seeds(SEEDS) / 2)
 }
 
 impl Shown {
     /// Regions further from no difference than [`limit`].
     fn outside(&self) -> Vec<usize> {
-        let limit = limit(self.seeds.end - self.seeds.start);
+        let limit = limit(self.seeds);
         let is_outside = |&(_, &(mean, sigma)): &(usize, &(f64, f64))| mean.abs() > limit * sigma;
         self.differences.iter().enumerate().filter(is_outside).map(|(region, _)| region).collect()
     }
 }
 
-/// The regions that differ, at `budget_percent`, as it is played by `faults`: with all seeds and, which decides, with
-/// as many others.
+/// The regions that differ, at `budget_percent`, as it is played by `faults`.
 fn differing(
     scene: &Scene,
     without: &mut Renderer,
@@ -166,33 +179,23 @@ fn differing(
     let budget = percent(bytes, budget_percent).max(smallest_budget(scene));
     let settings = Settings { geometry_budget_kib: budget, straggler_roulette: true, ..without.session.settings() };
     let mut with = Renderer::new(scene, settings, SessionOptions { force_streaming: true, ..planting(faults) });
-    let batch = match (faults.unweighted_roulette, faults.roulette_ns_per_byte) {
-        (false, _) => (seeds(SEEDS), PLAYS),
-        (true, None) => (SEEDS_OF_FAULTS, PLAYS_OF_FAULTS),
-        (true, Some(_)) => (SEEDS_OF_FAULTS_BY_PRICES, PLAYS),
-    };
-    let first = show(without, &mut with, 0, batch);
-    let mut regions = first.outside();
-    let mut said = format!(
-        "{}, {budget_percent} % ({budget} of {} KiB), seeds {:?}: {:.3?}",
+    let count = enough(&mut with);
+    let shown = show(without, &mut with, count);
+    let said = format!(
+        "{}, {budget_percent} % ({budget} of {} KiB), {count} seeds, at most {:.2} standard errors: {:.3?}",
         scene.name,
         bytes >> 10,
-        first.seeds,
-        first.differences
+        limit(count),
+        shown.differences
     );
-    if !regions.is_empty() {
-        let second = show(without, &mut with, first.seeds.end, batch);
-        said += &format!("; again, seeds {:?}: {:.3?}", second.seeds, second.differences);
-        let again = second.outside();
-        regions.retain(|region| again.contains(region));
-    }
-    (regions, with.totals, said)
+    (shown.outside(), with.totals, said)
 }
 
 fn has_no_bias(scene: &Scene) {
     let mut without = Renderer::new(scene, small_chunks(), options());
     for budget_percent in [25, 10, 5] {
         let (regions, totals, said) = differing(scene, &mut without, budget_percent, played());
+        println!("{said}; {totals:?}");
         assert!(was_played(&totals), "{said}: roulette was played: {totals:?}");
         assert!(regions.is_empty(), "regions {regions:?} have another mean: {said}");
     }
@@ -299,4 +302,12 @@ fn rays_that_are_not_weighted_are_noticed_by_production_prices() {
     let (regions, _, said) = differing(&SCENES[0], &mut without, 10, faults);
     println!("{said}");
     assert!(!regions.is_empty(), "a picture that is too dark must be seen: {said}");
+}
+
+#[test]
+fn limits_are_those_of_students_distribution() {
+    // Two-sided quantiles at 1.59e-6, by numerical integration of the density.
+    for (seeds, expected) in [(32, 5.91), (64, 5.30), (1024, 4.83)] {
+        assert!((limit(seeds) - expected).abs() < 0.03, "{seeds}: {}", limit(seeds));
+    }
 }
