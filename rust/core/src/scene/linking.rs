@@ -50,12 +50,14 @@ impl LinkClass {
     }
 }
 
+/// What classes are made of: the links, the names, the arrays of indices.
+type Sources = (Arc<InstanceLinks>, BTreeSet<Arc<str>>, Vec<TypedArray>);
+
 /// The instances of an instancer by their collections, kept while nothing that decides them changes.
 #[derive(Debug, Default)]
 pub(crate) struct LinkClasses {
     classes: Vec<LinkClass>,
-    /// What they were made of: the links, the names, the arrays of indices.
-    made_of: Option<(Arc<InstanceLinks>, BTreeSet<Arc<str>>, Vec<TypedArray>)>,
+    made_of: Option<Sources>,
 }
 
 impl LinkClasses {
@@ -109,8 +111,8 @@ fn classes(desc: &InstancerDesc, named: &BTreeSet<Arc<str>>) -> Vec<LinkClass> {
             }
         }
     }
-    let used: Vec<(Vec<Arc<str>>, Vec<Vec<u32>>)> =
-        numbers.into_keys().zip(places).filter(|(_, places)| places.iter().any(|places| !places.is_empty())).collect();
+    let is_used = |places: &Vec<Vec<u32>>| places.iter().any(|places| !places.is_empty());
+    let used: Vec<_> = numbers.into_keys().zip(places).filter(|(_, places)| is_used(places)).collect();
     match used.len() {
         0 => whole(Vec::new()),
         1 => whole(used.into_iter().next().map(|(set, _)| set).unwrap_or_default()),
