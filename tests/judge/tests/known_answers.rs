@@ -80,6 +80,7 @@ fn camera(size: i32) -> Camera {
         focus_distance: 5.0,
         clip_planes: Vec::new(),
         motion: Vec::new(),
+        exposure_scale: 1.0,
     }
 }
 

@@ -97,6 +97,7 @@ impl Eye {
             focus_distance: 0.0,
             clip_planes: Vec::new(),
             motion: Vec::new(),
+            exposure_scale: 1.0,
         }
     }
 
