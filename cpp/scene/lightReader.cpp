@@ -125,11 +125,12 @@ void _ReadShaping(const _Inputs& inputs, oocpt::LightDesc* desc)
         || !shaping.ies.authored.empty();
 }
 
-/// Shaders of lights of other renderers, which may have any inputs. A schema's own is named as its type.
+/// Shaders of lights of other renderers, which may have any inputs. A schema's own is named as its type; the lights that
+/// hosts make at the camera have RenderMan's names for two of them.
 void _WarnOfShader(const HdOocPTPrimSource& source, const _Inputs& inputs)
 {
     static const std::set<std::string> own { "", "CylinderLight", "DiskLight", "DistantLight", "DomeLight",
-        "DomeLight_1", "MeshLight", "RectLight", "SphereLight", "simpleLight" };
+        "DomeLight_1", "MeshLight", "PxrDistantLight", "PxrDomeLight", "RectLight", "SphereLight", "simpleLight" };
     const std::string& shader = inputs.GetShader().GetString();
     if (own.count(shader) == 0) {
         source.warnings->Add(

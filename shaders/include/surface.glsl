@@ -32,6 +32,11 @@ GpuSurfaceMaterial surface_material; // with HAS_MATERIALS: set by make_surface
 uint surface_chain[MAX_LEVELS]; // instance records of the hit, the chunk's first: set before make_surface
 uint surface_chunk_instance;    // its chunk instance: set by make_surface
 float surface_time;             // of the path; with HAS_TIME only: set before make_surface
+// Whether anything asks what surfaces are made of; a pass says otherwise before it includes this.
+#ifndef SURFACES_ARE_SHADED
+#define SURFACES_ARE_SHADED true
+#endif
+
 #define INSTANCE_CHUNK surface_chunk_instance
 #define INSTANCE_CHAIN surface_chain
 #include "include/instance_primvars.glsl"
@@ -176,7 +181,7 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
             vec3 e, f;
             item_edges(pose, mesh, triangle, e, f);
             add_tangent(surface_material, mesh, triangle, e, f, s.geometric_normal, ray.d, world, map);
-            if (HAS_PATTERNS) add_object_frame(surface_material, world, map);
+            if (HAS_PATTERNS && SURFACES_ARE_SHADED) add_object_frame(surface_material, world, map);
             if (HAS_HAIR) {
                 bool is_tube = false;
                 vec3 radial = vec3(0.0);

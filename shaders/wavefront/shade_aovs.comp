@@ -8,6 +8,7 @@
 #include "include/wavefront.glsl"
 #include "include/progress.glsl"
 #include "include/light_links.glsl"
+#define SURFACES_ARE_SHADED HAS_SHADED_AOVS
 #include "include/path_surface.glsl"
 #include "include/material.glsl"
 #include "include/motion_vector.glsl"

@@ -178,7 +178,7 @@ def test_other_input_that_must_not_matter(host):
         GOOD.read_text()
         + 'def Xform "Other" {\n'
         '  def NurbsCurves "Curve" { int[] curveVertexCounts = [4]; int[] order = [4]; point3f[] points = [(900,0,0),'
-        ' (901,0,0), (901,1,0), (900,1,0)]; double[] knots = [0, 0, 0, 0, 1, 1, 1, 1]; }\n'
+        ' (901,0,0), (901,1,0), (900,1,0)]; double[] knots = [0, 0, 0, 0, 1, 1, 1, 1]; float[] widths = [1]; }\n'
         '  def BasisCurves "NoPoints" { int[] curveVertexCounts = [4]; }\n'
         '  def Points "NoPlace" { float[] widths = [1]; }\n'
         '  def PointInstancer "Empty" { int[] protoIndices = []; point3f[] positions = []; }\n'

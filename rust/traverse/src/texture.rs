@@ -92,6 +92,21 @@ fn wraps_of(t: &GpuTexture) -> [u32; 2] {
     [TEXTURE_WRAP_S_SHIFT, TEXTURE_WRAP_T_SHIFT].map(|shift| (t.flags >> shift) & 3)
 }
 
+/// Whether the fallback is what lies outside of the picture.
+fn has_border(t: &GpuTexture) -> bool {
+    t.flags & TEXTURE_BORDER != 0
+}
+
+fn fallback_value(t: &GpuTexture, channel: u32) -> f32 {
+    t.fallback[channel as usize & 3]
+}
+
+/// What a texture gives that has no texels.
+fn fallback_of(t: &GpuTexture, channel: u32) -> Looked {
+    let value = fallback_value(t, channel);
+    if has_border(t) { Looked::Texel(value) } else { Looked::Fallback(value) }
+}
+
 /// `near_image`.
 pub(crate) fn near_image(s: f32, wrap: u32) -> f32 {
     #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN is 0")]
@@ -193,15 +208,9 @@ impl Scene<'_> {
         let Lookup { texture, st, width, channel } = *lookup;
         // Where the tables have no such texture, all is there.
         let Some(part) = self.texture_part(texture, st) else { return Looked::Fallback(1.0) };
-        let value_of = |t: &GpuTexture| t.fallback[channel as usize & 3];
-        let has_border = |t: &GpuTexture| t.flags & TEXTURE_BORDER != 0;
-        let fallback_of = |t: &GpuTexture| match has_border(t) {
-            true => Looked::Texel(value_of(t)),
-            false => Looked::Fallback(value_of(t)),
-        };
         let (t, st) = match part {
             Part::Found(t, st) if t.levels > 0 => (t, st),
-            Part::Found(t, _) | Part::Missing(t) => return fallback_of(&t),
+            Part::Found(t, _) | Part::Missing(t) => return fallback_of(&t, channel),
         };
         let is_streaming = self.has(Features::STREAMING);
         let wraps = wraps_of(&t);
@@ -229,7 +238,7 @@ impl Scene<'_> {
                 total += weight;
                 let x = wrap_texel(x.wrapping_add(i32::from(right)), level.size[0], wraps[0]);
                 let y = wrap_texel(y.wrapping_add(i32::from(upper)), level.size[1], wraps[1]);
-                let mut texel = if has_border(&t) { value_of(&t) } else { 0.0 };
+                let mut texel = if has_border(&t) { fallback_value(&t, channel) } else { 0.0 };
                 if let (Some(x), Some(y)) = (x, y) {
                     let (column, row) = if level.in_tail { (0, 0) } else { (x / TILE_SIDE, y / TILE_SIDE) };
                     let in_level = row.wrapping_mul(level.size[0].div_ceil(TILE_SIDE)).wrapping_add(column);
@@ -244,7 +253,7 @@ impl Scene<'_> {
                             continue;
                         }
                         if address & PAGE_BROKEN != 0 {
-                            return fallback_of(&t);
+                            return fallback_of(&t, channel);
                         }
                         (page, tile) = (wanted, self.view.bytes(address));
                     }

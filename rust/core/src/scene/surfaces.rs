@@ -111,6 +111,14 @@ const MISSING_MATERIAL: &str = "does not exist, or has no surface that is read (
 const NO_CURVE: &str = "its hair material is for curves: fibres go along the first texture coordinate, and are met \
                         where the normal says";
 
+/// Whether one of a mesh's materials emits light.
+fn is_emissive(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -> bool {
+    bindings(desc).flatten().any(|material| {
+        let compiled = materials.get(material).and_then(|entry| entry.compiled.as_ref()?.material.as_ref());
+        compiled.is_some_and(|material| material.flags.contains(MaterialFlags::EMISSIVE))
+    })
+}
+
 impl SurfaceStore {
     /// Compiles the materials of the meshes `shown` and tells every mesh which primvars it has to build and how it is
     /// displaced; a mesh that was built otherwise forgets its asset. Solids that emit become polygons.
@@ -170,13 +178,8 @@ impl SurfaceStore {
             if displacements.iter().all(Option::is_none) {
                 displacements.clear();
             }
-            let emits = |material: Option<&Arc<str>>| {
-                let compiled =
-                    material.and_then(|material| materials.get(material)?.compiled.as_ref()?.material.as_ref());
-                compiled.is_some_and(|material| material.flags.contains(MaterialFlags::EMISSIVE))
-            };
             let emits = entry.desc.solid.is_some()
-                && (lights.contains_key(&*format!("{path}{MESH_LIGHT}")) || bindings(&entry.desc).any(emits));
+                && (lights.contains_key(&*format!("{path}{MESH_LIGHT}")) || is_emissive(&entry.desc, materials));
             entry.ask(wanted, displacements, emits);
         }
         for (path, entry) in materials.iter() {

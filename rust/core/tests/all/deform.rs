@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use oocpt_core::mesh::{MeshKeys, build_mesh, build_mesh_split, mesh_key};
-use oocpt_core::scene::{PointsMotion, PointsSample, Shape};
+use oocpt_core::scene::{Interpolation, PointsMotion, PointsSample, Primvar, Shape};
 use oocpt_core::{MeshAsset, MeshDesc, Subdivision, TypedArray};
 
 use crate::displaced;
@@ -210,13 +210,15 @@ fn displaced_surfaces_are_displaced_at_all_keys() {
 
 #[test]
 fn points_move_with_their_widths() {
-    let desc = MeshDesc { shape: Shape::Points, ..triangle(samples(vec![(0.0, at(1.0)), (1.0, at(3.0))])) };
+    let one = Primvar { interpolation: Interpolation::Constant, values: TypedArray::of(vec![1.0_f32]), indices: None };
+    let desc =
+        MeshDesc { shape: Shape::Points, widths: Some(one), ..triangle(samples(vec![(0.0, at(1.0)), (1.0, at(3.0))])) };
     let asset = build_mesh(&desc, 1).asset.unwrap();
     assert_eq!(asset.keys.vertices.len(), 3);
     for (item, later) in asset.triangles.iter().zip(&asset.keys.vertices) {
         let [first, _, radii] = item.vertices;
         assert!(first[2] == 1.0 && later[0] == [first[0], first[1], 3.0], "{first:?} to {later:?}");
-        assert_eq!((radii, later[2]), ([0.5, 0.5, 0.0], [0.5, 0.5, 0.0]), "half the default width");
+        assert_eq!((radii, later[2]), ([0.5, 0.5, 0.0], [0.5, 0.5, 0.0]), "half the width");
     }
 }
 

@@ -112,6 +112,7 @@ fn settings_are_listed_in_order() {
         "oocpt:textureCacheSize",
         "oocpt:geometryCache",
         "oocpt:geometryCacheSize",
+        "oocpt:pipelineCache",
     ];
     assert_eq!(keys[..ours.len()], ours, "the order");
     assert!(keys[ours.len()..].iter().all(|key| !key.starts_with("oocpt:")), "{keys:?}");
@@ -202,7 +203,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 30);
+    assert_eq!(names.len(), 31);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }

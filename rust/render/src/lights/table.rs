@@ -143,21 +143,27 @@ impl LightTable {
         if !table.locals.is_empty() {
             table.nodes = tree::build(&table.bounds);
         }
-        if !snapshot.links.is_empty() {
-            let surfaces = &snapshot.surfaces;
-            table.link_bits = surfaces.category_sets.iter().flat_map(|set| snapshot.links.bits(set)).collect();
-            if table.link_bits.is_empty() {
-                table.link_bits = snapshot.links.bits(&[]);
-            }
-            table.link_words = u32::try_from(snapshot.links.words()).unwrap_or(u32::MAX);
-            let shown = (-1..).zip(&surfaces.prims).map(|(id, prim)| prim.shown_as.unwrap_or(id).cast_unsigned());
-            table.prim_sets = surfaces.prims.iter().map(|prim| prim.category_set).chain(shown).collect();
-        }
+        table.take_links(snapshot);
         table.features = table.find_features();
         reading.cache.forget_unused();
         reading.warnings.sort();
         reading.warnings.dedup();
         (table, reading.warnings)
+    }
+
+    /// Takes the sets of links, which of them each prim has, and the id that it is shown as.
+    fn take_links(&mut self, snapshot: &Snapshot) {
+        if snapshot.links.is_empty() {
+            return;
+        }
+        let surfaces = &snapshot.surfaces;
+        self.link_bits = surfaces.category_sets.iter().flat_map(|set| snapshot.links.bits(set)).collect();
+        if self.link_bits.is_empty() {
+            self.link_bits = snapshot.links.bits(&[]);
+        }
+        self.link_words = u32::try_from(snapshot.links.words()).unwrap_or(u32::MAX);
+        let shown = (-1..).zip(&surfaces.prims).map(|(id, prim)| prim.shown_as.unwrap_or(id).cast_unsigned());
+        self.prim_sets = surfaces.prims.iter().map(|prim| prim.category_set).chain(shown).collect();
     }
 
     /// Adds the meshes that emit light, beside the local lights.

@@ -53,7 +53,7 @@ impl Hit {
 
     /// The same for where the line leaves what it enters in front of the origin.
     pub(super) fn second(&self, nearest: f32) -> Option<(f32, f32)> {
-        (self.entry <= self.exit && nearest + self.entry > 0.0).then(|| (nearest + self.exit, self.exit_u))
+        (self.entry <= self.exit && nearest + self.entry > 0.0).then_some((nearest + self.exit, self.exit_u))
     }
 }
 
