@@ -85,6 +85,7 @@ struct Counted {
 }
 
 /// Counts over `seeds` pictures of each case.
+#[expect(clippy::print_stdout, reason = "what was measured stands in the log")]
 fn count(cases: &[Case], seeds: u32) -> Counted {
     let (mut inside, mut all, mut widest, mut said) = (0, 0, 0.0_f64, String::new());
     for case in cases {

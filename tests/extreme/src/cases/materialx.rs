@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! MaterialX at the limits: surfaces that are white in a white world at the ends of their ranges, and programs with
+//! `MaterialX` at the limits: surfaces that are white in a white world at the ends of their ranges, and programs with
 //! operations that have no value, which count as 0.
 
 use std::f64::consts::FRAC_PI_2;

@@ -83,10 +83,10 @@ impl ImageLibrary for Library {
     fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
         let bad = || ImageError("no such picture".into());
         if let Some((width, height)) = asset.resolved.split_once('x') {
-            let side = |text: &str| text.parse().map_err(|_| bad());
+            let side = |text: &str| text.parse().map_err(|_no_number| bad());
             return Ok(Arc::new(Fields([side(width)?, side(height)?])));
         }
-        Ok(Arc::new(Bad(asset.resolved.parse().map_err(|_| bad())?)))
+        Ok(Arc::new(Bad(asset.resolved.parse().map_err(|_no_number| bad())?)))
     }
 
     fn identity(&self, asset: &AssetRef) -> Result<String, ImageError> {

@@ -63,7 +63,7 @@ fn texel_centers_are_exact() {
 fn largest_error(size: [u32; 2], format: TexelFormat, wrap: [Wrap; 2], widest: f32) -> f64 {
     let widest = widest * size.map(|side| side as f32).iter().product::<f32>().sqrt();
     // Every second one has its fallback around it.
-    let has_border = size[0] % 2 == 0;
+    let has_border = size[0].is_multiple_of(2);
     let texture = TextureRef { has_border, ..texture("0", wrap, ColorSpace::Raw) };
     let outside = if has_border { texture.fallback.map(f64::from) } else { [0.0; 4] };
     let bench = Bench::new(vec![image(size, 4, format)], &[texture]);

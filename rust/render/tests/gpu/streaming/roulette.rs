@@ -191,6 +191,7 @@ fn differing(
     (shown.outside(), with.totals, said)
 }
 
+#[expect(clippy::print_stdout, reason = "what was measured stands in the log")]
 fn has_no_bias(scene: &Scene) {
     let mut without = Renderer::new(scene, small_chunks(), options());
     for budget_percent in [25, 10, 5] {
