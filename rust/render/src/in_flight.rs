@@ -17,7 +17,7 @@ const MOST: u64 = 1 << 22;
 /// Most on a processor: more do not trace faster there.
 const MOST_CPU: u64 = 1 << 17;
 /// So many waves a render has at least, where these fill the device.
-const WAVES: u64 = 8;
+const WAVES: u64 = 4;
 /// Paths that fill a large device: twice the threads that an H200 keeps.
 const FILLS: u64 = 1 << 19;
 /// Share of a GPU's memory that paths take at most, and so many may be in flight all the same.
@@ -85,8 +85,9 @@ mod tests {
     #[test]
     fn small_renders_have_a_part_of_them() {
         let small = InFlight { paths: 256 * 256 * 64, path_bytes: 128, ..LARGE };
-        assert_eq!(small.wanted(), 1 << 19, "as many as fill the device, an eighth of all");
-        assert_eq!(small.wanted() * small.path_bytes, 64 << 20, "784 MiB it was");
+        assert_eq!(small.wanted(), 1 << 20, "a quarter of all");
+        assert_eq!(InFlight { paths: 1 << 20, ..small }.wanted(), 1 << 19, "as many as fill the device");
+        assert_eq!(small.wanted() * small.path_bytes, 128 << 20, "784 MiB it was");
         assert_eq!(InFlight { paths: 5000, ..LARGE }.wanted(), 8192, "all of them");
         assert_eq!(InFlight { paths: 5000, ..LARGE }.roomy(), 5000);
         assert_eq!(InFlight { paths: 0, ..LARGE }.wanted(), 1 << 12, "the fewest");

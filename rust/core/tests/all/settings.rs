@@ -136,6 +136,7 @@ fn settings_are_listed_in_order() {
         "OOCPT_TEXTURE_CACHE_SIZE",
         "OOCPT_GEOMETRY_CACHE",
         "OOCPT_GEOMETRY_CACHE_SIZE",
+        "OOCPT_PIPELINE_CACHE",
     ];
     assert_eq!(ours[7..].iter().filter_map(|key| Settings::env_name(key)).collect::<Vec<_>>(), names, "variables");
 }
