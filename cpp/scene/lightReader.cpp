@@ -125,8 +125,8 @@ void _ReadShaping(const _Inputs& inputs, oocpt::LightDesc* desc)
         || !shaping.ies.authored.empty();
 }
 
-/// Shaders of lights of other renderers, which may have any inputs. A schema's own is named as its type; the lights that
-/// hosts make at the camera have RenderMan's names for two of them.
+/// Shaders of lights of other renderers, which may have any inputs. A schema's own is named as its type; the lights
+/// that hosts make at the camera have RenderMan's names for two of them.
 void _WarnOfShader(const HdOocPTPrimSource& source, const _Inputs& inputs)
 {
     static const std::set<std::string> own { "", "CylinderLight", "DiskLight", "DistantLight", "DomeLight",
