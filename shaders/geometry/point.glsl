@@ -6,16 +6,22 @@
 #ifndef OOCPT_POINT_GLSL
 #define OOCPT_POINT_GLSL
 
-// The operations of round_hit, without what a second ball and a cone say.
+// The operations of round_span, without what a second ball and a cone say.
+bool point_span(const vec3 v0, const vec3 v2, const vec3 o, const vec3 d, out RoundHit hit, out float nearest) {
+    const float dd = dot3(d, d);
+    const vec3 from = o - v0;
+    nearest = dot3(-from, d) / dd;
+    hit = RoundHit(3.0e38, 0.0, -3.0e38, 0.0);
+    meet_ball(hit, from + nearest * d, v2.x, d, dd, 0.0);
+    return hit.entry <= hit.exit;
+}
+
 bool point_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv) {
     t = 0.0;
     uv = vec2(0.0);
-    const float dd = dot3(d, d);
-    const vec3 from = o - v0;
-    const float nearest = dot3(-from, d) / dd;
-    RoundHit hit = RoundHit(3.0e38, 0.0, -3.0e38, 0.0);
-    meet_ball(hit, from + nearest * d, v2.x, d, dd, 0.0);
-    if (!(hit.entry <= hit.exit)) return false;
+    RoundHit hit;
+    float nearest;
+    if (!point_span(v0, v2, o, d, hit, nearest)) return false;
     const bool inside = !(nearest + hit.entry > 0.0);
     t = nearest + (inside ? hit.exit : hit.entry);
     return t > 0.0;
@@ -24,12 +30,9 @@ bool point_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const 
 bool point_exit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv) {
     t = 0.0;
     uv = vec2(0.0);
-    const float dd = dot3(d, d);
-    const vec3 from = o - v0;
-    const float nearest = dot3(-from, d) / dd;
-    RoundHit hit = RoundHit(3.0e38, 0.0, -3.0e38, 0.0);
-    meet_ball(hit, from + nearest * d, v2.x, d, dd, 0.0);
-    if (!(hit.entry <= hit.exit)) return false;
+    RoundHit hit;
+    float nearest;
+    if (!point_span(v0, v2, o, d, hit, nearest)) return false;
     t = nearest + hit.exit;
     return nearest + hit.entry > 0.0;
 }

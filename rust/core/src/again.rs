@@ -1,22 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Tries again what may only have failed for a moment: reads of a busy or distant disk. Any thread.
+//! Tries again what may only have failed for a moment: reads of a busy or distant disk. Pure: the caller waits.
 
 use std::time::Duration;
 
-/// Calls `read` until it succeeds, once more after each of `pauses` at most, and only after errors that `may_pass`.
+/// Calls `read` until it succeeds, once more after each of `pauses` at most, which `wait` waits for, and only after
+/// errors that `may_pass`.
 ///
 /// # Errors
 /// The last one.
 pub fn again<T, E>(
     pauses: &[Duration],
     may_pass: impl Fn(&E) -> bool,
+    wait: impl Fn(Duration),
     mut read: impl FnMut() -> Result<T, E>,
 ) -> Result<T, E> {
     let mut result = read();
     for pause in pauses {
         match &result {
             Err(error) if may_pass(error) => {
-                std::thread::sleep(*pause);
+                wait(*pause);
                 result = read();
             }
             _ => break,
@@ -32,14 +34,17 @@ mod tests {
     /// What comes of reads that fail so many times, and how often is read.
     fn read(fails: usize, may_pass: bool) -> (Result<(), usize>, usize) {
         let mut reads = 0;
+        let waited = std::cell::Cell::new(0);
         let result = again(
             &[Duration::ZERO; 3],
             |_| may_pass,
+            |_| waited.set(waited.get() + 1),
             || {
                 reads += 1;
                 if reads > fails { Ok(()) } else { Err(reads) }
             },
         );
+        assert_eq!(waited.get() + 1, reads, "a pause before each try but the first");
         (result, reads)
     }
 

@@ -81,7 +81,7 @@ impl Shared {
         }
     }
 
-    /// See [`Gate::wait_for_loads`].
+    /// Goes on with a wait for `count` of `what`, as long as the threads that load live; tells about it.
     pub(crate) fn wait_for_loads(
         &self,
         patience: &mut Patience,
@@ -143,17 +143,6 @@ impl<'a> Gate<'a> {
             return patience.telling_every(every);
         }
         patience
-    }
-
-    /// Goes on with a wait for `count` of `what`, as long as the threads that load live; tells about it.
-    pub(crate) fn wait_for_loads(
-        &self,
-        patience: &mut Patience,
-        what: &str,
-        count: usize,
-        lives: bool,
-    ) -> Result<(), RenderError> {
-        self.shared.wait_for_loads(patience, what, count, lives)
     }
 
     /// Where results go.

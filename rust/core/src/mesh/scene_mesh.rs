@@ -243,7 +243,12 @@ impl SceneMesh {
         let read = || payload::read(&self.summary, &*stored.payload);
         // A disk may be busy or far away. What has failed in spite of that is not waited for with every mesh.
         let pauses = if stored.shelf.is_unreadable.load(Ordering::Relaxed) { &[][..] } else { &PAUSES };
-        match again(pauses, |error| matches!(error, PayloadError::Read(_)), read) {
+        let wait = |pause| {
+            if let Some(files) = &stored.shelf.files {
+                files.wait(pause);
+            }
+        };
+        match again(pauses, |error| matches!(error, PayloadError::Read(_)), wait, read) {
             Ok(asset) => {
                 stored.shelf.is_unreadable.store(false, Ordering::Relaxed);
                 Ok(Arc::new(asset))

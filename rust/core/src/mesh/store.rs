@@ -5,6 +5,7 @@
 use std::fmt::Debug;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 /// Keeps what meshes were built to, as bytes.
 ///
@@ -23,6 +24,9 @@ pub trait MeshFiles: Send + Sync + Debug {
 
     /// Takes note of an entry that can no longer be read.
     fn damaged(&self, key: Option<u128>, error: &PayloadError);
+
+    /// Waits before a read that failed is tried again.
+    fn wait(&self, pause: Duration);
 }
 
 /// An entry that was written before.

@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use oocpt_core::mesh::{MeshFiles, MeshSummary, Payload, PayloadError, StoredEntry};
 use oocpt_core::{Interpolation, MeshDesc, NamedPrimvar, PartitionOptions, SceneDb, SceneMesh, Snapshot};
@@ -60,6 +61,8 @@ impl Files {
 }
 
 impl MeshFiles for Files {
+    fn wait(&self, _pause: Duration) {}
+
     fn lasts(&self) -> bool {
         self.lasts
     }

@@ -235,7 +235,12 @@ impl Scene {
                 on_the_way = on_the_way.saturating_sub(self.cost(*asset));
                 patience.came(Instant::now());
             }
-            gate.wait_for_loads(&mut patience, "part of the scene", self.store.in_flight(), device.loader()?.lives())?;
+            gate.shared().wait_for_loads(
+                &mut patience,
+                "part of the scene",
+                self.store.in_flight(),
+                device.loader()?.lives(),
+            )?;
         }
         timings.upload_secs += started.elapsed().as_secs_f64();
         let started = Instant::now();

@@ -77,7 +77,12 @@ impl Scene {
                 on_the_way = on_the_way.saturating_sub(self.assets.catalog.bytes(*asset));
                 patience.came(Instant::now());
             }
-            gate.wait_for_loads(&mut patience, "texture tile", self.store.in_flight(), device.loader()?.lives())?;
+            gate.shared().wait_for_loads(
+                &mut patience,
+                "texture tile",
+                self.store.in_flight(),
+                device.loader()?.lives(),
+            )?;
         }
         let mut shown = wanted;
         shown.sort_unstable();

@@ -23,7 +23,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, Weak};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 /// How files end.
 const ENDING: &str = "oocptgeo";
@@ -180,6 +180,10 @@ impl GeometryFiles {
 }
 
 impl MeshFiles for GeometryFiles {
+    fn wait(&self, pause: Duration) {
+        std::thread::sleep(pause);
+    }
+
     fn lasts(&self) -> bool {
         self.setting.lasts
     }

@@ -196,7 +196,7 @@ impl Prepared {
             None => self.finest.load(Ordering::Relaxed).min(level).saturating_sub(1),
             Some(_) => 0,
         };
-        match again(&PAUSES, |_| true, || self.make(first)) {
+        match again(&PAUSES, |_| true, std::thread::sleep, || self.make(first)) {
             Ok(held) => {
                 let held = Arc::new(held);
                 state.held = Some(Arc::clone(&held));

@@ -263,7 +263,7 @@ impl TextureImage {
             // A prepared image has tried again itself; one that could not be read is not waited for with every tile.
             let is_known = !self.is_direct() || !lock(&self.broken).is_empty();
             let pauses = if is_known { &[][..] } else { &PAUSES };
-            if let Err(error) = again(pauses, |_| true, || self.piece(&piece, &mut raw, out)) {
+            if let Err(error) = again(pauses, |_| true, std::thread::sleep, || self.piece(&piece, &mut raw, out)) {
                 out.fill(0);
                 let text = format!("{}: {error}; its fallback is used where it cannot be read", self.name);
                 tracing::debug!("{text}");

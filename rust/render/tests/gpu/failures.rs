@@ -156,6 +156,8 @@ impl MeshFiles for Abyss {
     }
 
     fn damaged(&self, _key: Option<u128>, _error: &PayloadError) {}
+
+    fn wait(&self, _pause: Duration) {}
 }
 
 #[test]
