@@ -6,7 +6,10 @@
 //!
 //! What a file of a namespace defines is called `namespace:name`, as `MaterialX` has it.
 
+mod documents;
 mod parse;
+
+pub use documents::with_documents;
 
 use std::collections::HashMap;
 use std::fs;
