@@ -25,8 +25,12 @@ use std::collections::BTreeSet;
 use std::env;
 use std::fmt::Write as _;
 use std::fs;
+use std::num::NonZero;
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 
 fn main() -> ExitCode {
     match build() {
@@ -65,14 +69,12 @@ fn build() -> Result<(), String> {
     }
     let tools = Tools::from_env();
     let layouts = layouts();
+    sources.retain(|path| path.extension().is_some_and(|extension| extension == "comp"));
     let mut seen = BTreeSet::new();
     let mut passes = Vec::new();
-    for source in sources.iter().filter(|path| path.extension().is_some_and(|extension| extension == "comp")) {
-        let name = pass_name(source)?;
-        let words = tools.compile(source, [&shaders, &include], &out.join(format!("{name}.spv")))?;
-        seen.extend(check::check(&words, &layouts).map_err(|error| format!("{}:\n{error}", source.display()))?);
-        let flags = [abi::SPEC_FEATURES, abi::SPEC_FEATURES_HIGH];
-        let uses = uses::uses(&words, &flags).map_err(|error| format!("{}: {error}", source.display()))?;
+    for compiled in in_parallel(&sources, |source| compile(&tools, source, [&shaders, &include], &out, &layouts)) {
+        let Compiled { name, uses, structs } = compiled?;
+        seen.extend(structs);
         passes.push((name, uses));
     }
     for layout in &layouts {
@@ -81,6 +83,50 @@ fn build() -> Result<(), String> {
         }
     }
     fs::write(out.join("modules.rs"), modules(&passes)).map_err(|error| format!("modules.rs: {error}"))
+}
+
+/// A pass, what it reads, and the names of the structs that it has in memory.
+struct Compiled {
+    name: String,
+    uses: uses::Uses,
+    structs: BTreeSet<String>,
+}
+
+/// Compiles a pass into `out` and checks it.
+fn compile(
+    tools: &Tools,
+    source: &Path,
+    include: [&Path; 2],
+    out: &Path,
+    layouts: &[check::Layout],
+) -> Result<Compiled, String> {
+    let name = pass_name(source)?;
+    let words = tools.compile(source, include, &out.join(format!("{name}.spv")))?;
+    let structs = check::check(&words, layouts).map_err(|error| format!("{}:\n{error}", source.display()))?;
+    let flags = [abi::SPEC_FEATURES, abi::SPEC_FEATURES_HIGH];
+    let uses = uses::uses(&words, &flags).map_err(|error| format!("{}: {error}", source.display()))?;
+    Ok(Compiled { name, uses, structs })
+}
+
+/// What `work` makes of each of `sources`, in their order, as many at a time as there are processors.
+fn in_parallel<T: Send>(sources: &[PathBuf], work: impl Fn(&Path) -> T + Sync) -> Vec<T> {
+    let next = AtomicUsize::new(0);
+    let worker = || {
+        let mut done = Vec::new();
+        loop {
+            let at = next.fetch_add(1, Ordering::Relaxed);
+            let Some(source) = sources.get(at) else { break };
+            done.push((at, work(source)));
+        }
+        done
+    };
+    let workers = thread::available_parallelism().map_or(1, NonZero::get);
+    let mut done: Vec<(usize, T)> = thread::scope(|scope| {
+        let threads: Vec<_> = (0..workers).map(|_| scope.spawn(worker)).collect();
+        threads.into_iter().flat_map(|thread| thread.join().unwrap_or_else(|cause| resume_unwind(cause))).collect()
+    });
+    done.sort_by_key(|(at, _)| *at);
+    done.into_iter().map(|(_, result)| result).collect()
 }
 
 fn variable(name: &str) -> Result<String, String> {

@@ -4,6 +4,7 @@ failure, never a skip."""
 
 from __future__ import annotations
 
+import os
 import pathlib
 
 import pytest
@@ -11,6 +12,20 @@ import pytest
 from host import Host
 
 MODES = {"legacy": False, "scene_index": True}
+# The front end that the pinned host takes by default, and `usdrecord` with it.
+DEFAULT = "legacy"
+
+
+def pytest_configure(config):
+    config.addinivalue_line("markers", "both_front_ends: runs once per front end of Hydra (all do with `--full`)")
+
+
+def pytest_generate_tests(metafunc):
+    """A test that asks for `host` runs in the default front end, or in both where it is marked. That a scene means the
+    same in both is asked by test_sameness.py and test_cases.py."""
+    if "host" in metafunc.fixturenames:
+        asks_both = metafunc.definition.get_closest_marker("both_front_ends") or os.environ.get("OOCPT_TEST_FULL")
+        metafunc.parametrize("host", list(MODES) if asks_both else [DEFAULT], indirect=True)
 
 
 class Pool:
@@ -37,9 +52,9 @@ def pool(tmp_path_factory):
     pool.close()
 
 
-@pytest.fixture(params=list(MODES))
+@pytest.fixture
 def host(request, pool) -> Host:
-    """The process of one front end; a test that asks for it runs once per front end."""
+    """The process of one front end, which `pytest_generate_tests` chooses."""
     return pool.get(request.param)
 
 

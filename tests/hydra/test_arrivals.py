@@ -13,6 +13,8 @@ import pytest
 
 from conftest import MODES
 
+pytestmark = pytest.mark.both_front_ends
+
 SCENE = """#usda 1.0
 ( upAxis = "Y" )
 def Xform "World"

@@ -14,6 +14,8 @@ import compare
 import small
 from host import HostError
 
+pytestmark = pytest.mark.both_front_ends
+
 QUICK = {"oocpt:samplesPerPixel": 2, "oocpt:maxBounces": 1}
 GOOD = small.FOLDER / "furnace.usda"
 

@@ -12,6 +12,8 @@ import pytest
 from cases import ALL
 from cases.case import FOLDER, Case
 
+pytestmark = pytest.mark.both_front_ends
+
 
 @pytest.mark.parametrize("case", ALL, ids=[case.name for case in ALL])
 def test_case(host, case: Case):

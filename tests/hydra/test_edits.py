@@ -8,6 +8,8 @@ import compare
 import small
 from host import HostError
 
+pytestmark = pytest.mark.both_front_ends
+
 AOVS = ["color", "depth", "elementId", "instanceId"]
 SETTINGS = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 2, "oocpt:seed": 3}
 SIZE = (28, 28)

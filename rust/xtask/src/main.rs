@@ -9,7 +9,6 @@
 mod book;
 mod check;
 mod clone_files;
-mod grouped;
 mod host;
 mod picture;
 mod places;
@@ -17,8 +16,7 @@ mod process;
 mod product;
 mod shell;
 mod system;
-mod verify;
-mod watched;
+mod tests;
 
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt as _;
@@ -123,7 +121,7 @@ fn perform(task: Task) -> Result<()> {
         Task::Install { usd, prefix } => install(&places, &usd, &prefix),
         Task::Test { filter, full } => {
             let interpreter = set_up(&places)?;
-            verify::run_tests(&places, &interpreter, verify::Extent { filter: filter.as_deref(), full })
+            tests::run(&places, &interpreter, tests::Extent { filter: filter.as_deref(), full })
         }
         Task::Check { fast } => {
             system::prepare(system::For::Check)?;
@@ -219,7 +217,7 @@ fn doctor(places: &Places, arguments: &[OsString]) -> Result<()> {
 }
 
 #[cfg(test)]
-mod tests {
+mod command_line {
     use super::*;
 
     #[test]

@@ -12,7 +12,8 @@ use anyhow::{Context as _, Result, ensure};
 
 use crate::host::Interpreter;
 use crate::places::Places;
-use crate::process::{run, say, shell_word};
+use crate::process::{capture, run, say, shell_word};
+use crate::tests::Program;
 
 /// cargo profile of everything that is built to be run from the clone.
 pub(crate) const PROFILE: &str = "fast";
@@ -38,14 +39,17 @@ pub(crate) fn build_for_wheel(places: &Places, interpreter: &Interpreter) -> Res
 }
 
 /// Builds every crate with its tests, then the product, which has none of what tests turn on (feature `faults`) and
-/// shares everything else with them.
+/// shares everything else with them. Gives the programs of tests.
 ///
 /// # Errors
 /// If cargo fails.
-pub(crate) fn build_workspace(places: &Places) -> Result<()> {
-    run(cargo(places, "build").args(["--workspace", "--all-targets", "--profile", PROFILE]))?;
+pub(crate) fn build_workspace(places: &Places) -> Result<Vec<Program>> {
+    let mut build = cargo(places, "build");
+    build.args(["--workspace", "--all-targets", "--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
+    let programs = capture(&mut build)?.lines().filter_map(Program::of_message).collect();
     run(cargo(places, "build").args(packages()).args(["--profile", PROFILE]))?;
-    [BRIDGE_FILE, COMMAND_FILE].iter().try_for_each(|file| keep(places, PROFILE, file))
+    [BRIDGE_FILE, COMMAND_FILE].iter().try_for_each(|file| keep(places, PROFILE, file))?;
+    Ok(programs)
 }
 
 /// cargo's arguments that name the product.

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Runs every test: builds the workspace and the plugin, then runs groups of tests, a process each, a few at a time.
+//!
+//! A group of Rust tests is a test program, or a module of one ([`groups`]); a group of Python tests is a pytest
+//! ([`python`]). A process for every test would have Mesa's software driver translate its passes anew each time, which is
+//! most of what tests with a device cost. Groups share them, and a fault that only the second scene of a process shows has
+//! a chance to be seen. A test that crashes or hangs ends its group, which its lines name.
+
+mod groups;
+mod python;
+mod watched;
+
+use std::process::Command;
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, bail};
+
+use crate::host::Interpreter;
+use crate::places::Places;
+use crate::process::say;
+use crate::{product, system};
+pub(crate) use groups::Program;
+use watched::Watched;
+
+/// Set for tests that are to take all seeds, and for Python to ask everything in both front ends of Hydra.
+const FULL: &str = "OOCPT_TEST_FULL";
+/// Groups at a time without a GPU: one more than two cores have, since hosts wait for files and for one another. On a
+/// GPU there is one, as two would share its memory.
+const AT_A_TIME: usize = 3;
+/// Without a word for so long, a test hangs.
+const PATIENCE: Duration = Duration::from_secs(900);
+/// Of the tests that took longest, so many are listed.
+const LISTED: usize = 10;
+
+/// Which tests run, and how far they go.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent<'a> {
+    /// Part of the names; all without.
+    pub(crate) filter: Option<&'a str>,
+    /// Tests that count over seeds take all of them.
+    pub(crate) full: bool,
+}
+
+impl Extent<'_> {
+    /// Tells the tests.
+    fn tell(self, tests: &mut Command) {
+        if self.full {
+            tests.env(FULL, "1");
+        } else {
+            tests.env_remove(FULL);
+        }
+    }
+}
+
+/// What runs in one process.
+#[derive(Debug)]
+struct Group {
+    /// What its lines begin with.
+    name: String,
+    command: Command,
+    /// Of its exit statuses, those that are no failure.
+    passes: fn(i32) -> bool,
+    /// Whether it takes a minute or more: such groups begin first, so that none is left alone at the end.
+    is_long: bool,
+}
+
+/// Builds everything and runs all tests of an extent; every group runs, even if another failed.
+///
+/// # Errors
+/// Names the groups that failed, or says why a build did.
+pub(crate) fn run(places: &Places, interpreter: &Interpreter, extent: Extent<'_>) -> Result<()> {
+    let programs = timed("building the workspace", || product::build_workspace(places))?;
+    timed("building the plugin", || product::build_plugin_for_wheel(places, interpreter))?;
+    let has_gpu = system::has_gpu();
+    let mut groups = python::groups(places, extent)?;
+    groups.extend(groups::of_programs(places, &programs, extent, has_gpu)?);
+    groups.sort_by_key(|group| !group.is_long);
+    let failed = timed("running the tests", || run_groups(groups, if has_gpu { 1 } else { AT_A_TIME }))?;
+    if !failed.is_empty() {
+        bail!("tests failed: {}", failed.join(", "));
+    }
+    say("all tests passed");
+    Ok(())
+}
+
+/// Runs groups, `workers` at a time, in their order; gives the names of those that failed.
+fn run_groups(groups: Vec<Group>, workers: usize) -> Result<Vec<String>> {
+    let waiting = Mutex::new(groups.into_iter());
+    let next = || waiting.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let durations = Mutex::new(Vec::new());
+    let work = || -> Result<Vec<String>> {
+        let mut failed = Vec::new();
+        while let Some(mut group) = next() {
+            let started = Instant::now();
+            let watched = Watched { mark: &format!("[{}] ", group.name), patience: PATIENCE };
+            let (status, tests) = watched.run(&mut group.command)?;
+            let passes = (group.passes)(status);
+            let ending = if passes { "passed" } else { "FAILED" };
+            say(format_args!("{}: {} s, {ending}", group.name, started.elapsed().as_secs()));
+            durations.lock().unwrap_or_else(PoisonError::into_inner).extend(tests);
+            if !passes {
+                failed.push(group.name);
+            }
+        }
+        Ok(failed)
+    };
+    let failed = thread::scope(|scope| {
+        let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
+        let ended = workers.into_iter().map(|worker| worker.join().unwrap_or_else(|_| bail!("a thread ended")));
+        ended.collect::<Result<Vec<_>>>()
+    })?;
+    tell_longest(durations.into_inner().unwrap_or_else(PoisonError::into_inner));
+    Ok(failed.concat())
+}
+
+fn tell_longest(mut tests: Vec<(Duration, String)>) {
+    tests.sort_by(|a, b| b.cmp(a));
+    for (duration, name) in tests.into_iter().take(LISTED) {
+        say(format_args!("{:6.1} s  {name}", duration.as_secs_f32()));
+    }
+}
+
+/// What `step` gives; says how long it took.
+fn timed<T>(name: &str, step: impl FnOnce() -> T) -> T {
+    let started = Instant::now();
+    let result = step();
+    say(format_args!("{name} took {} s", started.elapsed().as_secs()));
+    result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn group(name: &str, script: &str) -> Group {
+        let mut command = Command::new("sh");
+        command.args(["-c", script]);
+        Group { name: name.into(), command, passes: |status| status == 0, is_long: false }
+    }
+
+    #[test]
+    fn all_groups_run_and_those_that_fail_are_named() {
+        let file = std::env::temp_dir().join(format!("oocpt-groups-{}", std::process::id()));
+        let last = format!("touch '{}'", file.display());
+        let groups = vec![group("a", "exit 0"), group("b", "exit 1"), group("c", "kill -9 $$"), group("d", &last)];
+        let mut failed = run_groups(groups, 2).unwrap();
+        failed.sort();
+        assert_eq!(failed, ["b", "c"]);
+        std::fs::remove_file(file).expect("the last one ran, too");
+        assert!(run_groups(vec![], 2).unwrap().is_empty());
+    }
+}
