@@ -10,11 +10,11 @@
 // N|.
 // All tables are always on the device: what is chosen does not depend on which chunks are there. Placements that are
 // not in the table are met by BSDF rays alone. One that moves is where it is at the time of the path, for choosing
-// faces and points, for densities and for hits; the tree over placements holds it at all times (decisions/0054).
+// faces and points, for densities and for hits; the tree over placements holds it at all times (book, design/motion).
 // With HAS_MESH_LIGHT_VALUES some emissions are no constants. What a point emits is worked out as at a hit there: a
 // primvar between its values at the corners, a texture through the very lookup and with the cone that a BSDF ray in
 // this direction would have, so that both strategies see one function. Weights are means over faces, made by the host
-// (decisions/0013); they only decide what is chosen.
+// (see the book, design/lights); they only decide what is chosen.
 // With streaming the texture is looked up before the surface is shaded, as one more lookup of its own (resolve_lights).
 // Emission goes to both sides, as it does for rays that meet it.
 #ifndef OOCPT_LIGHT_MESH_GLSL

@@ -47,7 +47,7 @@ struct Shading {
     float clearcoat_roughness; // 0..1
     float opacity;         // 0..1: what is left of it is transmitted
     uint flags;            // SHADING_*
-    vec3 sheen_color;      // 0..1; rust/decisions/0014
+    vec3 sheen_color;      // 0..1; see the book, design/bsdf
     float sheen_roughness; // 0..1
     vec3 transmission_color; // 0..1: of each refraction
     float coat_ior;        // >= 1
