@@ -78,10 +78,11 @@ pub(crate) fn check(places: &Places) -> Result<()> {
     Ok(())
 }
 
-/// A README of more than a few screens, or a decision of more than a page before its first appendix.
+/// A README of more than a few screens, or a decision of more than a page before its first appendix. The list of the
+/// decisions may be longer.
 fn too_long(file: &str, text: &str) -> Option<String> {
     let lines = text.lines().count();
-    if file.starts_with(DECISIONS) {
+    if file.starts_with(DECISIONS) && file.trim_start_matches(DECISIONS) != "README.md" {
         let body = text.split("\n## Appendix").next().unwrap_or(text);
         let words = body.split_whitespace().count();
         return (words > DECISION_WORDS).then(|| format!("{file}: {words} words, more than {DECISION_WORDS}"));
@@ -107,7 +108,7 @@ fn stage(places: &Places, target: &Path) -> Result<()> {
     copy(&places.repo.join(BOOK).join("book.toml"), &target.join("book.toml"))?;
     for (file, text) in documents(places)? {
         if let Some(page) = file.strip_prefix("rust/book/src/") {
-            write(&target.join("src").join(page), &staged_page(&text))?;
+            write(&target.join("src").join(page), &staged_page(page, &text))?;
         } else if let Some(page) = file.strip_prefix(DECISIONS) {
             write(&target.join("src/decisions").join(page), &staged_decision(&text))?;
         }
@@ -118,8 +119,11 @@ fn stage(places: &Places, target: &Path) -> Result<()> {
     Ok(())
 }
 
-fn staged_page(text: &str) -> String {
-    text.replace("](../../decisions/", "](decisions/").replace("](../../../", "](files/")
+/// `page`: its path below the source of the book.
+fn staged_page(page: &str, text: &str) -> String {
+    let up = "../".repeat(page.matches('/').count());
+    let decisions = text.replace(&format!("]({up}../../decisions/"), &format!("]({up}decisions/"));
+    decisions.replace(&format!("]({up}../../../"), &format!("]({up}files/"))
 }
 
 fn staged_decision(text: &str) -> String {
@@ -163,12 +167,18 @@ mod tests {
         let (page, rest) = ("word ".repeat(DECISION_WORDS), "\n## Appendix: measurements\n more");
         assert_eq!(too_long("rust/decisions/0001-a.md", &format!("{page}{rest}")), None, "appendices do not count");
         assert!(too_long("rust/decisions/0001-a.md", &format!("{page}{page}{rest}")).is_some(), "two pages");
+        assert_eq!(too_long("rust/decisions/README.md", &format!("{page}{page}")), None, "the list is no decision");
     }
 
     #[test]
     fn staged_links_stay_inside() {
         let page = "![x](../../../tests/scenes/a.jpg) [d](../../decisions/0001-mesa.md) [p](b.md)";
-        assert_eq!(staged_page(page), "![x](files/tests/scenes/a.jpg) [d](decisions/0001-mesa.md) [p](b.md)", "a page");
+        let staged = "![x](files/tests/scenes/a.jpg) [d](decisions/0001-mesa.md) [p](b.md)";
+        assert_eq!(staged_page("a.md", page), staged, "a page");
+        let chapter =
+            "![x](../../../../tests/scenes/a.jpg) [d](../../../decisions/0001-mesa.md) [p](../b.md) [q](c.md)";
+        let staged = "![x](../files/tests/scenes/a.jpg) [d](../decisions/0001-mesa.md) [p](../b.md) [q](c.md)";
+        assert_eq!(staged_page("design/a.md", chapter), staged, "a page in a folder");
         let decision = "[p](../book/src/b.md) ![x](../../tests/scenes/a.jpg) [d](0002-film.md)";
         assert_eq!(
             staged_decision(decision),
