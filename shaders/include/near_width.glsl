@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The width of a texture lookup, less than 1/256 of it off, in few instructions: for masks, which allow for that
-// (0058). What is looked up has the exact one (include/footprint.glsl).
+// (decisions/0058). What is looked up has the exact one (include/footprint.glsl).
 #ifndef OOCPT_NEAR_WIDTH_GLSL
 #define OOCPT_NEAR_WIDTH_GLSL
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Candidates that no mask knows (0058): a walk goes on as if they were not there, and keeps the nearest one. If no
-// other one may be the hit, settle_closest or settle_shadow looks that one up, without a walk; else they walk the ray
-// again. A part of traverse.glsl; only with DEFERRED_CUTOUTS.
+// Candidates that no mask knows (decisions/0058): a walk goes on as if they were not there, and keeps the nearest one.
+// If no other one may be the hit, settle_closest or settle_shadow looks that one up, without a walk; else they walk the
+// ray again. A part of traverse.glsl; only with DEFERRED_CUTOUTS.
 #ifndef OOCPT_DEFERRAL_GLSL
 #define OOCPT_DEFERRAL_GLSL
 

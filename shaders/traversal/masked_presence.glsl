@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What masks say of a candidate (0058), in as few loads and instructions as it takes: most candidates need no more. A
-// mask allows for a width that is a little off, so the width is worked out from what the hit test has loaded. A part of
-// traverse.glsl; only with DEFERRED_CUTOUTS.
+// What masks say of a candidate (decisions/0058), in as few loads and instructions as it takes: most candidates need no
+// more. A mask allows for a width that is a little off, so the width is worked out from what the hit test has loaded. A
+// part of traverse.glsl; only with DEFERRED_CUTOUTS.
 #ifndef OOCPT_MASKED_PRESENCE_GLSL
 #define OOCPT_MASKED_PRESENCE_GLSL
 

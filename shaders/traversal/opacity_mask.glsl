@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is known of a cutout without its texture (0034): for every place and every pair of levels that a lookup can mix,
-// whether all that it could give means the surface is there, or not, or neither. Only with OPACITY_MASKS. Made by
-// rust/core/src/texture/opacity_mask.rs, which has the layout.
+// What is known of a cutout without its texture (decisions/0058): for every place and every pair of levels that a
+// lookup can mix, whether all that it could give means the surface is there, or not, or neither. Only with
+// OPACITY_MASKS. Made by rust/core/src/texture/opacity_mask.rs, which has the layout.
 #ifndef OOCPT_OPACITY_MASK_GLSL
 #define OOCPT_OPACITY_MASK_GLSL
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Walks all rays of a queue so that few threads of a subgroup are idle (0017): the subgroup leaves the nodes when few
-// of its threads are still among them, so that the others need not wait; and threads that have ended their walk take
-// rays that nobody has begun, once enough of them have (after Aila and Laine 2009, "Understanding the Efficiency of Ray
-// Traversal on GPUs"). Cutouts are looked up when many threads stand at one (0034). Which thread walks a ray, and when,
-// changes nothing of it.
+// Walks all rays of a queue so that few threads of a subgroup are idle (see the book, design/traversal): the subgroup
+// leaves the nodes when few of its threads are still among them, so that the others need not wait; and threads that
+// have ended their walk take rays that nobody has begun, once enough of them have (after Aila and Laine 2009,
+// "Understanding the Efficiency of Ray Traversal on GPUs"). Cutouts are looked up when many threads stand at one
+// (decisions/0058). Which thread walks a ray, and when, changes nothing of it.
 //
 // Before including, define NEXT as the member of Counters that says which ray of the queue is the first that nobody has
 // begun, and after it

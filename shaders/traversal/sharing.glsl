@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shares the walks of a pass's last rays among the threads of a subgroup (0052): else a pass would end with a few
-// threads that walk the longest rays alone. A thread that has nothing to do takes the farthest subtree that another's
-// stack holds, with all that the walk knows; the thread whose ray it is gets what was found. The closest hit does not
-// depend on the order of visits, so nothing changes of it.
-// A part of rays.glsl. Not while streaming, where a ray has a list of what it waits for; nor in subgroups of more than
-// 32 threads.
+// Shares the walks of a pass's last rays among the threads of a subgroup (see the book, design/traversal): else a pass
+// would end with a few threads that walk the longest rays alone. A thread that has nothing to do takes the farthest
+// subtree that another's stack holds, with all that the walk knows; the thread whose ray it is gets what was found. The
+// closest hit does not depend on the order of visits, so nothing changes of it. A part of rays.glsl. Not while
+// streaming, where a ray has a list of what it waits for; nor in subgroups of more than 32 threads.
 #ifndef OOCPT_SHARING_GLSL
 #define OOCPT_SHARING_GLSL
 

@@ -89,7 +89,8 @@ struct Walk {
 };
 
 // Whether the last walks of a pass are shared by threads (sharing.glsl). Any hit through one level of instances is
-// found in few visits: helpers gain nothing there, and the pass with their code is slower (0052).
+// found in few visits: helpers gain nothing there, and the pass with their code is slower (see the book,
+// design/traversal).
 #if ANY_HIT
 const bool SHARES = !HAS_STREAMING && MAX_LEVELS > 1u;
 #else

@@ -13,8 +13,6 @@ import pytest
 
 from conftest import MODES
 
-pytestmark = pytest.mark.both_front_ends
-
 SCENE = """#usda 1.0
 ( upAxis = "Y" )
 def Xform "World"

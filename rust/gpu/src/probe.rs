@@ -98,7 +98,7 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
 /// Drivers that compile our shaders to wrong answers count as lacking a right one.
 ///
 /// Mesa 22.3.6's llvmpipe (stock Debian 12) loses geometry in traversal; 25.0.7's does not. Measured 2026-11-21 by the
-/// render tests on both, see `rust/decisions/0001-mesa.md`. May go when no supported distribution ships Mesa 22.
+/// render tests on both, see the book, design/machine. May go when no supported distribution ships Mesa 22.
 fn miscompiles(properties: &vk::PhysicalDeviceVulkan12Properties<'_>) -> Vec<&'static str> {
     let info = properties.driver_info_as_c_str().map(|info| info.to_string_lossy()).unwrap_or_default();
     let is_old = properties.driver_id == vk::DriverId::MESA_LLVMPIPE && is_mesa_22(&info);

@@ -3,7 +3,7 @@
 //! device. One place; `oocpt bench forest --in-flight` tries other sizes. The picture does not depend on it. Pure.
 //!
 //! A wave ends with its longest path, so some of the device idles at its end, the less often the larger waves are
-//! (decisions/0033). On the other hand a wave takes memory in proportion, which others may want, and one that is larger
+//! (decisions/0029). On the other hand a wave takes memory in proportion, which others may want, and one that is larger
 //! than what is left to render is of no use at all. So a wave is
 //! - no more than a share of the render ([`WAVES`]): `schedule` begins with small waves and doubles them at most, so a
 //!   render of few samples never gets to larger ones, and what it loses at their ends is a few milliseconds;
@@ -27,7 +27,7 @@ const LEAST: u64 = 1 << 16;
 pub(crate) const FEWEST: u64 = 1 << 12;
 /// A scene counts as fitting only when it leaves room for waves of this many paths (or of all that it is to have): on a
 /// processor and on a GPU. Smaller waves leave a GPU idle between them, and a scene that is nearly all there streams
-/// faster (decisions/0033).
+/// faster (decisions/0029).
 const ROOMY: u64 = 3 << 20;
 const ROOMY_CPU: u64 = 1 << 16;
 

@@ -2,7 +2,7 @@
 //! The render thread: waits for a job, renders it wave by wave, reports how it ended.
 //!
 //! A panic of the renderer itself is caught here, reported as an error, and the renderer is started afresh: the host
-//! lives (design.md, "Fails well").
+//! lives.
 
 use crate::error::RenderError;
 use crate::frame::Renderer;

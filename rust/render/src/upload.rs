@@ -8,7 +8,7 @@
 
 /// Scenes of which fewer bytes are missing are uploaded first: compiling the passes of streaming takes what is won.
 const LEAST: u64 = 4 << 30;
-/// The number of missing bytes for which one path may be streamed: more than it costs (decision 0047).
+/// The number of missing bytes for which one path may be streamed: more than it costs (decisions/0050).
 const BYTES_A_PATH: u64 = 100;
 
 /// Counts the paths that were streamed since a scene was last uploaded.

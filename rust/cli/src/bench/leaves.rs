@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! `oocpt bench leaves`: what cutouts cost. Three scenes of the same instanced leaves, in one process on one device:
 //! opaque cards, cards whose opacity is a picture that is 1 all over, and leaves cut out by a picture. The second has
-//! to give the first one's picture bit for bit, at no cost: its texels say that nobody need ask (decisions/0034). The
+//! to give the first one's picture bit for bit, at no cost: its texels say that nobody need ask (decisions/0058). The
 //! third one's rays go on where a card has holes, so rays are counted too.
 
 use anyhow::{Context, Result, bail};

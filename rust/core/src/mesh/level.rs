@@ -38,7 +38,7 @@ pub const fn level_node_count(count: usize) -> usize {
 }
 
 /// Stack entries that hardly any hierarchy over `count` boxes exceeds ([`LevelTree::stack`]): of 386 in an island, none
-/// (decisions/0055).
+/// (decisions/0050).
 #[must_use]
 pub const fn likely_level_stack(count: usize) -> u32 {
     match count {

@@ -231,7 +231,7 @@ fn clusters_far_apart_are_parted_at_the_root() {
     }
 }
 
-/// Passes are compiled for stacks of that size before there are trees (decisions/0055).
+/// Passes are compiled for stacks of that size before there are trees (decisions/0050).
 #[test]
 fn stacks_are_as_foreseen() {
     // Scattered evenly, in clusters of clusters, on a line, and ever denser towards a point.

@@ -12,7 +12,7 @@ use crate::wavefront::Pending;
 /// Nanoseconds that a path saves, without and with tiles of textures, where the device is busy (decisions/0050).
 const NANOS_A_PATH: [u64; 2] = [5, 80];
 /// What it saves more with so many paths in flight; with half as many, twice that. A round takes as long as its longest
-/// ray, however few it traces (decisions/0055).
+/// ray, however few it traces (see the book, design/streaming).
 const NANOS_IN_FLIGHT: u64 = 20;
 const PATHS_IN_FLIGHT: u64 = 1 << 20;
 /// Nanoseconds that are lost, without and with tiles: paths run out, and processors compile the other passes before.

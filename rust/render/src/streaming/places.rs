@@ -3,7 +3,7 @@
 //!
 //! Segments go into the film in the order of their paths, so the oldest straggler holds all later ones back. The more
 //! places there are, the longer new paths can begin all the same. A place is written once and read once, so it may lie
-//! across the bus: decisions/0031. Render thread only.
+//! across the bus: decisions/0002. Render thread only.
 
 use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
 use std::sync::Arc;

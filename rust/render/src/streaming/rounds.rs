@@ -8,7 +8,7 @@ const STEP_SECS: f64 = 0.03;
 /// Most rounds of a step.
 const MOST_ROUNDS: u32 = 16;
 /// Most rounds of a step on a GPU that more rays are about to join, which they do between steps: a round takes as long
-/// as its longest ray, whatever it traces beside it (decisions/0031, 0055).
+/// as its longest ray, whatever it traces beside it (see the book, design/streaming).
 const MOST_BEFORE_MORE: u32 = 1;
 
 /// What became of a step.

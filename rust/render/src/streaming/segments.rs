@@ -9,7 +9,7 @@
 //! When all segments are in use, the paths that keep the oldest ones alive wait for chunks that few others want. Were a
 //! new segment begun for each that ends, its camera rays would drive those chunks out again; so no segment begins until
 //! all are free: the chunks of the stragglers are loaded once for all paths that wait for them (measured:
-//! decisions/0006). Pure.
+//! decisions/0002). Pure.
 
 use crate::wave::Wave;
 use std::collections::VecDeque;

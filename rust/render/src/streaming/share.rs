@@ -5,9 +5,10 @@
 //! bytes, several times over. With `room = slots * slot_bytes + kept` that is `paths * (slot_bytes + missing / slots)`,
 //! `missing = units - room`, which only falls as slots grow. So paths get a large share, up to what a render has, and
 //! units keep what batches of loads need to be brought side by side. Where hardly anything is missing the sum hardly
-//! falls, and 2^24 slots were slower than 2^23 with less memory: then paths get what fills a device (decisions/0031).
+//! falls, and 2^24 slots were slower than 2^23 with less memory: then paths get what fills a device (see the book,
+//! design/residency).
 
-/// Share of the room that paths may take. Neither more nor less was faster (decisions/0029, 0031).
+/// Share of the room that paths may take. Neither more nor less was faster (decisions/0029).
 const PATHS_SHARE: u64 = 2;
 /// Slots that fill a device.
 const ENOUGH_SLOTS: u64 = 1 << 22;

@@ -29,7 +29,7 @@ use std::time::{Duration, Instant};
 
 /// Rays that a step has at hand, about: a few for each thread of a large device.
 const ACTIVE_RAYS: u64 = 1 << 22;
-/// Rays that are worth a step while more chunks are on their way (decisions/0029, 0031).
+/// Rays that are worth a step while more chunks are on their way (decisions/0029).
 const WORTHWHILE_RAYS: u64 = ACTIVE_RAYS / 16;
 /// Of the paths alive, the share whose rays are worth a step.
 const WORTHWHILE_SHARE: u64 = 4;

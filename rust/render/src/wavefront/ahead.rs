@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Passes of scenes in core, compiled while passes that stream trace: a picture that leaves streaming would wait for
-//! them otherwise (decisions/0055).
+//! them otherwise (decisions/0050).
 
 use super::Backend;
 use super::passes::wanted;

@@ -26,6 +26,8 @@ pub(crate) const COLUMNS: usize = 120;
 const README_LINES: usize = 150;
 /// Most words of a decision, its appendices left out: a page.
 const DECISION_WORDS: usize = 600;
+/// So many can be read.
+const MOST_DECISIONS: usize = 25;
 const BOOK: &str = "rust/book";
 const DECISIONS: &str = "rust/decisions/";
 
@@ -67,10 +69,15 @@ pub(crate) fn check(places: &Places) -> Result<()> {
     let mut findings = Vec::new();
     for (file, text) in &documents {
         findings.extend(clone.findings(file, text));
-        findings.extend(too_long(file, text));
+        findings.extend(too_long_or_without_status(file, text));
         if tables::filled(text, &tables).with_context(|| file.clone())? != *text {
             findings.push(format!("{file}: a table is not that of its source; run `cargo xtask book`"));
         }
+    }
+    let decisions = documents.iter().filter(|(file, _)| is_decision(file)).count();
+    if decisions > MOST_DECISIONS {
+        findings
+            .push(format!("{decisions} decisions, more than {MOST_DECISIONS}: fold one into a chapter of the book"));
     }
     if !findings.is_empty() {
         bail!("\n  {}", findings.join("\n  "));
@@ -78,16 +85,23 @@ pub(crate) fn check(places: &Places) -> Result<()> {
     Ok(())
 }
 
-/// A README of more than a few screens, or a decision of more than a page before its first appendix. The list of the
-/// decisions may be longer.
-fn too_long(file: &str, text: &str) -> Option<String> {
+/// A README of more than a few screens, or a decision of more than a page before its first appendix, or without a
+/// status.
+fn too_long_or_without_status(file: &str, text: &str) -> Option<String> {
     let lines = text.lines().count();
-    if file.starts_with(DECISIONS) && file.trim_start_matches(DECISIONS) != "README.md" {
+    if is_decision(file) {
         let body = text.split("\n## Appendix").next().unwrap_or(text);
         let words = body.split_whitespace().count();
-        return (words > DECISION_WORDS).then(|| format!("{file}: {words} words, more than {DECISION_WORDS}"));
+        let too_long = (words > DECISION_WORDS).then(|| format!("{file}: {words} words, more than {DECISION_WORDS}"));
+        let no_status = || format!("{file}: no line `Status: ...`");
+        return too_long.or_else(|| (!text.contains("\nStatus: ")).then(no_status));
     }
     (file == "README.md" && lines > README_LINES).then(|| format!("{file}: {lines} lines, more than {README_LINES}"))
+}
+
+/// The list of the decisions is none.
+fn is_decision(file: &str) -> bool {
+    file.strip_prefix(DECISIONS).is_some_and(|name| name != "README.md")
 }
 
 /// Every document with its text.
@@ -163,11 +177,13 @@ mod tests {
     }
 
     #[test]
-    fn a_decision_is_a_page() {
-        let (page, rest) = ("word ".repeat(DECISION_WORDS), "\n## Appendix: measurements\n more");
-        assert_eq!(too_long("rust/decisions/0001-a.md", &format!("{page}{rest}")), None, "appendices do not count");
-        assert!(too_long("rust/decisions/0001-a.md", &format!("{page}{page}{rest}")).is_some(), "two pages");
-        assert_eq!(too_long("rust/decisions/README.md", &format!("{page}{page}")), None, "the list is no decision");
+    fn a_decision_is_a_page_and_has_a_status() {
+        let decision = |words: usize| format!("# A\n\nStatus: holds.\n{}\n## Appendix\n more", "word ".repeat(words));
+        let finding = |text: &str| too_long_or_without_status("rust/decisions/0001-a.md", text);
+        assert_eq!(finding(&decision(DECISION_WORDS - 4)), None, "appendices do not count");
+        assert!(finding(&decision(DECISION_WORDS)).is_some_and(|finding| finding.contains("words")), "two pages");
+        assert!(finding("# A\n\nIt holds.").is_some_and(|finding| finding.contains("Status")), "no status");
+        assert_eq!(too_long_or_without_status("rust/decisions/README.md", "# List"), None, "the list is no decision");
     }
 
     #[test]

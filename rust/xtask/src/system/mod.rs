@@ -95,7 +95,7 @@ pub(crate) fn prepare(purpose: For) -> Result<()> {
             bail!("installed, but still not found: {}", still.join(" "));
         }
     }
-    // Mesa 22's llvmpipe computes wrong images, and the renderer refuses it (rust/decisions/0001-mesa.md).
+    // Mesa 22's llvmpipe computes wrong images, and the renderer refuses it (see the book, design/machine).
     if apt::has_old_mesa() { apt::Backports::of_this_machine()?.install_mesa() } else { Ok(()) }
 }
 

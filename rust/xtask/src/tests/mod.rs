@@ -2,9 +2,9 @@
 //! Runs every test: builds the workspace and the plugin, then runs groups of tests, a process each, a few at a time.
 //!
 //! A group of Rust tests is a test program, or a module of one ([`groups`]); a group of Python tests is a pytest
-//! ([`python`]). A process for every test would have Mesa's software driver translate its passes anew each time, which is
-//! most of what tests with a device cost. Groups share them, and a fault that only the second scene of a process shows has
-//! a chance to be seen. A test that crashes or hangs ends its group, which its lines name.
+//! ([`python`]). A process for every test would have Mesa's software driver translate its passes anew each time, which
+//! is most of what tests with a device cost. Groups share them, and a fault that only the second scene of a process
+//! shows has a chance to be seen. A test that crashes or hangs ends its group, which its lines name.
 
 mod groups;
 mod python;
