@@ -8,6 +8,7 @@
 
 mod links;
 mod markdown;
+mod names;
 mod tables;
 
 use std::fs;
@@ -55,7 +56,8 @@ pub(crate) fn make(places: &Places) -> Result<()> {
     Ok(())
 }
 
-/// Judges the documents: tables are those of their sources, links and paths lead somewhere, the README is short.
+/// Judges the documents: tables are those of their sources, links, paths and names lead somewhere, the README is short.
+/// Comments of sources refer to decisions that there are.
 ///
 /// # Errors
 /// Names everything that is wrong.
@@ -63,10 +65,16 @@ pub(crate) fn check(places: &Places) -> Result<()> {
     let files = tracked_files(places)?;
     let documents = documents(places)?;
     let tables = tables::read_all(places)?;
+    let sources = sources(places, &files)?;
     let clone = links::Clone::new(&files, &documents);
+    let names = names::Names::new(&files, &sources, &documents, &<crate::Arguments as clap::CommandFactory>::command());
     let mut findings = Vec::new();
+    for (file, text) in &sources {
+        findings.extend(names.findings_in_source(file, text));
+    }
     for (file, text) in &documents {
         findings.extend(clone.findings(file, text));
+        findings.extend(names.findings(file, text));
         findings.extend(too_long(file, text));
         if tables::filled(text, &tables).with_context(|| file.clone())? != *text {
             findings.push(format!("{file}: a table is not that of its source; run `cargo xtask book`"));
@@ -97,6 +105,15 @@ fn documents(places: &Places) -> Result<Vec<(String, String)>> {
         Ok((file, text))
     };
     files.map(read).collect()
+}
+
+/// Every source that names are looked up in, with its text.
+fn sources(places: &Places, files: &[String]) -> Result<Vec<names::Text>> {
+    let read = |file: &String| {
+        let text = fs::read_to_string(places.repo.join(file)).with_context(|| format!("cannot read {file}"))?;
+        Ok((file.clone(), text))
+    };
+    files.iter().filter(|file| names::is_source(file)).map(read).collect()
 }
 
 /// Copies the book, the decisions and the pictures into one folder, with links that fit there.
