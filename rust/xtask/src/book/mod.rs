@@ -11,6 +11,7 @@ mod markdown;
 mod names;
 mod tables;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -76,6 +77,7 @@ pub(crate) fn check(places: &Places) -> Result<()> {
         findings.extend(clone.findings(file, text));
         findings.extend(names.findings(file, text));
         findings.extend(too_long(file, text));
+        findings.extend(unmapped(file, text, &files));
         if tables::filled(text, &tables).with_context(|| file.clone())? != *text {
             findings.push(format!("{file}: a table is not that of its source; run `cargo xtask book`"));
         }
@@ -95,6 +97,20 @@ fn too_long(file: &str, text: &str) -> Option<String> {
         return (words > DECISION_WORDS).then(|| format!("{file}: {words} words, more than {DECISION_WORDS}"));
     }
     (file == "README.md" && lines > README_LINES).then(|| format!("{file}: {lines} lines, more than {README_LINES}"))
+}
+
+/// Crates and folders of C++ that the README's map of the repository does not name.
+fn unmapped(file: &str, text: &str, files: &[String]) -> Vec<String> {
+    if file != "README.md" {
+        return Vec::new();
+    }
+    let of = |path: &String| -> Option<String> {
+        let (root, rest) = path.split_once('/').filter(|(root, _)| ["rust", "cpp"].contains(root))?;
+        rest.split_once('/').map(|(folder, _)| format!("{root}/{folder}"))
+    };
+    let folders: BTreeSet<String> = files.iter().filter_map(of).collect();
+    let missing = folders.into_iter().filter(|folder| !text.contains(&format!("`{folder}`")));
+    missing.map(|folder| format!("{file}: the map does not name `{folder}`")).collect()
 }
 
 /// Every document with its text.
@@ -173,6 +189,18 @@ mod tests {
         let long = "x\n".repeat(README_LINES + 1);
         assert_eq!(too_long("README.md", &long), Some("README.md: 151 lines, more than 150".to_owned()), "a line more");
         assert_eq!(too_long("rust/book/src/a.md", &long), None, "pages may be longer");
+    }
+
+    #[test]
+    fn the_map_names_all_crates() {
+        let files = ["rust/core/src/lib.rs", "rust/gpu/src/lib.rs", "cpp/abi/a.h", "README.md"].map(str::to_owned);
+        let map = "| `rust/core` | |\n| `cpp/abi` | |\n";
+        assert_eq!(
+            unmapped("README.md", map, &files),
+            ["README.md: the map does not name `rust/gpu`"],
+            "one is missing"
+        );
+        assert!(unmapped("rust/book/src/a.md", "", &files).is_empty(), "a page without a map");
     }
 
     #[test]
