@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_defined_passes() {
+    fn defined_commands_pass() {
         for line in [
             "eval \"$(cargo xtask env-is-checked-below)\" || true".replace("env-is-checked-below", "test").as_str(),
             "OOCPT_REPORT=a.jsonl cargo xtask record --camera /World/Camera --imageWidth 64 a.usda a.png",
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_nowhere_is_named() {
+    fn unknown_commands_are_named() {
         for (line, expected) in [
             ("cargo xtask picture", "cargo xtask has no task picture"),
             ("eval \"$(cargo xtask shell)\"", "cargo xtask has no task shell"),
