@@ -57,8 +57,7 @@ pub(crate) fn make(places: &Places) -> Result<()> {
     Ok(())
 }
 
-/// Judges the documents: tables are those of their sources, links, paths and names lead somewhere, the README is short.
-/// Comments of sources refer to decisions that there are.
+/// Judges the documents: tables are those of their sources, links and paths lead somewhere, the README is short.
 ///
 /// # Errors
 /// Names everything that is wrong.

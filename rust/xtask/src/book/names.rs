@@ -25,18 +25,20 @@ const OTHERS: &str = "rust/book/src/comparison.md";
 /// Names of libraries by how they begin: OpenUSD's, those of image files, Vulkan's, glibc's, the standard libraries'.
 /// The sources do not hold all that documents say of them.
 const FOREIGN: &[&str] =
-    &["Ar", "Gf", "Hd", "Hio", "Imf_", "OpenImageIO_", "RTLD_", "Sdf", "Tf", "Usd", "Vk", "VK_", "std"];
+    &["Ar", "Gf", "Hd", "Hdsi", "Hio", "Imf_", "OpenImageIO_", "RTLD_", "Sdf", "Tf", "Usd", "Vk", "VK_", "std"];
 /// Names that begin as those of a library and are ours.
 const OURS: &[&str] = &["HdOocPT", "HdOocpt"];
 /// Endings of files that the clone has.
 const ENDINGS: &[&str] = &["comp", "cpp", "glsl", "h", "md", "py", "rs"];
-/// Identifiers that no source holds, and why a document has them all the same.
+/// Names that no source holds, and why a document has them all the same.
 const ALLOWED: &[(&str, &str)] = &[
+    ("--no-capture", "a flag of cargo nextest"),
     ("PtexWriter::edit", "of the Ptex library, whose files the tests have"),
     ("VmRSS", "a line of Linux's /proc/self/status"),
     ("energy_compensation", "an input of MaterialX that changes nothing here"),
     ("invisibleIds", "UsdGeomPointInstancer's; Hydra hands a mask on"),
     ("sched_autogroup_enabled", "a switch of Linux"),
+    ("v3_0", "the namespace of OpenImageIO 3.0"),
 ];
 
 /// Everything that names are held against.
@@ -89,7 +91,7 @@ impl<'a> Names<'a> {
         if let Some(key) = keys.map(key).find(|key| !self.sources.has_key(key)) {
             return Some(format!("no setting or statistic is oocpt:{key}"));
         }
-        if span.starts_with("--") {
+        if span.starts_with("--") && !is_allowed(span) {
             return self.commands.finding_of_flags(span);
         }
         let of_commands = self.finding_of_command(span);
@@ -129,7 +131,7 @@ impl<'a> Names<'a> {
         let (path, is_call) = span.strip_suffix("()").map_or((span, false), |path| (path, true));
         let is_plain = path.chars().all(|c| c.is_ascii_alphanumeric() || "_:.-".contains(c));
         let is_foreign = !starts_with_one(path, OURS) && starts_with_one(path, FOREIGN);
-        if !is_plain || is_foreign || path.contains("NAME") || ALLOWED.iter().any(|(name, _)| *name == path) {
+        if !is_plain || is_foreign || path.contains("NAME") || is_allowed(path) {
             return None;
         }
         if let Some((stem, ending)) = path.rsplit_once('.') {
@@ -153,6 +155,10 @@ impl<'a> Names<'a> {
         let is_known = is_known || self.sources.defines(&snake(last));
         (!is_call && is_name(last) && !is_known).then(|| "no source has this name".to_owned())
     }
+}
+
+fn is_allowed(name: &str) -> bool {
+    ALLOWED.iter().any(|(allowed, _)| *allowed == name)
 }
 
 fn starts_with_one(text: &str, starts: &[&str]) -> bool {

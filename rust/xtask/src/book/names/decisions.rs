@@ -2,7 +2,8 @@
 //! Decisions that documents and sources refer to by number are files of `rust/decisions`. Pure.
 //!
 //! A reference is a number of four digits that begins with two zeros: `decision 0004`, `decisions/0004`, `(0004)`,
-//! `0004-partition.md`. The changelog may also name those that the list of the folder says are folded into chapters.
+//! `0004-partition.md`. The changelog and the decisions themselves may also name those that the list of the folder says
+//! are folded into chapters.
 
 use std::collections::BTreeSet;
 
@@ -36,7 +37,8 @@ impl<'a> Decisions<'a> {
         let mut found = Vec::new();
         for (line, content) in (1..).zip(text.lines()) {
             for (number, name) in references(content) {
-                let is_folded = [CHANGELOG, LIST].contains(&file) && self.folded.contains(number);
+                let may_look_back = file == CHANGELOG || file.starts_with(FOLDER);
+                let is_folded = may_look_back && self.folded.contains(number);
                 let is_there = match name {
                     Some(name) => self.files.contains(name),
                     None => self.files.iter().any(|file| file.starts_with(number)),
@@ -101,9 +103,11 @@ mod tests {
     }
 
     #[test]
-    fn the_changelog_alone_may_name_folded_decisions() {
-        assert_eq!(findings(CHANGELOG, "Decision 0007."), Vec::<String>::new(), "the changelog");
-        assert_eq!(findings(LIST, "| 0007 |"), Vec::<String>::new(), "the list itself");
+    fn changelog_and_decisions_alone_may_name_folded_decisions() {
+        for file in [CHANGELOG, LIST, "rust/decisions/0004-partition.md"] {
+            assert_eq!(findings(file, "takes in what was 0007"), Vec::<String>::new(), "{file}");
+        }
+        assert_eq!(findings("a.rs", "// decisions/0007").len(), 1, "a source");
         assert_eq!(findings("a.md", "decision 0007").len(), 1, "a page");
         assert_eq!(findings(CHANGELOG, "decision 0008").len(), 1, "one that never was");
     }
