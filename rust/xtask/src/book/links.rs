@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::markdown::{Paragraph, anchors, code_spans, paragraphs, targets};
+use super::markdown::{Paragraph, anchors, code_spans, paragraphs, shell_lines, targets};
 
 /// Tracked files and the folders that hold them, relative to the root, and the documents among them with their text.
 #[derive(Debug, Default)]
@@ -35,6 +35,11 @@ impl<'a> Clone<'a> {
                 if !self.exists(path) && !self.exists(&joined(file, path)) {
                     found.push(format!("{file}:{line}: `{path}` does not exist"));
                 }
+            }
+        }
+        for (line, command) in shell_lines(text) {
+            for path in command.split_whitespace().filter(|word| self.is_path("", word) && !self.exists(word)) {
+                found.push(format!("{file}:{line}: `{path}` does not exist"));
             }
         }
         found
@@ -110,14 +115,15 @@ mod tests {
 
     #[test]
     fn what_is_not_there_is_named() {
-        let text =
-            "[c](c.md)\n\n[b](b.md#other)\n\n![p](../../tests/x.jpg)\n\nsee `rust/book/none.md`\n\n`tests/*.png`\n";
+        let text = "[c](c.md)\n\n[b](b.md#other)\n\n![p](../../tests/x.jpg)\n\nsee `rust/book/none.md`\n\n`tests/*.png`\n\n\
+             ```sh\npytest tests/x.jpg tests/none.py\n```\n";
         let expected = [
             "rust/book/src/a.md:1: c.md: there is no such file",
             "rust/book/src/a.md:3: b.md#other: there is no such heading",
             "rust/book/src/a.md:5: ../../tests/x.jpg: there is no such file",
             "rust/book/src/a.md:7: `rust/book/none.md` does not exist",
             "rust/book/src/a.md:9: `tests/*.png` does not exist",
+            "rust/book/src/a.md:12: `tests/none.py` does not exist",
         ];
         assert_eq!(findings(text), expected, "each with its line");
     }

@@ -45,6 +45,31 @@ fn prose(text: &str) -> impl Iterator<Item = (usize, &str)> {
     })
 }
 
+/// Lines of blocks marked `sh`, with their numbers; those that a backslash continues are one.
+pub(super) fn shell_lines(text: &str) -> Vec<(usize, String)> {
+    let mut found: Vec<(usize, String)> = Vec::new();
+    let mut is_shell = false;
+    let mut goes_on = false;
+    for (number, line) in (1..).zip(text.lines()) {
+        let trimmed = line.trim();
+        if let Some(language) = trimmed.strip_prefix("```") {
+            is_shell = language == "sh";
+            goes_on = false;
+        } else if is_shell && !trimmed.is_empty() {
+            let content = trimmed.trim_end_matches('\\').trim_end();
+            match found.last_mut().filter(|_| goes_on) {
+                Some((_, command)) => {
+                    command.push(' ');
+                    command.push_str(content);
+                }
+                None => found.push((number, content.to_owned())),
+            }
+            goes_on = trimmed.ends_with('\\');
+        }
+    }
+    found
+}
+
 /// What stands between single backticks.
 pub(super) fn code_spans(paragraph: &str) -> impl Iterator<Item = &str> {
     paragraph.split('`').skip(1).step_by(2)
@@ -85,6 +110,13 @@ mod tests {
         assert_eq!(code_spans(&found[1].text).collect::<Vec<_>>(), ["b c"], "a span over two lines");
         assert_eq!(targets(&found[1].text), ["e"], "a link");
         assert_eq!(targets("`[a](b)` ![c](d.png) [e](f#g)"), ["d.png", "f#g"], "not in code");
+    }
+
+    #[test]
+    fn commands_are_lines_of_shell_blocks() {
+        let text = "a\n```sh\nb \\\n    c\n\nd\n```\n```text\ne\n```\n  ```sh\n  f\n  ```\n";
+        let expected = [(3, "b c"), (6, "d"), (12, "f")].map(|(line, command)| (line, command.to_owned()));
+        assert_eq!(shell_lines(text), expected, "blocks of shell, also indented");
     }
 
     #[test]

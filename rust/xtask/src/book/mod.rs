@@ -8,8 +8,10 @@
 
 mod links;
 mod markdown;
+mod names;
 mod tables;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -65,11 +67,18 @@ pub(crate) fn check(places: &Places) -> Result<()> {
     let files = tracked_files(places)?;
     let documents = documents(places)?;
     let tables = tables::read_all(places)?;
+    let sources = sources(places, &files)?;
     let clone = links::Clone::new(&files, &documents);
+    let names = names::Names::new(&files, &sources, &documents, &<crate::Arguments as clap::CommandFactory>::command());
     let mut findings = Vec::new();
+    for (file, text) in &sources {
+        findings.extend(names.findings_in_source(file, text));
+    }
     for (file, text) in &documents {
         findings.extend(clone.findings(file, text));
         findings.extend(too_long_or_without_status(file, text));
+        findings.extend(names.findings(file, text));
+        findings.extend(unmapped(file, text, &files));
         if tables::filled(text, &tables).with_context(|| file.clone())? != *text {
             findings.push(format!("{file}: a table is not that of its source; run `cargo xtask book`"));
         }
@@ -104,6 +113,20 @@ fn is_decision(file: &str) -> bool {
     file.strip_prefix(DECISIONS).is_some_and(|name| name != "README.md")
 }
 
+/// Crates and folders of C++ that the README's map of the repository does not name.
+fn unmapped(file: &str, text: &str, files: &[String]) -> Vec<String> {
+    if file != "README.md" {
+        return Vec::new();
+    }
+    let of = |path: &String| -> Option<String> {
+        let (root, rest) = path.split_once('/').filter(|(root, _)| ["rust", "cpp"].contains(root))?;
+        rest.split_once('/').map(|(folder, _)| format!("{root}/{folder}"))
+    };
+    let folders: BTreeSet<String> = files.iter().filter_map(of).collect();
+    let missing = folders.into_iter().filter(|folder| !text.contains(&format!("`{folder}`")));
+    missing.map(|folder| format!("{file}: the map does not name `{folder}`")).collect()
+}
+
 /// Every document with its text.
 fn documents(places: &Places) -> Result<Vec<(String, String)>> {
     let files = tracked_files(places)?.into_iter().filter(|file| file.ends_with(".md"));
@@ -112,6 +135,15 @@ fn documents(places: &Places) -> Result<Vec<(String, String)>> {
         Ok((file, text))
     };
     files.map(read).collect()
+}
+
+/// Every source that names are looked up in, with its text.
+fn sources(places: &Places, files: &[String]) -> Result<Vec<names::Text>> {
+    let read = |file: &String| {
+        let text = fs::read_to_string(places.repo.join(file)).with_context(|| format!("cannot read {file}"))?;
+        Ok((file.clone(), text))
+    };
+    files.iter().filter(|file| names::is_source(file)).map(read).collect()
 }
 
 /// Copies the book, the decisions and the pictures into one folder, with links that fit there.
@@ -174,6 +206,18 @@ mod tests {
         let long = "x\n".repeat(README_LINES + 1);
         assert_eq!(too_long("README.md", &long), Some("README.md: 151 lines, more than 150".to_owned()), "a line more");
         assert_eq!(too_long("rust/book/src/a.md", &long), None, "pages may be longer");
+    }
+
+    #[test]
+    fn the_map_names_all_crates() {
+        let files = ["rust/core/src/lib.rs", "rust/gpu/src/lib.rs", "cpp/abi/a.h", "README.md"].map(str::to_owned);
+        let map = "| `rust/core` | |\n| `cpp/abi` | |\n";
+        assert_eq!(
+            unmapped("README.md", map, &files),
+            ["README.md: the map does not name `rust/gpu`"],
+            "one is missing"
+        );
+        assert!(unmapped("rust/book/src/a.md", "", &files).is_empty(), "a page without a map");
     }
 
     #[test]
