@@ -17,15 +17,7 @@ pub(crate) const TIMEOUT: Duration = Duration::from_secs(300);
 pub(crate) fn settings(samples: u32, bounces: u32) -> Settings {
     let said = std::env::var("OOCPT_TEST_TRAVERSAL").ok();
     let traversal = said.and_then(|name| TraversalKind::named(&name)).unwrap_or(TraversalKind::Compute);
-    let carry = std::env::var("OOCPT_TEST_CARRY").unwrap_or_default();
-    Settings {
-        samples_per_pixel: samples,
-        max_bounces: bounces,
-        interactive: false,
-        traversal,
-        carry,
-        ..Settings::default()
-    }
+    Settings { samples_per_pixel: samples, max_bounces: bounces, interactive: false, traversal, ..Settings::default() }
 }
 
 /// How many seeds a test counts over: a few, or, by `cargo xtask test --full`, many.
