@@ -16,7 +16,7 @@ mod process;
 mod product;
 mod shell;
 mod system;
-mod tests;
+mod testing;
 
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt as _;
@@ -121,7 +121,7 @@ fn perform(task: Task) -> Result<()> {
         Task::Install { usd, prefix } => install(&places, &usd, &prefix),
         Task::Test { filter, full } => {
             let interpreter = set_up(&places)?;
-            tests::run(&places, &interpreter, tests::Extent { filter: filter.as_deref(), full })
+            testing::run(&places, &interpreter, testing::Extent { filter: filter.as_deref(), full })
         }
         Task::Check { fast } => {
             system::prepare(system::For::Check)?;
@@ -217,7 +217,7 @@ fn doctor(places: &Places, arguments: &[OsString]) -> Result<()> {
 }
 
 #[cfg(test)]
-mod command_line {
+mod tests {
     use super::*;
 
     #[test]

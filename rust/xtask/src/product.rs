@@ -9,11 +9,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context as _, Result, ensure};
+use serde_json::Value;
 
 use crate::host::Interpreter;
 use crate::places::Places;
 use crate::process::{capture, run, say, shell_word};
-use crate::tests::Program;
+use crate::testing::Program;
 
 /// cargo profile of everything that is built to be run from the clone.
 pub(crate) const PROFILE: &str = "fast";
@@ -47,9 +48,23 @@ pub(crate) fn build_workspace(places: &Places) -> Result<Vec<Program>> {
     let mut build = cargo(places, "build");
     build.args(["--workspace", "--all-targets", "--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
     let programs = capture(&mut build)?.lines().filter_map(Program::of_message).collect();
-    run(cargo(places, "build").args(packages()).args(["--profile", PROFILE]))?;
+    let mut build = cargo(places, "build");
+    build.args(packages()).args(["--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
+    let warned = capture(&mut build)?.lines().any(is_warning);
+    ensure!(!warned || !is_ci(), "the product, without what tests turn on, has warnings");
     [BRIDGE_FILE, COMMAND_FILE].iter().try_for_each(|file| keep(places, PROFILE, file))?;
     Ok(programs)
+}
+
+/// Whether one of cargo's messages is a warning about a crate of the clone.
+fn is_warning(line: &str) -> bool {
+    let message: Option<Value> = serde_json::from_str(line).ok();
+    message.is_some_and(|message| message["reason"] == "compiler-message" && message["message"]["level"] == "warning")
+}
+
+/// Whether warnings are errors and `Cargo.lock` is taken as it is.
+fn is_ci() -> bool {
+    env::var_os("CI").is_some()
 }
 
 /// cargo's arguments that name the product.
@@ -136,7 +151,7 @@ fn bridge_options(places: &Places, profile: &str) -> Vec<(String, String)> {
 pub(crate) fn cargo(places: &Places, subcommand: &str) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.current_dir(&places.repo).env("CARGO_TARGET_DIR", &places.target).args(subcommand.split(' '));
-    if env::var_os("CI").is_some() && subcommand != "fmt" {
+    if is_ci() && subcommand != "fmt" {
         cargo.arg("--locked");
     }
     cargo
@@ -201,6 +216,14 @@ fn path(path: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn warnings_are_seen_among_the_messages() {
+        let message = |reason, level| format!(r#"{{"reason":"{reason}","message":{{"level":"{level}"}}}}"#);
+        assert!(is_warning(&message("compiler-message", "warning")));
+        assert!(!is_warning(&message("compiler-message", "note")) && !is_warning("   Compiling core"), "others");
+        assert!(!is_warning(&message("compiler-artifact", "warning")), "another message");
+    }
 
     #[test]
     fn each_sdk_has_its_own_tree() {

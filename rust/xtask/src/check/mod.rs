@@ -7,7 +7,6 @@ mod graph;
 mod modules;
 mod text;
 
-use std::ffi::OsString;
 use std::process::Command;
 use std::time::Instant;
 
@@ -17,7 +16,7 @@ use crate::book;
 use crate::clone_files::tracked_files;
 use crate::places::Places;
 use crate::process::{run, say};
-use crate::product::{self, PROFILE, cargo};
+use crate::product::{PROFILE, cargo};
 use crate::system::CLANG_FORMAT;
 
 /// What a step costs.
@@ -72,16 +71,11 @@ fn rustfmt(places: &Places) -> Result<()> {
     run(cargo(places, "fmt").args(["--all", "--check"]))
 }
 
-/// In the profile of the tests, so that they find build scripts, procedural macros and shaders ready.
+/// In the profile of the tests, so that they find build scripts, procedural macros and shaders ready. The product is the
+/// same code without what tests turn on; rustc's warnings about that count when it is built (`product::build_workspace`).
 fn clippy(places: &Places) -> Result<()> {
-    let all = ["--workspace", "--all-targets"].map(OsString::from).to_vec();
-    // What tests turn on (`faults`) is not in the product: it is compiled in another way.
-    for packages in [all, product::packages()] {
-        let mut clippy = cargo(places, "clippy");
-        clippy.arg("--quiet").args(packages).args(["--profile", PROFILE, "--", "-D", "warnings"]);
-        run(&mut clippy)?;
-    }
-    Ok(())
+    let mut clippy = cargo(places, "clippy");
+    run(clippy.args(["--quiet", "--workspace", "--all-targets", "--profile", PROFILE, "--", "-D", "warnings"]))
 }
 
 fn documentation(places: &Places) -> Result<()> {
