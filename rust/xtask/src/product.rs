@@ -14,7 +14,6 @@ use serde_json::Value;
 use crate::host::Interpreter;
 use crate::places::Places;
 use crate::process::{capture, run, say, shell_word};
-use crate::testing::Program;
 
 /// cargo profile of everything that is built to be run from the clone.
 pub(crate) const PROFILE: &str = "fast";
@@ -40,20 +39,20 @@ pub(crate) fn build_for_wheel(places: &Places, interpreter: &Interpreter) -> Res
 }
 
 /// Builds every crate with its tests, then the product, which has none of what tests turn on (feature `faults`) and
-/// shares everything else with them. Gives the programs of tests.
+/// shares everything else with them. Gives cargo's messages about the former, a JSON object a line.
 ///
 /// # Errors
 /// If cargo fails.
-pub(crate) fn build_workspace(places: &Places) -> Result<Vec<Program>> {
+pub(crate) fn build_workspace(places: &Places) -> Result<String> {
     let mut build = cargo(places, "build");
     build.args(["--workspace", "--all-targets", "--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
-    let programs = capture(&mut build)?.lines().filter_map(Program::of_message).collect();
+    let messages = capture(&mut build)?;
     let mut build = cargo(places, "build");
     build.args(packages()).args(["--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
     let warned = capture(&mut build)?.lines().any(is_warning);
     ensure!(!warned || !is_ci(), "the product, without what tests turn on, has warnings");
     [BRIDGE_FILE, COMMAND_FILE].iter().try_for_each(|file| keep(places, PROFILE, file))?;
-    Ok(programs)
+    Ok(messages)
 }
 
 /// Whether one of cargo's messages is a warning about a crate of the clone.

@@ -71,8 +71,9 @@ fn rustfmt(places: &Places) -> Result<()> {
     run(cargo(places, "fmt").args(["--all", "--check"]))
 }
 
-/// In the profile of the tests, so that they find build scripts, procedural macros and shaders ready. The product is the
-/// same code without what tests turn on; rustc's warnings about that count when it is built (`product::build_workspace`).
+/// In the profile of the tests, so that they find build scripts, procedural macros and shaders ready. The product is
+/// the same code without what tests turn on; rustc's warnings about that count when it is built
+/// (`product::build_workspace`).
 fn clippy(places: &Places) -> Result<()> {
     let mut clippy = cargo(places, "clippy");
     run(clippy.args(["--quiet", "--workspace", "--all-targets", "--profile", PROFILE, "--", "-D", "warnings"]))

@@ -48,7 +48,7 @@ const LONG: [&str; 9] = [
 
 /// A program of tests.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Program {
+pub(super) struct Program {
     /// Folder of the crate, without the path to it: a crate's tests run in it.
     package: String,
     folder: PathBuf,
@@ -59,7 +59,7 @@ pub(crate) struct Program {
 
 impl Program {
     /// The test program that one of cargo's messages tells of, if it does (`--message-format json`).
-    pub(crate) fn of_message(line: &str) -> Option<Self> {
+    pub(super) fn of_message(line: &str) -> Option<Self> {
         let message: Value = serde_json::from_str(line).ok()?;
         let executable = PathBuf::from(message["executable"].as_str().filter(|_| message["profile"]["test"] == true)?);
         let folder = PathBuf::from(message["manifest_path"].as_str()?).parent()?.to_path_buf();

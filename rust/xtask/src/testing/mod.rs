@@ -21,7 +21,7 @@ use crate::host::Interpreter;
 use crate::places::Places;
 use crate::process::say;
 use crate::{product, system};
-pub(crate) use groups::Program;
+use groups::Program;
 use watched::Watched;
 
 /// Set for tests that are to take all seeds, and for Python to ask everything in both front ends of Hydra.
@@ -71,7 +71,8 @@ struct Group {
 /// # Errors
 /// Names the groups that failed, or says why a build did.
 pub(crate) fn run(places: &Places, interpreter: &Interpreter, extent: Extent<'_>) -> Result<()> {
-    let programs = timed("building the workspace", || product::build_workspace(places))?;
+    let messages = timed("building the workspace", || product::build_workspace(places))?;
+    let programs: Vec<Program> = messages.lines().filter_map(Program::of_message).collect();
     timed("building the plugin", || product::build_plugin_for_wheel(places, interpreter))?;
     let has_gpu = system::has_gpu();
     let mut groups = python::groups(places, extent)?;
