@@ -298,7 +298,7 @@ def errors(host) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_session_without_a_report(watched, mode):
+def test_a_session_gives_no_sanitizer_report(watched, mode):
     with watched.host(MODES[mode]) as host:
         scenes(host)
         watched.check_loaded(host)

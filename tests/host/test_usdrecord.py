@@ -151,7 +151,7 @@ def test_bad_arguments_end_with_two(scene, flags, message):
     assert done.returncode == 2 and message in done.stderr
 
 
-def test_a_foreign_pythonpath_does_not_get_in(scene, tmp_path):
+def test_pythonpath_of_the_user_is_ignored(scene, tmp_path):
     (tmp_path / "pxr").mkdir()
     (tmp_path / "pxr" / "__init__.py").write_text("raise SystemExit(99)")
     command = [sys.executable, "-I", str(RUNNER), "--help"]
@@ -161,7 +161,7 @@ def test_a_foreign_pythonpath_does_not_get_in(scene, tmp_path):
 
 
 @pytest.mark.parametrize("status", [0, 1])
-def test_python_is_not_finalized(tmp_path, status):
+def test_exiting_does_not_finalize_python(tmp_path, status):
     """Threads of USD's that take the interpreter's lock while it is, abort the process. All that was said still comes
     out."""
     code = (
@@ -172,7 +172,7 @@ def test_python_is_not_finalized(tmp_path, status):
     assert (done.returncode, done.stdout, done.stderr) == (status, "said\n", ""), done
 
 
-def test_the_runner_leaves_so(scene):
+def test_the_runner_exits_without_finalizing_python(scene):
     """The way out of the script itself, with a file that is not there."""
     code = (
         "import atexit, sys, runpy; atexit.register(lambda: print('at exit')); sys.argv = ['usdrecord',"

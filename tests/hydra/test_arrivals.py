@@ -294,7 +294,7 @@ def test_shaping(arrival):
     )
 
 
-def test_the_pole_axis_is_in_the_transform(arrival):
+def test_the_dome_pole_axis_is_in_its_transform(arrival):
     """The texture's +y goes to +z."""
     assert re.search(
         r"y_axis: DVec4\(0\.0, \d\.\d+e-1\d, 1\.0, 0\.0\)|y_axis: DVec4\(0\.0, 0\.0, 1\.0, 0\.0\)",

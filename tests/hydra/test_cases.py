@@ -14,7 +14,7 @@ from cases.case import FOLDER, Case
 
 
 @pytest.mark.parametrize("case", ALL, ids=[case.name for case in ALL])
-def test_case(host, case: Case):
+def test_case_matches_its_derivation(host, case: Case):
     """Every cell has the value that its derivation gives."""
     if case.front_end not in ("", "scene_index" if host.scene_index else "legacy"):
         pytest.skip(f"for the front end {case.front_end}")

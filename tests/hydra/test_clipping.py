@@ -76,7 +76,7 @@ def distances(planes):
     [(0, 0, 1, 7), (-1, 0, 0, 0.2), (1, 0, 0, 0.4)],
     [(0, 0, 1, 4)],
 ])
-def test_what_is_below_a_plane_is_not_seen(host, planes):
+def test_geometry_below_a_clipping_plane_is_not_seen(host, planes):
     picture = render(host, str([tuple(plane) for plane in planes]))
     known = distances(planes)
     told = ~np.isnan(known)

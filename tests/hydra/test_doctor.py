@@ -84,7 +84,7 @@ def test_stats_list_what_is_there_and_what_was_left_out(host):
     )
 
 
-def test_what_is_carried_along_changes_no_bit(host):
+def test_carried_features_change_no_bit(host):
     for scene in (PLAIN, small.FOLDER / "nested.usda"):
         lean = host.picture(scene, (16, 16), settings=QUICK)
         with host.open(scene, (16, 16), settings=QUICK | {"oocpt:carry": "all"}) as view:
@@ -185,7 +185,7 @@ def test_the_report_stands_in_for_attributes_that_hosts_do_not_write(oocpt, fres
     ), said
 
 
-def test_our_usdrecord_writes_them_into_exr_files(oocpt, tmp_path):
+def test_usdrecord_writes_the_stats_into_exr_files(oocpt, tmp_path):
     scene, report = tmp_path / "plain.usda", tmp_path / "plain.jsonl"
     scene.write_text(PLAIN)
 

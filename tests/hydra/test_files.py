@@ -76,7 +76,7 @@ def make(kind: str, path: pathlib.Path):
 @pytest.mark.parametrize(
     "kind, scene_index", [("pipe", "0"), ("pipe", "1"), ("device", "0"), ("folder", "1"), ("socket", "0")]
 )
-def test_files_of_scenes_and_settings(tmp_path, kind, scene_index):
+def test_irregular_files_in_scenes_and_settings_are_refused(tmp_path, kind, scene_index):
     held = [make(kind, tmp_path / name) for name in FILES]
     scene, out = tmp_path / "scene.usda", tmp_path / "out.exr"
     scene.write_text(SCENE.replace("FOLDER", str(tmp_path)))
@@ -100,7 +100,7 @@ def test_files_of_scenes_and_settings(tmp_path, kind, scene_index):
 
 
 @pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
-def test_the_reference_of_a_report(tmp_path, kind):
+def test_an_irregular_reference_of_a_report_is_refused(tmp_path, kind):
     """It is read where there is a report to compare with it."""
     make(kind, tmp_path / "reference.exr")
     scene = tmp_path / "scene.usda"

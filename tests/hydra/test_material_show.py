@@ -105,7 +105,7 @@ def test_a_material_that_nothing_shows_is_found_by_its_path(oocpt, tmp_path):  #
     ],
     ids=["file", "path", "relative", "camera"],
 )
-def test_what_is_not_there_is_one_message(oocpt, scene, path, words):  # noqa: F811
+def test_a_missing_material_gives_one_message(oocpt, scene, path, words):  # noqa: F811
     done = oocpt("material", "show", scene, *([path] if path else []))
     assert done.returncode == 1 and done.stderr.count(words) == 1 and not done.stdout, done.stderr
 

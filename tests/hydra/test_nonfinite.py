@@ -37,7 +37,7 @@ SETTINGS = {"oocpt:samplesPerPixel": 64, "oocpt:maxBounces": 1}
 TOLD = "samples are not finite"
 
 
-def test_they_are_left_out_and_told_once(host):
+def test_non_finite_samples_are_dropped_with_one_warning(host):
     with host.open(SCENE.format(intensity=3e38), (32, 32), camera="/Cam", settings=SETTINGS) as view:
         picture = view.render()
         dropped = view.stats()["oocpt:nonFiniteSamples"]

@@ -61,14 +61,14 @@ def test_errors_of_usdrecord_are_plain_lines(scene, tmp_path):
     assert len(errors) == 1 and errors[0].startswith("OocPT: error: "), done.stderr
 
 
-def test_other_hosts_get_the_sum_through_tf(host, scene):
+def test_other_hosts_get_the_summary_through_tf(host, scene):
     with host.open(scene, (16, 16), camera="/World/Camera", settings=QUICK) as view:
         log = view.render().log
     ours = [line for line in log.splitlines() if "/World/Proto" in line]
     assert len(ours) == 1 and re.search(f"in .* at line .* -- OocPT: {SUM}", ours[0]), log
 
 
-def test_other_kinds_keep_their_own_lines(host):
+def test_different_warnings_keep_their_own_lines(host):
     with host.open(small.FOLDER / "bad_data.usda", (16, 16), settings=QUICK) as view:
         log = view.render().log
     for name in small.BAD_PRIMS:

@@ -251,7 +251,7 @@ def test_stop_converges_at_once_and_restart_renders_all(host):
 
 
 @pytest.mark.parametrize("when", ["before", "during"])
-def test_an_engine_may_go_at_any_time(host, when):
+def test_an_engine_may_be_destroyed_at_any_time(host, when):
     view = host.open(PATH, (32, 32), settings={"oocpt:samplesPerPixel": 1 << 20})
     if when == "during":
         view.edit("view.prepare(); view.step(); time.sleep(0.05)")

@@ -58,12 +58,12 @@ def test_white_stays_white(reader, name):
 
 
 @pytest.mark.parametrize("name", CURVES)
-def test_curves(reader, name):
+def test_transfer_curves_match_their_definitions(reader, name):
     np.testing.assert_allclose(converted(reader, name, TEXELS), CURVES[name](TEXELS), atol=2e-6)
 
 
 @pytest.mark.parametrize("name", MIXED)
-def test_curves_then_matrices(reader, name):
+def test_spaces_with_curve_and_matrix(reader, name):
     curve, matrix = MIXED[name]
     np.testing.assert_allclose(
         converted(reader, name, TEXELS), CURVES[curve](TEXELS) @ np.array(MATRICES[matrix]).T, atol=3e-5
@@ -85,7 +85,7 @@ def test_other_numbers_of_channels(reader, name):
     np.testing.assert_array_equal(two[:, 1].astype(np.float32), four[:, 3])
 
 
-def test_nobody_knows_that_name(reader):
+def test_unknown_color_spaces_are_refused(reader):
     for name in ("no such space", "", "lin_rec710"):
         assert f"`{name}` is not known" in reader.ask("convert", name, 3, "1 2 3").get("error", "")
     for channels, text in ((0, ""), (5, "1 2 3 4 5"), (3, "1 2")):
@@ -141,6 +141,6 @@ def test_a_configuration_without_rec709_is_reached_through_aces(reader_with):
 
 
 @pytest.mark.parametrize("text", ["this is no configuration", CONFIG.format(roles="", more="")])
-def test_a_configuration_that_does_not_serve_is_a_reason(reader_with, text):
+def test_an_unusable_ocio_configuration_gives_a_reason(reader_with, text):
     error = reader_with(text).ask("convert", "Studio Half", 3, "1 1 1").get("error", "")
     assert "Studio Half" in error and "cannot be converted" in error

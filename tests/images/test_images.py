@@ -138,7 +138,7 @@ def test_levels_that_are_not_there_are_not_decoded(reader, folder):
     assert "no level 1" in reader.ask("decode", folder / "one.exr", 1, 0)["error"]
 
 
-def test_what_is_known_of_files_without_opening_them(image_build, folder):
+def test_identity_of_a_file_is_known_without_opening_it(image_build, folder):
     """In a process of its own, since the library of readers must not be loaded by that."""
     write_exr(folder / "known.exr", noise((8, 8, 3), np.float16))
     (folder / "link.exr").unlink(missing_ok=True)

@@ -77,7 +77,7 @@ def test_png_with_a_palette(reader, folder, bits, clear):
     holds(reader, folder / "p.png", expected)
 
 
-def test_png_of_grey_and_colors_with_one_that_is_clear(reader, folder):
+def test_png_with_a_transparent_color_key(reader, folder):
     Image.fromarray(GREY[:, :, 0]).save(folder / "t.png", transparency=int(GREY[3, 4, 0]))
     alpha = np.where(GREY == GREY[3, 4, 0], 0, 255)
     holds(reader, folder / "t.png", np.concatenate([GREY, alpha], axis=2))
@@ -105,7 +105,7 @@ def test_jpeg(reader, folder, progressive, channels):
     holds(reader, folder / "j.jpg", np.asarray(Image.open(folder / "j.jpg")).reshape(smooth(channels).shape), 1.0, 1)
 
 
-def test_jpeg_of_inks(reader, folder):
+def test_cmyk_jpeg(reader, folder):
     """Adobe writes CMYK inverted and says so, and so does Pillow."""
     inks = smooth(4)
     Image.fromarray(inks, "CMYK").save(folder / "cmyk.jpg", quality=100, subsampling=0)
@@ -114,7 +114,7 @@ def test_jpeg_of_inks(reader, folder):
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_turned_pictures_stay_as_they_are_stored(reader, folder, orientation):
+def test_exif_orientation_is_ignored(reader, folder, orientation):
     """Hydra's own readers of images know no orientation either, and texture coordinates were made for what they
     show."""
     exif = Image.Exif()
@@ -337,7 +337,7 @@ def test_exr_with_levels_by_openexr(reader, folder, mode):
     assert facts["levels"] == (halved if mode == "MIPMAP_LEVELS" else [[WIDTH, HEIGHT]]), facts
 
 
-def test_radiance_without_runs_and_with_the_old_kind(reader, folder):
+def test_radiance_uncompressed_and_old_rle(reader, folder):
     rgbe = noise((HEIGHT, WIDTH, 4), np.uint8)
     rgbe[:, :, 3] = 129
     rgbe[:, 0, :2] = 77
@@ -350,7 +350,7 @@ def test_radiance_without_runs_and_with_the_old_kind(reader, folder):
     assert "cannot be decoded" in reader.ask("walk", folder / "old.hdr", 0).get("error", "")
 
 
-def test_radiance_with_runs(reader, folder):
+def test_radiance_with_new_rle(reader, folder):
     texels = noise((HEIGHT, WIDTH, 3), np.float32) * 40
     texels[7, 5:40] = (1, 2, 3)
     write_oiio(folder / "o.hdr", texels)
@@ -358,7 +358,7 @@ def test_radiance_with_runs(reader, folder):
 
 
 @pytest.mark.parametrize("order", ["+Y {h} +X {w}", "-Y {h} -X {w}", "+X {w} -Y {h}", "+X {w} +Y {h}"])
-def test_radiance_in_other_orders_is_refused(reader, folder, order):
+def test_radiance_in_other_scanline_orders_is_refused(reader, folder, order):
     (folder / "turned.hdr").write_bytes(handmade.hdr(noise((HEIGHT, WIDTH, 4), np.uint8), order))
     assert "-Y" in reader.ask("facts", folder / "turned.hdr").get("error", "")
 

@@ -13,7 +13,7 @@ fn open(validation: bool) -> Arc<Gpu> {
 }
 
 #[test]
-fn the_validation_canary_sings() {
+fn the_validation_layer_reports_a_planted_violation() {
     let gpu = open(true);
     if !gpu.is_validating() {
         eprintln!("skipped: VK_LAYER_KHRONOS_validation is not installed");

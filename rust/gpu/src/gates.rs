@@ -92,7 +92,7 @@ fn a_list_runs_after_what_it_waits_for() {
 }
 
 #[test]
-fn what_is_dropped_is_held_for_either_lane() {
+fn dropped_objects_are_kept_until_both_queues_finish() {
     for [lane, gate] in [[Lane::Main, Lane::Transfer], [Lane::Transfer, Lane::Main]] {
         let gpu = open();
         let gate = Gate::of(&gpu, gate);
@@ -114,7 +114,7 @@ fn what_is_dropped_is_held_for_either_lane() {
 }
 
 #[test]
-fn a_range_without_its_heap_is_held_too() {
+fn a_range_that_outlives_its_heap_is_kept_too() {
     let gpu = open();
     let gate = Gate::of(&gpu, Lane::Transfer);
     let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");

@@ -12,7 +12,7 @@ fn of(op: Op, a: f32, b: f32, c: f32) -> f32 {
 }
 
 #[test]
-fn numbers_are_in_the_order_of_the_table() {
+fn operation_codes_follow_the_table_order() {
     for (at, op) in Op::ALL.into_iter().enumerate() {
         assert_eq!(op as usize, at, "{op:?}");
     }
@@ -155,7 +155,7 @@ fn programs_run_in_order() {
 }
 
 #[test]
-fn what_a_program_lacks_is_zero() {
+fn missing_registers_and_lookups_read_as_zero() {
     let program = Program {
         instructions: vec![
             step(Op::Add, 0, [Operand::Register(200), Operand::Constant(3), Operand::Register(0)], 0),

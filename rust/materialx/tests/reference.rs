@@ -35,7 +35,7 @@ fn row(line: &str) -> Row {
 }
 
 #[test]
-fn values_are_those_of_materialx() {
+fn noise_and_color_match_materialx_bit_for_bit() {
     let rows: Vec<Row> = TABLE.lines().filter(|line| !line.starts_with('#')).map(row).collect();
     for op in OPS {
         assert_eq!(rows.iter().filter(|row| row.0 == op).count(), 50, "{op:?}: rows");

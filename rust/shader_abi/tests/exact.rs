@@ -47,7 +47,7 @@ fn every_operation_of_every_pass_is_exact() {
 }
 
 #[test]
-fn a_second_run_changes_nothing_and_a_stripped_module_is_mended() {
+fn the_no_contraction_pass_is_idempotent_and_repairs_stripped_modules() {
     let words = oocpt_shader_abi::passes::SHADE_SURFACE.words;
     assert!(exact::without_contraction(words).expect("a module") == words, "all was decorated already");
     let mut stripped = load_words(words).expect("a module");
@@ -64,7 +64,7 @@ fn a_second_run_changes_nothing_and_a_stripped_module_is_mended() {
 }
 
 #[test]
-fn what_is_no_module_is_an_error() {
+fn an_invalid_module_is_an_error() {
     exact::without_contraction(&[]).expect_err("empty");
     exact::without_contraction(&[0x0723_0203, 0, 0, 0, 0, 0x0010_0013]).expect_err("instruction past the end");
     exact::without_contraction(&[0x0723_0203, 0, 0, 0, 0, 0x0000_0013]).expect_err("instruction of no words");

@@ -112,7 +112,7 @@ fn with_needs(mut features: Features) -> Features {
 }
 
 #[test]
-fn passes_are_the_same_with_nothing_and_with_everything() {
+fn folding_preserves_passes_with_no_and_with_all_features() {
     let folder = Folder::new("all");
     for module in ALL.iter().copied().chain([&checks::CHECK_BSDF, &checks::CHECK_TEXTURE]) {
         check(&folder, module, Features::empty());
@@ -121,7 +121,7 @@ fn passes_are_the_same_with_nothing_and_with_everything() {
 }
 
 #[test]
-fn the_large_passes_are_the_same_with_some_features() {
+fn folding_preserves_large_passes_with_some_features() {
     let folder = Folder::new("some");
     let large =
         [&passes::SHADE_SURFACE, &passes::INTERSECT_CLOSEST, &passes::INTERSECT_SHADOW, &passes::RESOLVE_LIGHTS];
@@ -136,7 +136,7 @@ fn the_large_passes_are_the_same_with_some_features() {
 }
 
 #[test]
-fn what_a_bare_scene_does_not_need_is_gone() {
+fn folding_removes_what_a_minimal_scene_does_not_need() {
     let words = |module: &Module, features| module.specialised(&spec(features)).len();
     for (module, most) in [(&passes::SHADE_SURFACE, 0.25), (&passes::INTERSECT_CLOSEST, 0.6)] {
         #[allow(clippy::cast_precision_loss, reason = "some hundred thousand")]
@@ -175,7 +175,7 @@ fn without_images_of_shading_there_are_no_materials_in_their_pass() {
 }
 
 #[test]
-fn what_is_no_module_stays_as_it_is() {
+fn folding_leaves_an_invalid_module_unchanged() {
     static JUNK: [u32; 8] = [0x0723_0203, 0x0001_0500, 0, 9, 0, 0xffff_0036, 1, 2];
     let junk = Module { words: &JUNK, ..passes::RESOLVE };
     assert_eq!(junk.specialised(&[]), JUNK.as_slice());

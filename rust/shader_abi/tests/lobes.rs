@@ -5,7 +5,7 @@ use oocpt_shader_abi::{Features, LOBE_ALONE, LOBES, LOBES_ADDED, LOBES_EVALUATED
 use std::collections::BTreeSet;
 
 #[test]
-fn orders_have_every_lobe_once() {
+fn every_lobe_order_lists_each_lobe_once() {
     let all: BTreeSet<&str> = LOBES.iter().map(|lobe| lobe.name).collect();
     assert_eq!(all.len(), LOBES.len(), "names are unique");
     for order in [LOBES_ADDED, LOBES_EVALUATED] {

@@ -29,7 +29,7 @@ fn a_wave_starts_at_its_first_path() {
 }
 
 #[test]
-fn sizes_are_what_the_shaders_count_on() {
+fn struct_sizes_match_the_shaders() {
     assert_eq!([1, 3, 4, 7, 8].map(hit_stride), [32, 32, 48, 48, 64]);
     assert_eq!(size_of::<Push>(), 32);
     assert_eq!([size_of::<Ray>(), size_of::<ShadowRay>(), size_of::<GpuChunkInstance>()], [48, 64, 80]);
@@ -52,7 +52,7 @@ fn origins_are_split_without_loss() {
 }
 
 #[test]
-fn bands_and_rows_share_a_word() {
+fn bands_and_rows_pack_into_one_word() {
     for (band, row) in [(0, 0), (0, (1 << 26) - 1), (1, 0), (63, 5), (63, (1 << 26) - 1)] {
         assert_eq!(unpack_band(pack_band(band, row)), (band, row), "{band}, {row}");
     }
@@ -73,6 +73,6 @@ fn a_colour_in_shadow_has_ten_bits_a_channel() {
 }
 
 #[test]
-fn words_of_rays_are_where_traversal_looks() {
+fn ray_words_are_at_the_offsets_traversal_reads() {
     assert_eq!([RAY_WORD_BOUNCE, RAY_WORD_T_MAX, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW], [3, 7, 11, 15], "the words");
 }

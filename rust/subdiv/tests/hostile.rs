@@ -41,7 +41,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 600, ..ProptestConfig::default() })]
 
     #[test]
-    fn random_meshes_do_no_harm(
+    fn random_meshes_never_crash(
         rules in rules(),
         faces in any::<bool>().prop_flat_map(faces),
         creases in proptest::collection::vec((0..12_i32, 0..12_i32, 0.0..12.0_f32), 0..10),
@@ -98,7 +98,7 @@ fn refusal(control: &Control<'_>) -> String {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn inconsistent_topology_is_refused() {
     assert!(LimitSurface::new(&quad()).is_ok(), "the quad itself is fine");
     let cases = [
         ("a corner of a face names no point", Control { face_points: &[0, 1, 2, 4], ..quad() }),
@@ -170,7 +170,7 @@ fn fan(count: i32, sharpness: f32) -> Result<usize, Error> {
 
 /// The work around a point grows with the third power of its faces, or the fourth: what is allowed ends in seconds.
 #[test]
-fn points_with_many_faces_end() {
+fn high_valence_points_terminate() {
     assert_eq!(fan(256, 0.0), Ok(256), "one triangle a face");
     assert_eq!(fan(120, 1.0), Ok(120), "with sharp edges");
     assert_eq!(fan(257, 0.0), Err(Error::Invalid("too many faces meet at a point")));

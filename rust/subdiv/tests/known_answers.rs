@@ -32,7 +32,7 @@ fn normalized(a: [f64; 3]) -> [f64; 3] {
 /// edges to points e, and faces with centres such that f are the points after one step, goes to (n^2 v + 4 sum e + sum
 /// f) / (n (n + 5)), with v, e, f of the first step.
 #[test]
-fn corners_of_a_cube_go_where_they_must() {
+fn cube_corners_reach_their_limit_positions() {
     let shape = cube();
     let facets = tessellate(&shape, &shape.control(Rules::default()), |_| 1);
     // By symmetry all coordinates have one size. One step takes the corner (1, 1, 1) to 5/9, edge points to
@@ -86,7 +86,7 @@ fn inside_a_grid_the_surface_is_a_bicubic_spline() {
 
 /// The box spline of Loop's scheme takes a regular vertex to (v + mean of its six neighbours) / 2.
 #[test]
-fn loop_takes_points_of_a_regular_net_to_its_box_spline() {
+fn loop_limit_points_match_the_box_spline() {
     let height = |x: f64, y: f64| 0.1 * x * x - 0.3 * x * y + 0.02 * y * y * y;
     let quads = grid(7, |x, y| [x, y, height(x, y)]);
     let shape = quads.split_into_triangles();

@@ -157,12 +157,12 @@ fn a_million_rays_meet_the_same_points() {
 }
 
 #[test]
-fn a_million_rays_meet_the_same_toy_boxes() {
+fn a_million_rays_meet_the_same_example_leaves() {
     agree(Leaf::TOY_BOX, toy_box);
 }
 
 #[test]
-fn rays_that_are_no_numbers_meet_the_same() {
+fn nan_rays_give_the_same_result() {
     let Some(mut world) = World::new(Features::empty(), 64, 4096) else { return };
     let mut random = Random(7);
     let items: Vec<GpuTriangle> = (0..48).map(|_| triangle(&mut random)).collect();

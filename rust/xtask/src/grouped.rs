@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_named_here_is_there() {
+    fn module_lists_name_existing_modules() {
         let main = concat!(env!("CARGO_MANIFEST_DIR"), "/../render/tests/gpu/main.rs");
         let main = std::fs::read_to_string(main).unwrap();
         for module in THREADED.iter().chain(&LONGEST) {

@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_leaf_has_both_and_a_sheet_is_opaque() {
+    fn a_leaf_has_opaque_and_clear_texels_and_a_sheet_is_opaque() {
         let alpha = |name| -> Vec<u8> { read(name, 0, [0; 2], [64; 2]).chunks(4).map(|texel| texel[3]).collect() };
         let leaf = alpha("leaf:64:1");
         let there = leaf.iter().filter(|a| **a > 127).count();
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_names_are_no_pictures() {
+    fn malformed_picture_names_are_refused() {
         for name in ["", "bark", "bark:0:1", "bark:99999999:1", "bark:4:x", "rock:4:1"] {
             assert!(Picture::named(name).is_none(), "{name}");
         }

@@ -59,7 +59,7 @@ fn measures(desc: &MeshDesc) -> [f64; 3] {
 }
 
 #[test]
-fn polygons_measure_what_the_solid_does() {
+fn polygons_have_the_area_and_volume_of_the_solid() {
     let (r, h) = (0.4, 0.5);
     let slant = f64::hypot(h, r);
     let slant2 = f64::hypot(0.6, 0.2);
@@ -125,7 +125,7 @@ fn spheres_and_even_capsules_are_exact_unless_asked_otherwise() {
 }
 
 #[test]
-fn what_has_no_size_has_no_face() {
+fn a_solid_of_non_finite_size_has_no_faces() {
     for (radii, height) in [([f64::NAN, 1.0], 1.0), ([1.0, f64::INFINITY], 1.0), ([1.0; 2], f64::NAN)] {
         for is_round in [false, true] {
             let mut desc = MeshDesc { solid: Some(solid(radii, height, is_round)), ..MeshDesc::default() };
@@ -142,7 +142,7 @@ fn what_has_no_size_has_no_face() {
 }
 
 #[test]
-fn samples_have_the_faces_of_the_frame() {
+fn motion_samples_have_the_topology_of_the_frame() {
     let size = |lower: f64, upper: f64, height: f64| SolidSize { radii: [lower, upper], height };
     for is_round in [false, true] {
         let samples = vec![(0.0, size(0.0, 0.0, 0.0)), (1.0, size(0.5, 0.25, 2.0))];

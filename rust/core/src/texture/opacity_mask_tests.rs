@@ -116,7 +116,7 @@ fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) -> f64 {
 }
 
 #[test]
-fn what_is_known_is_what_lookups_say() {
+fn mask_verdicts_agree_with_texture_lookups() {
     // A disc with a soft rim, as leaves are; noise; few values; one value.
     let disc = agree(1, |_, [s, t]: [f32; 2]| ((0.4 - (s - 0.5).hypot(t - 0.5)) * 40.0 + 0.5).clamp(0.0, 1.0));
     let noise = agree(2, |random, _| random.between(0.0, 1.0));
@@ -128,7 +128,7 @@ fn what_is_known_is_what_lookups_say() {
 
 /// Texels that are there, there, not there and not there, and what the first and the last mix with beside the image.
 #[test]
-fn what_is_known_at_the_rim() {
+fn mask_verdicts_at_image_borders_follow_the_wrap_mode() {
     let layout = Layout::new([4, 1], 1).expect("a layout");
     let values = vec![vec![1.0, 1.0, 0.0, 0.0], vec![1.0, 0.0], vec![0.9]];
     // At the end, an eighth of a texel from it (half and half with what is beside), and well inside.
@@ -152,7 +152,7 @@ fn what_is_known_at_the_rim() {
 }
 
 #[test]
-fn one_value_everywhere_needs_no_mask() {
+fn a_constant_image_needs_no_mask() {
     let layout = Layout::new([32, 8], 1).expect("a layout");
     let ones = levels(&layout, |_, _, _| 1.0);
     let query = OpacityQuery { wrap: [Wrap::Repeat, Wrap::Clamp], scale: 1.0, bias: 0.0, threshold: 0.5 };
@@ -178,7 +178,7 @@ fn one_value_everywhere_needs_no_mask() {
 
 /// A texel of the coarser level lies within a cell: what is known there is more than what is at the cell's corners.
 #[test]
-fn what_is_known_minds_texels_inside_a_cell() {
+fn masks_include_coarser_texels_inside_a_cell() {
     let layout = Layout::new([128, 128], 4).expect("a layout");
     let values = levels(&layout, |level, x, y| if level == 1 && x % 4 == 2 && y % 4 == 2 { 0.0 } else { 1.0 });
     let query = OpacityQuery { wrap: [Wrap::Clamp; 2], scale: 1.0, bias: 0.0, threshold: 0.3 };
@@ -192,7 +192,7 @@ fn what_is_known_minds_texels_inside_a_cell() {
 /// Levels of one value each, so that only the width says what is known: where it crosses the threshold within a pair of
 /// levels at the end of a bin, and from one pair to the next.
 #[test]
-fn what_is_known_minds_a_width_that_is_a_little_off() {
+fn masks_tolerate_the_filter_width_error() {
     let mut random = Random(6);
     let layout = Layout::new([64, 64], 4).expect("a layout");
     for (cycle, threshold) in

@@ -25,7 +25,7 @@ fn length_must_be_whole_elements() {
 }
 
 #[test]
-fn any_alignment_is_read() {
+fn unaligned_arrays_are_read() {
     let mut bytes = vec![0xff];
     bytes.extend(bytemuck::cast_slice(&[1.0_f64, 2.0, 3.0, 4.0, 5.0, 6.0]));
     let array = TypedArray::new(ElementType::Vec3d, Arc::new(Shifted(bytes))).unwrap();
@@ -35,7 +35,7 @@ fn any_alignment_is_read() {
 }
 
 #[test]
-fn every_precision_gives_the_same_numbers() {
+fn half_float_and_double_arrays_give_the_same_numbers() {
     let h = TypedArray::of(vec![[1.5, -2.0, 0.25].map(f16::from_f32)]);
     let f = TypedArray::of(vec![[1.5_f32, -2.0, 0.25]]);
     let d = TypedArray::of(vec![[1.5_f64, -2.0, 0.25]]);
@@ -46,7 +46,7 @@ fn every_precision_gives_the_same_numbers() {
 }
 
 #[test]
-fn quaternions_are_imaginary_first_and_no_vectors() {
+fn quaternions_store_the_imaginary_part_first() {
     let array = TypedArray::from_vec(ElementType::Quatf, vec![[1.0_f32, 2.0, 3.0, 4.0]]).unwrap();
     assert_eq!(array.quat(0), Some(DQuat::from_xyzw(1.0, 2.0, 3.0, 4.0)));
     assert_eq!(array.vec4(0), None);
@@ -62,7 +62,7 @@ fn gf_matrices_become_column_vector_matrices() {
 }
 
 #[test]
-fn matrices_are_divided_by_their_corner() {
+fn matrices_are_normalized_by_the_homogeneous_term() {
     let transform = |corner: [f64; 4]| {
         let gf = [[2.0, 0.0, 0.0, corner[0]], [0.0, 4.0, 0.0, corner[1]], [0.0, 0.0, 6.0, corner[2]]];
         TypedArray::of(vec![[gf[0], gf[1], gf[2], [5.0, 6.0, 7.0, corner[3]]]]).matrix(0).unwrap()

@@ -6,7 +6,7 @@ use oocpt_core::{DroppedData, SceneDb};
 use crate::support::{NONE, by, committed, outcome, scatter, triangle, with_instancer};
 
 #[test]
-fn cycles_are_found_whether_reachable_or_not() {
+fn instancer_cycles_are_found_even_if_unreachable() {
     // a and b contain each other; b is also placed by the root instancer c.
     for reachable in [false, true] {
         let mut db = SceneDb::new();
@@ -34,7 +34,7 @@ fn cycles_are_found_whether_reachable_or_not() {
 }
 
 #[test]
-fn hidden_parents_are_no_cycles() {
+fn a_hidden_parent_is_not_a_cycle() {
     let mut db = with_instancer(scatter("/i", &[[0.0; 3]], &[("/i/p", &[0])]));
     let mut hidden = scatter("/h", &[[0.0; 3]], &[("/h/p", &[0])]);
     hidden.prim.visible = false;
@@ -84,7 +84,7 @@ fn wide_nesting_counts_beyond_64_bits() {
 }
 
 #[test]
-fn missing_instancers_and_prototypes_are_told() {
+fn missing_instancers_and_prototypes_are_reported() {
     let mut db = with_instancer(scatter("/i", &[[0.0; 3]], &[("/i/p", &[0])]));
     let mut mesh = triangle("/lost", 0.0);
     mesh.prim.instanced_by = vec![by("/nowhere", "/p"), by("/i", "/i/other")];
@@ -95,7 +95,7 @@ fn missing_instancers_and_prototypes_are_told() {
 }
 
 #[test]
-fn a_prototype_whose_instances_are_all_bad_leaves_its_parent_whole() {
+fn a_prototype_without_valid_instances_does_not_affect_its_parent() {
     let mut db = with_instancer(scatter("/i", &[[0.0; 3]], &[("/i/p", &[0])]));
     let mut inner = scatter("/i/p/j", &[[f32::NAN; 3]], &[("/i/p/j/p", &[0])]);
     inner.prim.instanced_by = vec![by("/i", "/i/p")];

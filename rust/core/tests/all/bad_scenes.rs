@@ -7,7 +7,7 @@ use oocpt_core::{DroppedData, ElementType, LightDesc, LightKind, SceneDb, TypedA
 use crate::support::{NONE, by, flatten, outcome, prim, records, scatter, triangle, with_instancer};
 
 #[test]
-fn bad_matrices_drop_their_instance_and_keep_its_number() {
+fn a_bad_matrix_drops_its_instance_and_keeps_instance_ids() {
     let mut points = vec![[0.0_f32; 3]; 6];
     points[1] = [f32::NAN, 0.0, 0.0];
     points[2] = [f32::INFINITY, 0.0, 0.0];
@@ -61,7 +61,7 @@ fn indices_without_an_instance_are_dropped() {
 }
 
 #[test]
-fn short_masks_show_the_rest_and_bad_numbers_stay_bad() {
+fn a_short_instance_mask_shows_the_remaining_instances() {
     let mut desc = scatter("/i", &[[0.0; 3]; 4], &[("/i/p", &[0, 1, 2, 3, -1])]);
     desc.mask = Some(TypedArray::from_bools(&[false, true]));
     let mut db = with_instancer(desc);
@@ -72,7 +72,7 @@ fn short_masks_show_the_rest_and_bad_numbers_stay_bad() {
 }
 
 #[test]
-fn arrays_of_the_wrong_type_take_the_instancer() {
+fn arrays_of_the_wrong_type_drop_the_instancer() {
     let mut desc = scatter("/i", &[[0.0; 3]; 2], &[("/i/p", &[0, 1])]);
     desc.translations = Some(TypedArray::of(vec![1.0_f32, 2.0]));
     desc.scales = Some(TypedArray::of(vec![[1.0_f32; 4]; 2]));
@@ -117,7 +117,7 @@ fn bad_prim_transforms_drop_the_prim() {
 }
 
 #[test]
-fn warnings_come_back_when_they_change() {
+fn a_changed_warning_is_reported_again() {
     let mut db = SceneDb::new();
     let flat = |path: &str, n: usize| {
         crate::support::polygons(path, &vec![3; n], &[0, 1, 2].repeat(n), &[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])

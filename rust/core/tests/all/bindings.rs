@@ -242,7 +242,7 @@ fn a_split_mesh_keeps_primvars_and_subsets() {
 }
 
 #[test]
-fn bad_bindings_and_subsets_are_told_once() {
+fn bad_bindings_and_subsets_give_one_warning() {
     let mut db = SceneDb::new();
     db.upsert_material(network("/odd", vec![node("Odd", &[], &[])]));
     db.upsert_material(color("/m", 0.5));

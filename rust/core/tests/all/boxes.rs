@@ -58,7 +58,7 @@ fn nested_boxes_stay_within_the_stack() {
 }
 
 #[test]
-fn none_one_and_two_boxes_have_one_node() {
+fn up_to_two_boxes_have_one_node() {
     let boxes = scattered(2, 10.0, 1.0);
     let none = build_box_bvh(&[]);
     assert_eq!((none.nodes.len(), none.depth, none.nodes[0].count), (1, 1, [0, 0]), "no boxes: {none:?}");
@@ -74,7 +74,7 @@ fn none_one_and_two_boxes_have_one_node() {
 }
 
 #[test]
-fn boxes_without_extent_or_number_do_not_panic() {
+fn empty_and_nan_boxes_do_not_panic() {
     let mut boxes = scattered(50, 1.0, 1.0);
     boxes[7] = Aabb::EMPTY;
     boxes[9] = Aabb { min: [f32::NAN; 3], max: [f32::NAN; 3] };

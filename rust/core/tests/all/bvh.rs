@@ -42,7 +42,7 @@ proptest! {
 }
 
 #[test]
-fn tiny_meshes_have_one_node_and_perhaps_no_second_child() {
+fn meshes_of_one_or_two_triangles_have_one_node() {
     let (bvh, ordered) = ordered(&soup(1, 1.0));
     assert_eq!((bvh.nodes.len(), bvh.depth, bvh.nodes[0].count), (1, 1, [1, 0]));
     assert!(bvh.nodes[0].bounds(1).is_empty());

@@ -44,7 +44,7 @@ proptest! {
 }
 
 #[test]
-fn a_triangle_alone_is_the_only_child() {
+fn a_single_triangle_is_the_only_child() {
     let (bvh, ordered) = ordered(&soup(1, 1.0));
     assert_eq!((bvh.nodes.len(), bvh.stack), (1, 0));
     assert_eq!(bvh.nodes[0].child(0), Child::Leaf { first: 0, count: 1 });
@@ -53,7 +53,7 @@ fn a_triangle_alone_is_the_only_child() {
 }
 
 #[test]
-fn nodes_have_three_children_and_more_on_average() {
+fn nodes_have_at_least_three_children_on_average() {
     let (bvh, _) = ordered(&soup(10_000, 100.0));
     let children = bvh.nodes.iter().flat_map(|node| (0..4).map(|at| node.child(at)));
     let there = children.filter(|child| *child != Child::Absent).count();
@@ -62,7 +62,7 @@ fn nodes_have_three_children_and_more_on_average() {
 
 /// The largest finite numbers, and a plane that is flat in one axis: cells neither overflow nor vanish.
 #[test]
-fn boxes_as_large_and_as_flat_as_single_precision_allows() {
+fn extreme_f32_boxes_stay_conservative() {
     let corner = |s: f32| Triangle { vertices: [[s, -s, 7.0], [-s, s, 7.0], [s, s, 7.0]], face: 0 };
     for s in [f32::MAX, f32::MIN_POSITIVE, 1.0] {
         let triangles = vec![corner(s), corner(0.5 * s), corner(0.25 * s), corner(0.75 * s)];
@@ -169,7 +169,7 @@ fn expect_full(nodes: &[LevelNode], boxes: usize) {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
     #[test]
-    fn every_box_is_one_leaf_with_a_margin(
+    fn every_instance_box_is_one_leaf_with_a_margin(
         n in 0_u32..300,
         size in prop_oneof![Just(0.0_f32), Just(1e-20), Just(1.0), Just(1e18)],
         spread in prop_oneof![Just(0.0_f32), Just(1e-10), Just(30.0), Just(1e18)],
@@ -206,7 +206,7 @@ fn the_largest_child_comes_first() {
 }
 
 #[test]
-fn clusters_far_apart_are_parted_at_the_root() {
+fn distant_clusters_split_at_the_root() {
     // The distance between neighbours in a cluster is as much of the scene as single precision can tell, or far more.
     for (scale, far) in [(1.0, 1e3), (1e-18, 1e3), (1e18, 1e3), (1e-3, 1e6)] {
         for (left, all) in [(2, 7_u16), (5, 30), (20, 100), (1001, 4097), (5000, 20_000)] {
@@ -233,7 +233,7 @@ fn clusters_far_apart_are_parted_at_the_root() {
 
 /// Passes are compiled for stacks of that size before there are trees (decisions/0055).
 #[test]
-fn stacks_are_as_foreseen() {
+fn stack_depth_stays_within_the_predicted_bound() {
     // Scattered evenly, in clusters of clusters, on a line, and ever denser towards a point.
     let spreads: [fn(f32) -> f32; 4] =
         [|x| x, |x| (x * 8.0).fract() * 0.01 + (x * 8.0).floor(), |_| 0.0, |x| (-20.0 * x).exp()];

@@ -135,7 +135,7 @@ proptest! {
 
 /// Single precision steps by a metre at 10^7.
 #[test]
-fn a_millimetre_survives_ten_million_metres_away() {
+fn rays_resolve_a_millimetre_at_ten_thousand_kilometres() {
     let mut camera = camera(perspective(0.7, 16.0 / 9.0, 0.1, 1000.0));
     let origin = DVec3::new(12.5, -7.0, 0.1);
     let at = |millimetres: f64| DVec3::new(1.0e7 + 0.001 * millimetres, -1.0e7, 3.0e6 - 0.001 * millimetres);
@@ -155,7 +155,7 @@ fn a_millimetre_survives_ten_million_metres_away() {
 
 proptest! {
     #[test]
-    fn two_floats_hold_any_origin(
+    fn a_pair_of_floats_holds_any_ray_origin(
         p in prop::array::uniform3(-1.0_f64..1.0),
         scale in prop::array::uniform3(-20_i32..20),
         ortho: bool,
@@ -199,7 +199,7 @@ fn depth_rows_give_window_and_camera_depth() {
 }
 
 #[test]
-fn lens_rays_meet_in_the_plane_of_focus() {
+fn lens_rays_converge_in_the_focal_plane() {
     for projection in [frustum(-0.3, 0.9, -0.2, 0.4, 1.0, 500.0), orthographic(-8.0, 8.0, -4.5, 4.5, 1.0, 100.0)] {
         let mut camera = camera(projection);
         camera.lens_radius = 0.25;
@@ -238,7 +238,7 @@ fn unusable_cameras_are_refused() {
 }
 
 #[test]
-fn clipping_planes_say_along_rays_what_they_say_in_view_space() {
+fn clipping_intervals_along_rays_match_view_space_planes() {
     let plane = DVec4::new(0.4, -0.3, -2.0, -5.0);
     for projection in [frustum(-0.3, 0.9, -0.2, 0.4, 1.0, 500.0), orthographic(-8.0, 8.0, -4.5, 4.5, 1.0, 100.0)] {
         // What scales a plane changes nothing; what is not finite and what cuts nothing is left out.

@@ -152,7 +152,7 @@ fn threads_do_not_change_the_clusters() {
 }
 
 #[test]
-fn keys_tell_mesh_and_size_and_number_apart() {
+fn cluster_keys_depend_on_mesh_cluster_size_and_index() {
     let whole = build_mesh(&grid("/g", 10), 1).asset.unwrap();
     let other = MeshAsset { key: 2, ..(*whole).clone() };
     let keys: Vec<Vec<u128>> = [split_mesh(&whole, 4000), split_mesh(&whole, 4001), split_mesh(&other, 4000)]
@@ -199,7 +199,7 @@ fn only_meshes_above_the_limit_are_split() {
 
 /// Triangles at the same place cannot be cut by space; they are cut all the same.
 #[test]
-fn a_pile_of_equal_triangles_is_split() {
+fn coincident_triangles_are_split_too() {
     let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0_f32]];
     let desc = crate::support::polygons("/p", &[3; 500], &[0, 1, 2].repeat(500), &triangle);
     let whole = build_mesh(&desc, 1).asset.unwrap();
@@ -227,7 +227,7 @@ fn kept(mesh: &MeshAsset) -> [usize; 2] {
 
 /// A built mesh stays as long as its scene: room for elements that never come would be memory that nothing counts.
 #[test]
-fn built_meshes_have_no_room_to_spare() {
+fn built_meshes_have_no_spare_capacity() {
     for interpolation in [Interpolation::Vertex, Interpolation::Uniform, Interpolation::FaceVarying] {
         let desc = meadow(41, [Some(interpolation); 3]);
         let whole = build_mesh(&desc, 1).asset.unwrap();

@@ -45,7 +45,7 @@ fn heights(desc: &MeshDesc) -> (Vec<f32>, Vec<f32>) {
 }
 
 #[test]
-fn keys_are_those_of_the_shutter_and_of_the_samples_inside_it() {
+fn motion_keys_are_the_shutter_ends_and_samples_between() {
     let linear = samples(vec![(-1.0, at(-1.0)), (2.0, at(2.0))]);
     assert_eq!(heights(&triangle(linear)), (vec![0.0, 1.0], vec![0.0, 1.0]), "clipped to the shutter");
     let bent = samples(vec![(-0.5, at(1.0)), (0.25, at(4.0)), (1.0, at(0.0))]);
@@ -80,7 +80,7 @@ fn velocities_win_over_samples_and_accelerations_bend() {
 }
 
 #[test]
-fn motion_that_cannot_be_used_is_one_note_and_nothing_moves() {
+fn invalid_motion_gives_one_note_and_a_static_mesh() {
     let rates = |count: usize| PointsMotion {
         velocities: Some(TypedArray::of(vec![[1.0_f32, 0.0, 0.0]; count])),
         seconds: [0.0, 1.0],
@@ -162,7 +162,7 @@ fn clusters_have_all_keys_of_their_triangles() {
 }
 
 #[test]
-fn limit_surfaces_are_cut_alike_at_all_keys() {
+fn limit_surfaces_have_one_tessellation_at_all_keys() {
     let desc = MeshDesc { refine_level: 2, ..bending(6) };
     let moving = build_mesh(&desc, 1).asset.unwrap();
     let count = moving.triangles.len();
@@ -184,7 +184,7 @@ fn limit_surfaces_are_cut_alike_at_all_keys() {
 }
 
 #[test]
-fn displaced_surfaces_are_displaced_at_all_keys() {
+fn displacement_applies_at_all_keys() {
     // A square that turns about an edge: as long at all keys, so that each alone is cut alike.
     let turned = |angle: f32| {
         let points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
@@ -223,7 +223,7 @@ fn points_move_with_their_widths() {
 }
 
 #[test]
-fn what_moves_otherwise_has_another_key() {
+fn different_motion_gives_a_different_mesh_key() {
     let still = triangle(PointsMotion::default());
     let moving = triangle(samples(vec![(0.0, at(0.0)), (1.0, at(1.0))]));
     let faster = triangle(samples(vec![(0.0, at(0.0)), (1.0, at(2.0))]));

@@ -124,7 +124,7 @@ fn widths(by: f32, count: u8) -> Vec<f32> {
 }
 
 #[test]
-fn ribbons_move_turn_and_widen() {
+fn ribbon_keys_move_turn_and_widen() {
     let at = |time: f64, by: f32, turn: f32, wide: f32| At {
         time,
         points: bent(by),
@@ -151,7 +151,7 @@ fn ribbons_move_turn_and_widen() {
 }
 
 #[test]
-fn a_blade_that_turns_is_across_its_normal_at_each_key() {
+fn a_turning_ribbon_stays_perpendicular_to_its_normal_at_each_key() {
     let straight: Points = vec![[0.0; 3], [2.0, 0.0, 0.0]];
     let at = |time: f64, normal: [f32; 3], width: f32| At {
         time,
@@ -203,7 +203,7 @@ fn widths_of_tubes_and_points_change_by_every_interpolation() {
 }
 
 #[test]
-fn what_has_a_width_at_some_key_is_kept() {
+fn a_curve_with_a_width_at_any_key_is_kept() {
     let at = |time: f64, widths: [f32; 3]| At {
         time,
         points: vec![[0.0; 3], [2.0, 0.0, 0.0], [4.0, 0.0, 0.0]],
@@ -230,7 +230,7 @@ fn widths_between_samples_and_outside_the_shutter() {
 }
 
 #[test]
-fn widths_that_cannot_be_used_are_one_note() {
+fn invalid_widths_give_one_note() {
     let at = |time: f64, widths: Option<Vec<f32>>| At { time, points: bent(1.0), widths, ..At::default() };
     let good = || Some(vec![1.0; 5]);
     for (what, later) in [
@@ -257,7 +257,7 @@ fn widths_that_cannot_be_used_are_one_note() {
 }
 
 #[test]
-fn widths_that_change_otherwise_have_another_key() {
+fn different_width_motion_gives_a_different_mesh_key() {
     let at = |time: f64, width: f32| At { time, points: bent(1.0), widths: Some(vec![width; 5]), ..At::default() };
     let key = |all: &[At]| mesh_key(&moving(Shape::Points, Interpolation::Vertex, all));
     let keys = [key(&[at(0.0, 1.0), at(1.0, 1.0)]), key(&[at(0.0, 1.0), at(1.0, 2.0)]), key(&[at(0.0, 1.0)])];

@@ -18,7 +18,7 @@ fn input<'a>(material: &'a MaterialText, name: &str) -> &'a str {
 }
 
 #[test]
-fn what_is_constant_is_folded_to_numbers() {
+fn constant_subgraphs_are_described_as_numbers() {
     let mix = [
         ("fg", ParamValue::Vec3([1.0, 0.0, 0.5])),
         ("bg", ParamValue::Vec3([0.0, 1.0, 0.5])),
@@ -36,7 +36,7 @@ fn what_is_constant_is_folded_to_numbers() {
 
 /// The same value is read twice, so it has a name; what is read once stands in its reader.
 #[test]
-fn a_program_is_told_as_formulas_and_as_instructions() {
+fn a_program_is_described_as_formulas_and_instructions() {
     let weight = [("base_weight", ParamValue::Float(1.0))];
     let material = of(vec![
         node(SURFACE, &weight, &[("base_color", 1, "out"), ("specular_roughness", 2, "out")]),
@@ -60,7 +60,7 @@ fn a_program_is_told_as_formulas_and_as_instructions() {
 
 /// A register that is written again is another value.
 #[test]
-fn formulas_follow_registers_that_are_used_again() {
+fn formulas_follow_reused_registers() {
     let weight = [("base_weight", ParamValue::Float(1.0))];
     let mut nodes = vec![node(SURFACE, &weight, &[("base_color", 1, "out")])];
     let kinds = ["ND_floor_color3", "ND_absval_color3", "ND_ceil_color3", "ND_sign_color3"];
@@ -74,7 +74,7 @@ fn formulas_follow_registers_that_are_used_again() {
 }
 
 #[test]
-fn textures_and_what_is_left_out_are_told() {
+fn textures_and_omitted_inputs_are_described() {
     let weight = [("base_weight", ParamValue::Float(0.5))];
     let nodes = |kind: &str| {
         vec![
@@ -98,7 +98,7 @@ fn textures_and_what_is_left_out_are_told() {
 
 /// Emission that is a program has one more of its own, with its own cost.
 #[test]
-fn the_program_of_the_emission_is_told() {
+fn the_emission_program_is_described() {
     let values = [("emission_luminance", ParamValue::Float(1.0))];
     let inputs = [("emission_color", 1, "out"), ("specular_roughness", 2, "out")];
     let nodes = |read: &str, space: &[(&str, ParamValue)]| {
@@ -121,7 +121,7 @@ fn the_program_of_the_emission_is_told() {
 
 /// What is chosen by chance is told with the number that chooses.
 #[test]
-fn mixtures_are_told() {
+fn mixtures_are_described() {
     let metal = |roughness: f32| node("ND_conductor_bsdf", &[("roughness", ParamValue::Vec2([roughness; 2]))], &[]);
     let share = [("mix", ParamValue::Float(0.25))];
     let material = of(vec![
@@ -135,7 +135,7 @@ fn mixtures_are_told() {
 }
 
 #[test]
-fn a_preview_surface_and_its_displacement_are_told() {
+fn a_preview_surface_with_displacement_is_described() {
     let params = [("diffuseColor", ParamValue::Vec3([0.5; 3])), ("displacement", ParamValue::Float(0.25))];
     let mut desc = network("/m", vec![node("UsdPreviewSurface", &params, &[])]);
     desc.displacement = desc.surface;
@@ -153,7 +153,7 @@ fn a_preview_surface_and_its_displacement_are_told() {
 }
 
 #[test]
-fn a_displacement_by_nodes_is_told() {
+fn a_node_displacement_is_described() {
     let surface = node(SURFACE, &[], &[]);
     let mut desc = network(
         "/m",
@@ -183,7 +183,7 @@ fn a_displacement_by_nodes_is_told() {
 
 /// Texts of a scene cannot move a terminal's cursor, and are shown up to a length.
 #[test]
-fn texts_of_strangers_are_bounded() {
+fn scene_text_is_escaped_and_bounded() {
     let evil = "\u{1b}[2J".repeat(100_000);
     let name: &str = Box::leak(evil.clone().into_boxed_str());
     let material = of(vec![node(SURFACE, &[(name, text(&evil))], &[("base_color", 1, "out")]), node(name, &[], &[])]);

@@ -68,7 +68,7 @@ fn is_fine_enough(count: u64, distance: f64) -> bool {
 }
 
 #[test]
-fn nearer_surfaces_are_cut_more_finely() {
+fn nearer_surfaces_are_diced_more_finely() {
     let mut db = SceneDb::new();
     db.upsert_mesh(cube("/a", at(-20.0)));
     let far = triangles(&commit(&mut db, at(60.0)));
@@ -99,7 +99,7 @@ fn a_small_step_of_the_camera_changes_nothing() {
 }
 
 #[test]
-fn prims_with_one_content_stay_one_mesh() {
+fn prims_with_equal_content_share_one_diced_mesh() {
     let mut db = SceneDb::new();
     db.upsert_mesh(cube("/a", at(-5.0)));
     db.upsert_mesh(cube("/b", at(-500.0)));
@@ -134,7 +134,7 @@ fn instanced(places: &[[f32; 3]], scale: f32) -> u64 {
 }
 
 #[test]
-fn the_nearest_instance_decides() {
+fn the_nearest_instance_sets_the_dicing_rate() {
     let far: Vec<[f32; 3]> = (0..50_u8).map(|k| [f32::from(k) - 25.0, 0.0, -400.0]).collect();
     let with = |place: [f32; 3]| [far.as_slice(), &[place]].concat();
     let alone = instanced(&[[0.0, 0.0, -20.0]], 1.0);
@@ -148,7 +148,7 @@ fn the_nearest_instance_decides() {
 
 /// Instances in instances: the same places, multiplied out or not, are cut alike within a factor.
 #[test]
-fn nested_instances_are_found() {
+fn dicing_finds_nested_instances() {
     let nested = |outer: &[[f32; 3]], inner: &[[f32; 3]]| {
         let mut db = SceneDb::new();
         let mesh = cube("/o/q/i/p/m", DVec3::ZERO);
@@ -181,7 +181,7 @@ fn rate_zero_leaves_the_cage() {
 }
 
 #[test]
-fn prototypes_that_contain_themselves_end() {
+fn dicing_ends_on_recursive_prototypes() {
     let mut db = SceneDb::new();
     let mesh = cube("/i/p/m", DVec3::ZERO);
     db.upsert_mesh(MeshDesc { prim: PrimDesc { instanced_by: by("/i", "/i/p"), ..mesh.prim }, ..mesh });

@@ -309,7 +309,7 @@ fn a_ball_grows_by_its_displacement() {
 }
 
 #[test]
-fn faces_stay_together_where_textures_and_normals_do_not() {
+fn displaced_faces_stay_watertight_at_texture_and_normal_seams() {
     for subdivision in [Subdivision::None, Subdivision::Bilinear, Subdivision::CatmullClark] {
         let material = textured("waves", "r", &wraps("clamp"), &[]);
         let built = build(&cube(subdivision), &material, 13.7);
@@ -335,7 +335,7 @@ fn faces_stay_together_where_textures_and_normals_do_not() {
 }
 
 #[test]
-fn flat_faces_move_outwards_and_edges_along_the_mean() {
+fn flat_shaded_faces_displace_outwards_and_edges_along_the_mean_normal() {
     for left_handed in [false, true] {
         let desc = MeshDesc { left_handed, ..cube(Subdivision::None) };
         let built = build(&desc, &constant(0.125), 5.0);

@@ -50,7 +50,7 @@ fn single(value: DVec3) -> [f32; 4] {
 }
 
 #[test]
-fn a_number_is_the_number_of_a_preview_surface() {
+fn a_constant_displacement_matches_preview_surface() {
     for scheme in [Subdivision::None, Subdivision::CatmullClark] {
         let material = displacing(vec![node(FLOAT, &[("displacement", number(0.5)), ("scale", number(0.5))], &[])]);
         let [found, known] = [material, constant(0.25)].map(|material| bits(&build(&cube(scheme), &material, 9.0)));
@@ -61,7 +61,7 @@ fn a_number_is_the_number_of_a_preview_surface() {
 
 /// sin(9 u) + a ramp of v, noise of the point, and both together by a scale that varies.
 #[test]
-fn a_square_is_the_field_of_its_program() {
+fn a_displaced_square_matches_the_field_of_its_program() {
     let waves = |at: usize| {
         vec![
             node("ND_add_float", &[], &[("in1", at + 1, "out"), ("in2", at + 4, "out")]),
@@ -112,7 +112,7 @@ fn a_square_is_the_field_of_its_program() {
 }
 
 #[test]
-fn textures_are_filtered_as_those_of_preview_surfaces() {
+fn node_displacement_textures_are_filtered_as_preview_surface_ones() {
     let image = |kind: &str, more: &[(&str, ParamValue)]| {
         let params = [&[("file", file("waves"))], more].concat();
         displacing(vec![
@@ -154,7 +154,7 @@ fn textures_are_filtered_as_those_of_preview_surfaces() {
 
 /// Also where a program says where it looks, and with more pieces than are measured.
 #[test]
-fn texels_are_as_fine_as_the_pieces() {
+fn displacement_texture_level_matches_the_dicing_rate() {
     let placed = vec![
         node(FLOAT, &[], &[("displacement", 1, "out")]),
         node(IMAGE, &[("file", file("levels"))], &[("texcoord", 2, "out")]),
@@ -178,7 +178,7 @@ fn texels_are_as_fine_as_the_pieces() {
 }
 
 #[test]
-fn sets_of_files_are_looked_at_by_face() {
+fn udim_tiles_are_selected_by_face() {
     let places = [[0.0_f32, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0]];
     let desc = MeshDesc {
         face_vertex_counts: TypedArray::of(vec![4_i32; 2]),
@@ -210,7 +210,7 @@ fn sets_of_files_are_looked_at_by_face() {
 }
 
 #[test]
-fn what_cannot_be_read_is_said_once_and_has_its_fallback() {
+fn unreadable_files_give_one_warning_and_the_fallback() {
     for (name, reason) in
         [("gone", "cannot be found"), ("broken", "is damaged"), ("short", "has a level of another size than it says")]
     {
@@ -291,7 +291,7 @@ fn any_number_of_threads_gives_the_same_bits() {
 
 /// Whatever a mesh is displaced by builds it anew; what is the same does not.
 #[test]
-fn edits_build_the_mesh_again() {
+fn edits_rebuild_displaced_meshes() {
     let mut db = SceneDb::new();
     db.set_height_files(Arc::new(Files));
     let mesh = |heat: f32| {
@@ -345,7 +345,7 @@ fn edits_build_the_mesh_again() {
 
 /// The terminals of a network are read each by its kind.
 #[test]
-fn each_terminal_is_read_by_its_kind() {
+fn surface_and_displacement_terminals_may_mix_node_systems() {
     let mut mixed = displacing(vec![node("UsdPreviewSurface", &[("displacement", number(0.5))], &[])]);
     let compiled = compile(&mixed);
     assert!(compiled.problem().is_none() && compiled.material.is_some(), "{:?}", compiled.problem());

@@ -9,7 +9,7 @@ use oocpt_core::{DroppedData, MaterialDesc, MeshDesc, ParamValue, SceneDb, Typed
 use crate::displaced::{Files, asset, build, constant, corners as corners_of, square, st, textured, wraps};
 
 #[test]
-fn texels_are_as_fine_as_the_pieces() {
+fn displacement_texture_level_matches_the_dicing_rate() {
     let height = |pieces: f64| {
         let built = build(&square(), &textured("levels", "r", &wraps("clamp"), &[]), pieces);
         asset(&built).bounds.max[2]
@@ -19,7 +19,7 @@ fn texels_are_as_fine_as_the_pieces() {
 }
 
 #[test]
-fn sets_of_files_are_looked_at_by_face() {
+fn udim_tiles_are_selected_by_face() {
     // Two squares side by side: the edge between them is of both members.
     let corners = [[0.0_f32, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0]];
     let desc = MeshDesc {
@@ -50,7 +50,7 @@ fn sets_of_files_are_looked_at_by_face() {
 }
 
 #[test]
-fn what_cannot_be_read_is_said_and_has_its_fallback() {
+fn unreadable_files_give_a_warning_and_the_fallback() {
     let fallback = [("fallback", ParamValue::Vec4([0.25, 0.5, 0.75, 1.0]))];
     for (name, reason) in
         [("gone", "cannot be found"), ("broken", "is damaged"), ("short", "has a level of another size than it says")]
@@ -73,7 +73,7 @@ fn what_cannot_be_read_is_said_and_has_its_fallback() {
 }
 
 #[test]
-fn only_what_the_displacement_terminal_leads_to_counts() {
+fn only_inputs_of_the_displacement_terminal_trigger_a_rebuild() {
     let left_out = |displacement| compile(&MaterialDesc { displacement, ..constant(1.0) });
     let problem = left_out(None).problem().unwrap();
     assert!(problem.contains("displacement output is not connected"), "{problem}");
@@ -94,7 +94,7 @@ fn only_what_the_displacement_terminal_leads_to_counts() {
 }
 
 #[test]
-fn edits_of_materials_and_textures_cut_the_mesh_again() {
+fn material_and_texture_edits_rebuild_displaced_meshes() {
     let mut db = SceneDb::new();
     db.set_height_files(Arc::new(Files));
     let mesh = |path: &str| {

@@ -10,7 +10,7 @@ use crate::materials::node;
 
 /// A square whose coordinates go another way: x along the tangent, y along the bitangent, z along the normal.
 #[test]
-fn vectors_go_along_the_frame_of_the_surface() {
+fn vector_displacement_uses_the_tangent_frame() {
     let by = |amount: [f32; 3]| displacing(vec![node(VECTOR, &[("displacement", ParamValue::Vec3(amount))], &[])]);
     let moved = |coordinates: Vec<[f32; 2]>, left_handed: bool| {
         let primvars = st(Interpolation::Vertex, coordinates);
@@ -40,7 +40,7 @@ fn vectors_go_along_the_frame_of_the_surface() {
 
 /// A shear by texture coordinates: x is moved by the square of y, and normals are those of what it is then.
 #[test]
-fn a_square_is_sheared() {
+fn a_constant_vector_shears_the_square() {
     let material = displacing(vec![
         node(VECTOR, &[("scale", number(0.5))], &[("displacement", 1, "out")]),
         node("ND_combine3_vector3", &[], &[("in1", 2, "out"), ("in3", 2, "out")]),
@@ -61,7 +61,7 @@ fn a_square_is_sheared() {
 
 /// Faces say vectors of their own; a place between them takes the mean.
 #[test]
-fn vectors_of_faces_are_averaged_where_they_meet() {
+fn per_face_vectors_are_averaged_at_shared_points() {
     let material = displacing(vec![node(VECTOR, &[("displacement", ParamValue::Vec3([0.0, 0.0, 0.5]))], &[])]);
     for left_handed in [false, true] {
         let side = if left_handed { -0.5 } else { 0.5 };

@@ -208,7 +208,7 @@ fn a_light_edit_touches_no_geometry() {
 }
 
 #[test]
-fn a_path_changes_its_kind() {
+fn a_path_may_change_between_prim_types() {
     let mut db = SceneDb::new();
     db.upsert_mesh(triangle("/x", 0.0));
     assert_eq!(committed(&mut db).counts.instances, 1);
@@ -219,7 +219,7 @@ fn a_path_changes_its_kind() {
 /// Prototypes that share arrays ask for what changed in them from all threads at once, and whoever works it out does so
 /// in parallel: a thread that helps out meanwhile must not come to wait for itself.
 #[test]
-fn many_prototypes_of_one_edited_array_do_not_wait_for_each_other() {
+fn diffing_an_array_shared_by_many_prototypes_does_not_deadlock() {
     const PROTOTYPES: u16 = 48;
     const INSTANCES: i32 = 300_000;
     let (done, result) = std::sync::mpsc::channel();

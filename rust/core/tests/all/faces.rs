@@ -69,7 +69,7 @@ fn corners_on_straight_edges_stay_in_use() {
 }
 
 #[test]
-fn large_concave_faces_are_covered() {
+fn large_concave_faces_are_triangulated_exactly() {
     let star: Vec<[f32; 2]> = (0..3000_u16)
         .map(|k| (f32::from(k) * std::f32::consts::TAU / 3000.0, if k % 2 == 0 { 2.0 } else { 1.0 }))
         .map(|(angle, radius)| [radius * angle.cos(), radius * angle.sin()])
@@ -113,7 +113,7 @@ proptest! {
     }
 
     #[test]
-    fn garbage_never_panics_and_never_gets_through(
+    fn random_topology_never_panics_and_gives_valid_meshes(
         counts in prop::collection::vec(-2_i32..9, 0..12),
         indices in prop::collection::vec(-2_i32..9, 0..40),
         points in prop::collection::vec(prop::array::uniform3(prop_oneof![
@@ -232,7 +232,7 @@ fn surplus_indices_are_counted_and_the_rest_is_kept() {
 }
 
 #[test]
-fn nothing_usable_gives_no_asset() {
+fn a_mesh_without_valid_faces_gives_no_asset() {
     let cases = [
         polygons("/empty", &[], &[], &[]),
         polygons("/no_faces", &[], &[], &[[0.0; 3]]),

@@ -191,7 +191,7 @@ proptest! {
 }
 
 #[test]
-fn numbers_that_are_none_are_as_if_not_said() {
+fn non_finite_values_count_as_unauthored() {
     for value in [f32::NAN, f32::INFINITY] {
         for surface in ["ND_open_pbr_surface_surfaceshader", "UsdPreviewSurface"] {
             let params = [
@@ -209,7 +209,7 @@ fn numbers_that_are_none_are_as_if_not_said() {
 }
 
 #[test]
-fn texts_without_end_are_short_messages() {
+fn overlong_strings_give_short_messages() {
     let long = "x".repeat(5_000_000);
     let mut nodes = vec![node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1, "out")])];
     nodes.push(node("ND_image_color3", &[("file", text(&long))], &[]));
@@ -224,7 +224,7 @@ fn texts_without_end_are_short_messages() {
 
 /// Sums and differences of numbers near the largest one are none; they were found by random networks.
 #[test]
-fn what_overflows_is_no_input() {
+fn overflowing_inputs_are_dropped() {
     let huge = ParamValue::Vec3([3.4e38; 3]);
     let standard = "ND_standard_surface_surfaceshader";
     check(&network("/m", vec![node(standard, &[("opacity", huge.clone())], &[])]));

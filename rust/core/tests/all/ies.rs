@@ -26,7 +26,7 @@ fn steps(count: u32, last: f64) -> Vec<f64> {
 }
 
 #[test]
-fn an_even_profile_has_the_power_of_the_sphere() {
+fn a_uniform_profile_has_the_power_of_an_isotropic_light() {
     let profile = IesProfile::parse(file(&[0.0, 180.0], &[0.0], |_, _| 3.0).as_bytes()).expect("a profile");
     assert!((profile.power / (12.0 * PI) - 1.0).abs() < 1e-5, "multiplier 2 x ballast 0.5 x 3 cd: {}", profile.power);
     assert!((profile.candela(1.0, 2.0) - 3.0).abs() < 1e-6, "everywhere the same");
@@ -98,7 +98,7 @@ fn quarters_and_halves_are_mirrored() {
 }
 
 #[test]
-fn what_is_no_profile_says_so() {
+fn malformed_profiles_give_a_specific_error() {
     let good = file(&steps(4, 90.0), &[0.0], |_, _| 1.0);
     assert!(IesProfile::parse(good.as_bytes()).is_ok(), "the file itself is sound");
     let cases = [
@@ -118,7 +118,7 @@ fn what_is_no_profile_says_so() {
 proptest! {
     /// No bytes make it panic, and what it gives is finite.
     #[test]
-    fn any_bytes_are_survived(noise in proptest::collection::vec(any::<u8>(), 0..400), cut in 0_usize..200) {
+    fn arbitrary_bytes_never_panic(noise in proptest::collection::vec(any::<u8>(), 0..400), cut in 0_usize..200) {
         let good = file(&steps(6, 180.0), &steps(4, 90.0), |v, h| v + h);
         let mut bytes = good.into_bytes();
         let at = cut.min(bytes.len());

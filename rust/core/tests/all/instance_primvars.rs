@@ -125,7 +125,7 @@ fn the_innermost_level_that_has_it_gives_it() {
 }
 
 #[test]
-fn opened_placements_have_a_table() {
+fn opened_assemblies_get_a_value_table() {
     let mut db = SceneDb::new();
     db.set_partition(PartitionOptions { chunk_bytes: 1 });
     let numbers: Vec<i32> = (0..2000).collect();
@@ -189,7 +189,7 @@ fn an_edit_of_values_touches_the_chunks_that_have_them() {
 }
 
 #[test]
-fn what_cannot_be_used_is_named() {
+fn unusable_instance_primvars_are_reported_with_their_name() {
     let mut db = SceneDb::new();
     db.upsert_mesh(leaf("/i/p", "/i", "/i/p"));
     db.upsert_instancer(per_instance(row(4), "displayColor", colors(3)));
@@ -220,7 +220,7 @@ fn what_cannot_be_used_is_named() {
 }
 
 #[test]
-fn opacities_of_one_say_nothing() {
+fn opacities_of_one_need_no_table() {
     let mut db = SceneDb::new();
     db.upsert_mesh(leaf("/i/p", "/i", "/i/p"));
     db.upsert_instancer(per_instance(row(4), "displayOpacity", vec![1.0_f32; 4]));
@@ -236,7 +236,7 @@ fn opacities_of_one_say_nothing() {
 
 /// A large edit beside others that change values alone: chunks of the latter are not taken for what they were.
 #[test]
-fn values_change_beside_an_edit_that_is_cut_in_stretches() {
+fn values_update_beside_a_large_edit_sorted_in_stretches() {
     let mut db = SceneDb::new();
     db.set_partition(PartitionOptions { chunk_bytes: 1 });
     db.set_partition_memory(1);

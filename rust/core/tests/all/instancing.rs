@@ -215,7 +215,7 @@ fn mirrored_instances_are_flagged() {
 }
 
 #[test]
-fn a_prim_of_several_prototypes_appears_in_each() {
+fn a_prim_shared_by_several_prototypes_appears_in_each() {
     let mut db = SceneDb::new();
     db.upsert_instancer(scatter("/i", &[[0.0; 3], [5.0, 0.0, 0.0]], &[("/i/p", &[0, 1])]));
     db.upsert_instancer(scatter("/j", &[[0.0, 9.0, 0.0]], &[("/j/p", &[0])]));
@@ -279,7 +279,7 @@ impl oocpt_core::ArraySource for Bytes {
 }
 
 #[test]
-fn targets_of_members_are_what_was_described() {
+fn pick_targets_of_prototype_members_are_their_prims() {
     let mut db = SceneDb::new();
     db.upsert_instancer(scatter("/i", &[[0.0; 3]], &[("/i/p", &[0])]));
     for name in ["/i/p/a", "/i/p/b"] {

@@ -73,7 +73,7 @@ fn instances_are_in_the_collections_of_their_own() {
 }
 
 #[test]
-fn a_mask_leaves_the_numbers_of_the_rest() {
+fn masked_instances_keep_the_ids_of_the_others() {
     let mut db = row();
     let links = links(&[&["red"], &[]], &[0, 1, 0, 1]);
     let mask = Some(TypedArray::from_bools(&[true, false, true, true]));
@@ -84,7 +84,7 @@ fn a_mask_leaves_the_numbers_of_the_rest() {
 }
 
 #[test]
-fn sets_of_outer_and_inner_instances_add_up() {
+fn collections_of_outer_and_inner_instances_combine() {
     let mut db = SceneDb::new();
     db.upsert_mesh(below(triangle("/o/i/a", 0.0), 9, "/o/i", "/o/i"));
     let own = MeshDesc { categories: vec!["green".into()], ..triangle("/o/own", 0.5) };
@@ -115,7 +115,7 @@ fn sets_of_outer_and_inner_instances_add_up() {
 }
 
 #[test]
-fn without_links_prims_keep_their_ids_and_instancers_their_runs() {
+fn unlinked_prims_keep_prim_ids_and_instance_runs() {
     let mut db = row();
     db.remove("/l");
     let snapshot = committed(&mut db);
@@ -128,7 +128,7 @@ fn without_links_prims_keep_their_ids_and_instancers_their_runs() {
 }
 
 #[test]
-fn edits_of_links_come_through() {
+fn link_edits_update_the_placements() {
     let mut db = row();
     committed(&mut db);
     let links = links(&[&["blue"]], &[]);

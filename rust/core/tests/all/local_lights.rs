@@ -69,7 +69,7 @@ fn normalisation_divides_by_the_area_in_the_world() {
 
 /// Cauchy: a convex body's mean shadow is a quarter of its surface, so far away all agree.
 #[test]
-fn points_and_lines_keep_the_power_of_their_bodies() {
+fn point_and_line_lights_keep_the_power_of_their_shape() {
     let point = |radius, normalize| LightDesc {
         normalize,
         ..desc(LightKind::Sphere { radius, treat_as_point: true }, DMat4::IDENTITY)

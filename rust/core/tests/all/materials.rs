@@ -154,7 +154,7 @@ fn a_texture_has_its_channels_and_settings() {
 }
 
 #[test]
-fn what_the_node_says_of_its_colors_wins_over_metadata() {
+fn sourceColorSpace_wins_over_colorSpace_metadata() {
     let space = |source: Option<&str>, metadata: Option<&str>| {
         let given = [("sourceColorSpace", source), ("colorSpace:file", metadata)];
         let named = given.into_iter().filter_map(|(name, value)| Some((name, text(value?))));
@@ -228,7 +228,7 @@ fn a_transform_scales_then_rotates_then_translates() {
 }
 
 #[test]
-fn readers_of_every_width() {
+fn primvar_readers_of_every_type() {
     let kinds = [
         ("float", ParamValue::Float(0.5), [0.5; 4]),
         ("float2", ParamValue::Vec2([0.5, 1.0]), [0.5, 1.0, 0.0, 0.0]),
@@ -250,7 +250,7 @@ fn readers_of_every_width() {
 }
 
 #[test]
-fn bad_networks_keep_what_makes_sense() {
+fn invalid_networks_keep_their_valid_inputs() {
     let grey = Input::Constant([0.18, 0.18, 0.18, 1.0]);
     let tinted = [("diffuseColor", ParamValue::Vec3([0.5; 3]))];
     let half = Input::Constant([0.5, 0.5, 0.5, 1.0]);
@@ -288,7 +288,7 @@ fn bad_networks_keep_what_makes_sense() {
 }
 
 #[test]
-fn circles_and_too_many_sets_end() {
+fn cyclic_networks_and_excess_texture_sets_are_refused() {
     let circle = of(vec![
         node(SURFACE, &[], &[("diffuseColor", 1, "rgb")]),
         node(TEXTURE, &[("file", file("a.png"))], &[("st", 2, "result")]),

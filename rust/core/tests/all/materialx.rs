@@ -43,7 +43,7 @@ fn files_have_the_space_that_is_said() {
 }
 
 #[test]
-fn materials_say_what_they_need() {
+fn material_flags_match_the_features_they_need() {
     let flags = |params: &[(&str, ParamValue)]| of(vec![node(SURFACE, params, &[])]).material.expect("a surface").flags;
     let plain = flags(&[]);
     assert!(plain == MaterialFlags::OPEN_PBR, "{plain:?}");
@@ -67,7 +67,7 @@ fn materials_say_what_they_need() {
 
 /// A fibre's inputs mean something else, so it needs nothing of what their names say.
 #[test]
-fn hair_needs_hair_and_nothing_else() {
+fn hair_materials_set_only_the_hair_flag() {
     let said = [("roughness_R", ParamValue::Vec2([0.5, 0.25])), ("absorption_coefficient", ParamValue::Vec3([1.0; 3]))];
     let nodes = vec![node("ND_surface", &[], &[("bsdf", 1, "out")]), node("ND_chiang_hair_bsdf", &said, &[])];
     let compiled = of(nodes);
@@ -78,7 +78,7 @@ fn hair_needs_hair_and_nothing_else() {
 }
 
 #[test]
-fn a_surface_that_is_none_is_one_problem() {
+fn an_unsupported_surface_node_is_one_problem() {
     let compiled = of(vec![node("ND_no_such_surface", &[], &[])]);
     assert_eq!(compiled.material, None);
     assert!(compiled.problem().expect("a warning").contains("no_such_surface"));

@@ -102,7 +102,7 @@ fn light_and_material_go_together_as_the_mode_says() {
 }
 
 #[test]
-fn a_textured_glow_is_tinted_by_its_scale() {
+fn textured_emission_is_tinted_by_its_scale() {
     let (textured, warnings) = dressed(light(MaterialSync::GlowTintsLight), Some(material([0.5, 2.0, 4.0], true)));
     assert!(matches!(textured.input(InputName::EmissiveColor), Input::Texture { .. }), "still a texture");
     assert_eq!(emission(&textured), [3.0, 6.0, 6.0], "scale times the light's");
@@ -117,7 +117,7 @@ fn a_normalised_mesh_is_divided_by_its_area_in_the_world() {
 }
 
 #[test]
-fn what_a_mesh_light_does_not_do_is_one_warning() {
+fn unsupported_mesh_light_inputs_give_one_warning() {
     let shaped = LightDesc {
         shaping: Some(Shaping::default()),
         diffuse: 0.5,
@@ -132,7 +132,7 @@ fn what_a_mesh_light_does_not_do_is_one_warning() {
 }
 
 #[test]
-fn a_light_that_goes_leaves_the_mesh_as_it_was() {
+fn removing_a_mesh_light_restores_the_mesh() {
     let mut db = SceneDb::new();
     db.upsert_material(material([0.0; 3], false));
     db.upsert_mesh(MeshDesc { material: Some("/m".into()), ..triangle() });

@@ -98,7 +98,7 @@ fn check_normals(what: &str, placement: &MeshPlacement, bounded: bool) {
 }
 
 #[test]
-fn a_mesh_that_moves_is_where_its_samples_say() {
+fn a_moving_mesh_follows_its_samples() {
     let flat = DMat4::from_rotation_x(1.0);
     let ways: [(&str, bool, &Map<'_>); 6] = [
         ("goes", true, &|time| at(5.0 * time, 1.0, 0.0) * flat),
@@ -121,7 +121,7 @@ fn a_mesh_that_moves_is_where_its_samples_say() {
 }
 
 #[test]
-fn what_moves_in_what_moves_is_where_all_of_it_says() {
+fn nested_motion_composes_exactly() {
     let hub = |time: f64| at(1.0, 0.0, -1.0) * turned(2.0 * time);
     let own = |time: f64| at(0.2, 0.0, 0.0) * DMat4::from_rotation_z(1.5 * time);
     let still = |_: f64| at(0.2, 0.0, 0.1) * DMat4::from_rotation_z(0.5);
@@ -154,7 +154,7 @@ fn what_moves_in_what_moves_is_where_all_of_it_says() {
 
 /// A frame at rest that stretches what turns inside is a level of its own, and normals in it turn by no one knows what.
 #[test]
-fn what_turns_in_a_frame_that_stretches_is_exact() {
+fn rotation_inside_a_nonuniform_scale_is_exact() {
     let mut outer = scatter("/outer", &[[3.0, 0.0, 1.0]], &[("/outer/hub", &[0])]);
     outer.rotations = Some(TypedArray::from_vec(ElementType::Quatf, vec![[0.0_f32, 0.0, 0.6, 0.8]]).unwrap());
     outer.scales = Some(TypedArray::of(vec![[2.0_f32, 0.5, 1.0]]));
@@ -181,7 +181,7 @@ fn what_turns_in_a_frame_that_stretches_is_exact() {
 }
 
 #[test]
-fn rounding_reaches_as_far_as_what_moves_is_away() {
+fn bounds_widen_by_the_rounding_error_at_their_distance() {
     let reach = |map: &Map<'_>| {
         let mut db = SceneDb::new();
         db.upsert_mesh(mesh("/mesh", None, map));
@@ -199,7 +199,7 @@ fn rounding_reaches_as_far_as_what_moves_is_away() {
 }
 
 #[test]
-fn points_that_move_and_what_is_too_many_are_left_out_and_told() {
+fn deforming_or_excess_mesh_lights_are_omitted_with_a_warning() {
     let mut db = SceneDb::new();
     let mut deforms = mesh("/mesh", None, &|_| DMat4::IDENTITY);
     let points = |x: f32| TypedArray::of(vec![[x, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, x]]);

@@ -113,7 +113,7 @@ fn check_all(snapshot: &Snapshot, records: &[InstanceRecord], keys: &[Vec<Motion
 
 /// What moves is measured with all its keys wherever the partition does so.
 #[test]
-fn what_moves_is_cut_in_stretches_as_at_once() {
+fn moving_items_partition_equally_in_stretches_and_at_once() {
     let mut in_stretches = everything();
     in_stretches.set_partition_memory(1);
     let (at_once, in_stretches) = (committed(&mut everything()), committed(&mut in_stretches));
@@ -188,7 +188,7 @@ fn keys_are_where_velocities_and_samples_say() {
 }
 
 #[test]
-fn what_moves_is_never_opened_and_what_is_at_rest_has_no_keys() {
+fn moving_assemblies_are_not_opened_and_static_ones_have_no_keys() {
     let mut db = SceneDb::new();
     let add = |db: &mut SceneDb, motion: Vec<TransformSample>| {
         let mut still = swarm("/i", 4000);
@@ -223,7 +223,7 @@ fn told(db: &mut SceneDb) -> (Vec<String>, bool) {
 }
 
 #[test]
-fn transforms_that_cannot_be_used_are_one_message_with_the_prim_and_no_motion() {
+fn invalid_transform_samples_give_one_warning_and_no_motion() {
     let identity = DMat4::IDENTITY;
     let nan = DMat4::from_translation(DVec3::NAN);
     let cases: [(&str, Maps<'_>, &str); 6] = [
@@ -247,7 +247,7 @@ fn transforms_that_cannot_be_used_are_one_message_with_the_prim_and_no_motion() 
 }
 
 #[test]
-fn velocities_and_samples_that_cannot_be_used_leave_instances_where_they_are() {
+fn invalid_velocities_or_samples_leave_instances_static() {
     let array = |count: usize, value: f32| Some(TypedArray::of(vec![[value, 0.0, 0.0]; count]));
     let sample = |time: f64, count: usize| InstancerSample {
         time,
@@ -304,7 +304,7 @@ fn more_samples_than_keys_are_thinned_out() {
 }
 
 #[test]
-fn motion_that_changes_is_seen_and_motion_that_does_not_is_kept() {
+fn changed_motion_is_updated_and_equal_motion_is_kept() {
     let mut db = everything();
     let first = committed(&mut db);
     add_swarm(&mut db, swarm("/swarm", 400));

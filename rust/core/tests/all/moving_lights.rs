@@ -81,7 +81,7 @@ fn bounds_hold_a_light_at_every_time() {
 }
 
 #[test]
-fn motion_that_cannot_be_used_is_one_message_and_the_light_stays() {
+fn invalid_light_motion_gives_one_warning_and_a_static_light() {
     let identity = DMat4::IDENTITY;
     let flat = DMat4::from_scale(DVec3::new(1.0, 0.0, 1.0));
     let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
@@ -104,7 +104,7 @@ fn motion_that_cannot_be_used_is_one_message_and_the_light_stays() {
 }
 
 #[test]
-fn what_shows_no_motion_has_none() {
+fn motion_without_visible_effect_is_dropped() {
     let turn = [(0.0, DMat4::IDENTITY), (1.0, DMat4::from_rotation_x(1.0))];
     let sky = LightKind::Dome { texture: None, format: DomeFormat::Latlong };
     let (motion, said) = moved(|db| db.upsert_light(lamp(sky, &turn)));
@@ -158,7 +158,7 @@ fn follows(what: &str, (lights, said): (Vec<Light>, Vec<String>), way: impl Fn(u
 }
 
 #[test]
-fn lights_of_prototypes_move_with_all_that_they_are_in() {
+fn prototype_lights_follow_all_enclosing_motion() {
     let up = |number: usize| DVec3::Y * 10.0 * number as f64;
     let on_arm = |angle: f64| 2.0 * DVec3::new(angle.cos(), angle.sin(), 0.0);
     let slide = |x: f64| DMat4::from_translation(DVec3::X * x);
@@ -201,7 +201,7 @@ fn lights_of_prototypes_move_with_all_that_they_are_in() {
 }
 
 #[test]
-fn of_motion_that_cannot_be_used_only_its_light_stays() {
+fn invalid_motion_stops_only_the_light_that_has_it() {
     let still = |(lights, said): &(Vec<Light>, Vec<String>)| {
         assert!(lights.len() == 2 && lights.iter().all(|light| light.motion.is_none()), "they stay");
         said.clone()

@@ -297,7 +297,7 @@ fn extreme_scenes_are_cut_too() {
 
 /// A ground plane among grass is a chunk of its own.
 #[test]
-fn large_members_are_kept_apart() {
+fn large_members_get_their_own_chunk() {
     let mut db = SceneDb::new();
     db.set_partition(SMALL);
     crowd(&mut db, "/c", &spread(1000, 100.0, 6), &[]);

@@ -38,7 +38,7 @@ fn growing_one_prototype_leaves_the_chunks_of_others() {
 
 /// Old arrays go once nobody needs them, although kept chunks were made from them.
 #[test]
-fn kept_chunks_let_old_arrays_go() {
+fn kept_chunks_release_replaced_arrays() {
     let all: Vec<i32> = (0..600).collect();
     let mut points = spread(600, 50.0, 12);
     let mut db = with_instancer(scatter("/i", &points, &[("/i/p", &all)]));
@@ -74,7 +74,7 @@ impl oocpt_core::ArraySource for Floats {
 
 /// Cells of equal codes are cut in the middle of their order: one member less moves all cuts.
 #[test]
-fn coincident_members_may_go() {
+fn removing_coincident_members_updates_all_cuts() {
     let scene = |names: &[&str]| {
         let mut db = SceneDb::new();
         db.set_partition(SMALL);
@@ -100,7 +100,7 @@ fn coincident_members_may_go() {
 
 /// An index beyond the arrays is usable once they grow, and bad again when they shrink; nothing else is touched.
 #[test]
-fn arrays_may_grow_into_the_indices() {
+fn growing_arrays_make_out_of_range_indices_valid() {
     let all: Vec<i32> = (0..601).collect();
     let mut points = spread(600, 50.0, 13);
     points.extend([[0.0, 0.0, 0.0]]);
@@ -124,7 +124,7 @@ fn arrays_may_grow_into_the_indices() {
 /// Thirty meshes of 50 KiB in one place, and again in another: few records, none of the meshes exclusive to either
 /// place, and still too much to be loaded at once.
 #[test]
-fn cells_with_large_closures_are_cut() {
+fn cells_with_large_mesh_closures_are_split() {
     let mut db = SceneDb::new();
     db.set_partition(SMALL);
     for k in 0..30_u8 {
@@ -226,7 +226,7 @@ fn rotations_of_halves_are_those_of_doubles() {
 /// Chunks that are cut in stretches of the order are those of cutting all at once: where samples miss items, also such
 /// that reach beyond all samples, where many items share a code, and beside masked and unusable ones.
 #[test]
-fn stretches_give_what_cutting_at_once_gives() {
+fn stretched_sorting_equals_sorting_at_once() {
     // Every second instance is a sample: those of odd numbers.
     const COUNT: usize = 540_000;
     let mut points = spread(COUNT, 50.0, 21);

@@ -38,7 +38,7 @@ fn database(desc: &InstancerDesc) -> SceneDb {
 type Edit = (&'static str, fn(usize, [f32; 3]) -> [f32; 3]);
 
 #[test]
-fn what_moves_together_lies_where_a_new_database_puts_it() {
+fn bulk_moves_equal_a_new_database() {
     let edits: [Edit; 12] = [
         ("all, a little", |n, p| p.map(|v| v + 0.01 * f32::from(u8::try_from(n % 7).unwrap()))),
         ("all of one prototype", |n, p| if kind(n) == 1 { p.map(|v| -v) } else { p }),

@@ -11,7 +11,7 @@ fn find<'a>(uses: &'a [PrimvarUse], name: &str) -> &'a PrimvarUse {
 }
 
 #[test]
-fn a_primvar_that_nothing_reads_is_told_with_its_bytes() {
+fn unused_primvars_are_reported_with_their_bytes() {
     let instance_rate = |name: &str| NamedPrimvar {
         name: name.into(),
         primvar: Primvar {

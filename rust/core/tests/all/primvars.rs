@@ -114,7 +114,7 @@ fn lengths_are_checked() {
 }
 
 #[test]
-fn unusable_primvars_go_whole() {
+fn an_invalid_primvar_is_dropped_whole() {
     let mut desc = grid("/g", 2);
     let instance = primvar(Interpolation::Instance, vec![[0.5_f32; 3]]);
     let empty = primvar(Interpolation::Constant, Vec::<[f32; 3]>::new());
@@ -150,7 +150,7 @@ fn single_bad_values_are_replaced() {
 }
 
 #[test]
-fn opacity_is_clamped_and_forgotten_when_opaque() {
+fn opacity_is_clamped_and_dropped_when_one() {
     let mut desc = grid("/g", 2);
     desc.display_opacity = Some(primvar(Interpolation::Uniform, vec![1.0_f32, 2.0, 1.0, 1.0]));
     assert!(build(&desc).0.opacities.is_none());

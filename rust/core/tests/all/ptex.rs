@@ -38,7 +38,7 @@ fn parts(mesh: &MeshAsset) -> Vec<(u32, PtexPart, u32, u16)> {
 }
 
 #[test]
-fn files_and_nodes_that_are_ptex() {
+fn ptex_files_and_nodes_are_recognized() {
     assert!(["a.ptx", "/b/A.PTX", "/c/scene.usdz[0/a.ptx]"].iter().all(|name| is_ptex_name(name)));
     assert!(["a.png", "ptx", "a.ptx.png", "", "/c/scene.usdz[a.png]"].iter().all(|name| !is_ptex_name(name)));
     for (kind, name, is_ptex) in

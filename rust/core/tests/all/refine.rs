@@ -72,7 +72,7 @@ fn a_cube_becomes_round_and_keeps_its_faces() {
 }
 
 #[test]
-fn normals_of_a_left_handed_mesh_are_on_the_other_side() {
+fn left_handed_meshes_have_flipped_limit_normals() {
     let asset = asset(build(&MeshDesc { left_handed: true, ..cube() }));
     for (position, normal) in corners(&asset) {
         assert!(normal.dot(position.normalize()) < -0.9, "{normal} points inwards at {position}");
@@ -80,14 +80,14 @@ fn normals_of_a_left_handed_mesh_are_on_the_other_side() {
 }
 
 #[test]
-fn authored_normals_of_a_subdivision_surface_do_not_count() {
+fn authored_normals_are_ignored_on_subdivision_surfaces() {
     let normals = primvar(Interpolation::Vertex, vec![[0.0_f32, 0.0, 1.0]; 8]);
     let (with, without) = (asset(build(&MeshDesc { normals: Some(normals), ..cube() })), asset(build(&cube())));
     assert_eq!(with.normals, without.normals, "USD: only polygon meshes have authored normals");
 }
 
 #[test]
-fn values_by_face_and_subsets_go_with_the_face() {
+fn uniform_values_and_subsets_follow_their_face() {
     let colors: Vec<[f32; 3]> = (0..6_u8).map(|face| [f32::from(face), 0.0, 0.0]).collect();
     let subset = SubsetDesc { path: "/c/s".into(), material: None, faces: TypedArray::of(vec![4_i32]) };
     let desc =
@@ -101,7 +101,7 @@ fn values_by_face_and_subsets_go_with_the_face() {
 }
 
 #[test]
-fn values_by_point_and_corner_are_those_of_the_surface() {
+fn vertex_and_face_varying_values_are_refined() {
     let positions: Vec<[f32; 3]> = (0..8).map(|k| cube().points.vec3(k).unwrap().as_vec3().to_array()).collect();
     let by_corner = (0..24).map(|c| positions[cube().face_vertex_indices.index(c).unwrap() as usize]).collect();
     let named = |name: &str, primvar| NamedPrimvar { name: name.into(), primvar };
@@ -178,7 +178,7 @@ fn creases_are_read_by_crease_and_by_edge() {
 }
 
 #[test]
-fn faces_that_have_a_point_twice() {
+fn faces_with_repeated_points_are_refined_or_refused() {
     // A pole: points in a row count once. A face that comes back to a point cannot be subdivided.
     let desc = MeshDesc {
         face_vertex_counts: TypedArray::of(vec![4_i32, 4, 4]),
@@ -199,7 +199,7 @@ fn faces_that_have_a_point_twice() {
 }
 
 #[test]
-fn what_cannot_be_refined_stays_a_polygon_mesh_and_is_counted() {
+fn a_mesh_that_cannot_be_refined_stays_polygonal_and_is_counted() {
     let refused = DroppedData { unrefined_meshes: 1, ..DroppedData::NONE };
     let quads = build(&MeshDesc { subdivision: Subdivision::Loop, ..cube() });
     assert_eq!((quads.dropped, quads.asset.unwrap().triangles.len()), (refused, 12), "Loop's scheme needs triangles");
@@ -212,7 +212,7 @@ fn what_cannot_be_refined_stays_a_polygon_mesh_and_is_counted() {
 }
 
 #[test]
-fn edges_are_cut_as_their_size_in_the_picture_says() {
+fn edge_rates_follow_projected_edge_length() {
     let near = |distance: f64| Eye { position: DVec3::new(0.0, 0.0, 1.0 + distance), nearest: 0.01 };
     let dicing = |eyes| Dicing { pixels: 2.0, density: 1.0, focal: 100.0, eyes };
     let (a, b) = (DVec3::new(-1.0, 0.0, 1.0), DVec3::new(1.0, 0.0, 1.0));

@@ -69,7 +69,7 @@ fn linear_curves_are_their_segments() {
 
 /// Pieces of a cubic curve stay within the tolerance of it, whatever the camera sees of them.
 #[test]
-fn pieces_are_as_near_to_the_curve_as_they_say() {
+fn curve_pieces_stay_within_their_tolerance() {
     let bezier = |t: f64| {
         let s = 1.0 - t;
         let w = [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t];
@@ -100,7 +100,7 @@ fn pieces_are_as_near_to_the_curve_as_they_say() {
 }
 
 #[test]
-fn widths_go_by_curve_end_and_point() {
+fn widths_support_uniform_varying_and_vertex_rates() {
     let points: Vec<[f32; 3]> = (0..10_u8).map(|k| [f32::from(k), 0.0, 0.0]).collect();
     let two = curves(CurveBasis::BSpline, CurveWrap::Nonperiodic, &[5, 5], &points);
     let radii_of = |interpolation, widths: Vec<f32>| {
@@ -130,7 +130,7 @@ fn widths_go_by_curve_end_and_point() {
 }
 
 #[test]
-fn values_go_along() {
+fn curve_primvars_are_interpolated_along_the_curve() {
     let points: Vec<[f32; 3]> = (0..6_u8).map(|k| [f32::from(k), 0.0, 0.0]).collect();
     let named = |name: &str, primvar| NamedPrimvar { name: name.into(), primvar };
     let desc = MeshDesc {
@@ -160,7 +160,7 @@ fn values_go_along() {
 }
 
 #[test]
-fn normals_make_ribbons() {
+fn curves_with_normals_are_ribbons() {
     let desc = MeshDesc {
         normals: Some(primvar(Interpolation::Vertex, vec![[0.0_f32, 0.0, 1.0]; 4])),
         ..curves(
@@ -183,7 +183,7 @@ fn normals_make_ribbons() {
 }
 
 #[test]
-fn points_are_balls() {
+fn points_are_spheres() {
     let desc = MeshDesc {
         shape: Shape::Points,
         widths: Some(primvar(Interpolation::Vertex, vec![1.0_f32, 2.0, 0.0, 4.0])),
@@ -231,7 +231,7 @@ fn a_point_takes_at_most_twenty_bytes() {
 }
 
 #[test]
-fn trees_of_any_number_of_points_are_whole() {
+fn point_trees_of_any_size_hold_every_point() {
     for count in (1..70).chain([127, 128, 129, 1000, 1023]) {
         let asset = asset(&build(&scattered(count, Interpolation::Vertex)));
         assert_eq!(asset.bvh.validate(&asset.triangles, asset.kind), Ok(()), "{count}");
@@ -242,7 +242,7 @@ fn trees_of_any_number_of_points_are_whole() {
 }
 
 #[test]
-fn clusters_of_points_are_as_large_as_they_may_be() {
+fn point_clusters_fill_the_chunk_size() {
     let whole = asset(&build(&scattered(20_000, Interpolation::Vertex)));
     let clusters = split_mesh(&whole, 64 << 10);
     assert_eq!(clusters.iter().map(|cluster| cluster.triangles.len()).sum::<usize>(), 20_000);
@@ -255,7 +255,7 @@ fn clusters_of_points_are_as_large_as_they_may_be() {
 }
 
 #[test]
-fn clusters_keep_what_they_are() {
+fn clusters_keep_their_leaf_kind() {
     let points: Vec<[f32; 3]> = (0..400_u16).map(|k| [f32::from(k) * 0.1, f32::from(k % 7), 0.0]).collect();
     let desc = curves(CurveBasis::BSpline, CurveWrap::Nonperiodic, &[400], &points);
     let whole = asset(&build(&desc));
@@ -266,7 +266,7 @@ fn clusters_keep_what_they_are() {
 }
 
 #[test]
-fn what_makes_no_sense_is_counted() {
+fn invalid_curves_are_counted_as_dropped() {
     let dropped = |basis, counts: &[i32], points: &[[f32; 3]]| {
         let built = build(&curves(basis, CurveWrap::Nonperiodic, counts, points));
         (built.dropped.curves, built.asset.map_or(0, |asset| asset.triangles.len()))
@@ -287,7 +287,7 @@ fn what_makes_no_sense_is_counted() {
 }
 
 #[test]
-fn what_has_nothing_to_draw_is_no_mesh() {
+fn curves_of_no_extent_give_no_asset() {
     let one = || curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[4], &ZIGZAG);
     let without_length = Some(primvar(Interpolation::Vertex, vec![[0.0_f32; 3]; 4]));
     let thin = || Some(primvar(Interpolation::Constant, vec![0.0_f32]));
@@ -308,7 +308,7 @@ proptest! {
 
     /// Random arrays of wrong lengths: an asset without a number that is none, or nothing; never a panic.
     #[test]
-    fn hostile_curves_do_no_harm(
+    fn random_curves_never_panic(
         basis in 0..4_usize,
         wrap in 0..4_usize,
         counts in proptest::collection::vec(-2..9_i32, 0..8),

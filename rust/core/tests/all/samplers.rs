@@ -7,7 +7,7 @@ use oocpt_core::{pixel_seed, sample_4d};
 /// First numerators (over 8) of dimensions 0 to 3, by hand from the Joe-Kuo direction numbers 1/2, 1/4, 1/8; 1/2, 3/4,
 /// 5/8; 1/2, 3/4, 3/8; 1/2, 3/4, 1/8.
 #[test]
-fn first_points_are_the_published_ones() {
+fn first_sobol_points_match_the_published_ones() {
     let expected: [[u32; 8]; 4] =
         [[0, 4, 2, 6, 1, 5, 3, 7], [0, 4, 6, 2, 5, 1, 3, 7], [0, 4, 6, 2, 3, 7, 5, 1], [0, 4, 6, 2, 1, 5, 7, 3]];
     for (dimension, points) in expected.iter().enumerate() {
@@ -27,7 +27,7 @@ fn direction_matrices_are_upper_triangular_with_unit_diagonal() {
 }
 
 #[test]
-fn mixers_are_permutations_of_low_bits() {
+fn hash_mixers_permute_residues() {
     // Laine-Karras maps residues modulo 2^k to residues modulo 2^k; owen does the same to the high bits.
     for seed in [0, 1, 0xdead_beef] {
         let mut low = std::collections::BTreeSet::new();
@@ -109,7 +109,7 @@ fn sets_and_seeds_are_decorrelated() {
 }
 
 #[test]
-fn bits_are_pinned_for_the_glsl_twin() {
+fn sample_bits_are_pinned_for_the_glsl_twin() {
     let bits = |p: [f32; 4]| p.map(f32::to_bits);
     assert_eq!(bits(sample_4d(0, 0, 0)), PINNED[0]);
     assert_eq!(bits(sample_4d(12345, 6, 0x89ab_cdef)), PINNED[1]);

@@ -155,7 +155,7 @@ fn summaries_are_those_of_the_assets() {
 }
 
 #[test]
-fn what_memory_has_no_room_for_comes_from_files_with_the_same_bits() {
+fn meshes_beyond_the_host_budget_reload_from_files_bit_for_bit() {
     let expected = content(&plain());
     let files = Arc::new(Files::default());
     let mut db = database(&files, 0);
@@ -179,7 +179,7 @@ fn what_memory_has_no_room_for_comes_from_files_with_the_same_bits() {
 }
 
 #[test]
-fn without_room_anywhere_meshes_stay_in_memory() {
+fn without_disk_space_meshes_stay_in_memory() {
     let files = Arc::new(Files { is_full: true, ..Files::default() });
     let mut db = database(&files, 0);
     let snapshot = committed(&mut db);
@@ -188,7 +188,7 @@ fn without_room_anywhere_meshes_stay_in_memory() {
 }
 
 #[test]
-fn another_database_finds_what_the_first_one_built() {
+fn stored_meshes_are_found_by_another_database() {
     let files = Arc::new(Files { lasts: true, ..Files::default() });
     let first = database(&files, u64::MAX).commit();
     assert_eq!((files.added.load(Ordering::Relaxed), files.found.load(Ordering::Relaxed)), (3, 0));
@@ -218,7 +218,7 @@ fn damaged_files_are_built_again() {
 }
 
 #[test]
-fn files_that_cannot_be_read_for_a_moment_are_read_again() {
+fn transient_read_failures_are_retried() {
     let files = Arc::new(Files::default());
     let snapshot = committed(&mut database(&files, 0));
     files.busy.store(2, Ordering::Relaxed);
@@ -230,7 +230,7 @@ fn files_that_cannot_be_read_for_a_moment_are_read_again() {
 }
 
 #[test]
-fn hostile_entries_are_not_believed() {
+fn corrupt_stored_entries_are_rejected() {
     let files = Arc::new(Files { lasts: true, ..Files::default() });
     let expected = content(&committed(&mut database(&files, u64::MAX)));
     let entries = files.entries.lock().expect("not poisoned").clone();
@@ -266,7 +266,7 @@ fn hostile_entries_are_not_believed() {
 }
 
 #[test]
-fn a_version_of_builds_goes_with_its_bits() {
+fn changed_build_bits_require_a_new_format_version() {
     // When this fails, meshes are built to other bits: raise `scene_mesh::VERSION`, then put the new number here.
     let text: String = content(&plain()).into_iter().map(|(key, text)| format!("{key} {text}")).collect();
     assert_eq!(xxhash_rust::xxh3::xxh3_64(text.as_bytes()), 15_226_478_199_142_897_444, "of version 4");

@@ -41,7 +41,7 @@ fn a_shared_mesh_is_loaded_once_and_freed_with_its_last_unit() {
 }
 
 #[test]
-fn a_load_that_is_not_agreed_to_is_asked_about_again() {
+fn a_declined_load_is_proposed_again() {
     for kind in PolicyKind::ALL {
         let mut planner = Planner::new(catalog(), 120, kind).unwrap();
         let mut asked = Vec::new();

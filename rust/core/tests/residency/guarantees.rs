@@ -111,7 +111,7 @@ proptest! {
 
     /// A list of what was asked for, past the catalog and with units that nobody asked for too, changes nothing.
     #[test]
-    fn a_list_of_what_was_asked_for_gives_equal_commands(
+    fn a_demand_list_gives_the_same_commands_as_the_full_table(
         catalog in catalogs(), percent in 0_u64..=100, kind in kinds(), events in events(), more in 0_u32..13,
     ) {
         let budget = budget_of(&catalog, percent);

@@ -29,7 +29,7 @@ fn step_of(planner: &mut Planner, demand: &Demand<'_>) -> (Vec<u32>, Vec<u32>) {
 }
 
 #[test]
-fn the_most_visited_come_first_and_the_others_stay_away() {
+fn the_most_visited_mapped_units_load_first() {
     let mut planner = planner(20, PolicyKind::Benefit);
     let visits = [3_000_000, 9_000_000, 1_000_000, 0];
     assert_eq!(step(&mut planner, &visits, &[true; 4]), (vec![1, 0], vec![]), "by visits, as far as there is room");
@@ -39,7 +39,7 @@ fn the_most_visited_come_first_and_the_others_stay_away() {
 }
 
 #[test]
-fn what_is_visited_more_takes_the_place_of_what_is_visited_less() {
+fn more_visited_units_replace_less_visited_ones() {
     let mut planner = planner(20, PolicyKind::Benefit);
     let _ = step(&mut planner, &[3_000_000, 9_000_000, 0, 0], &[true; 4]);
     let mut swaps = Vec::new();
@@ -51,7 +51,7 @@ fn what_is_visited_more_takes_the_place_of_what_is_visited_less() {
 }
 
 #[test]
-fn what_cannot_be_read_in_host_memory_or_is_not_visited_is_left_alone() {
+fn unmapped_or_unvisited_units_are_not_moved() {
     let mut planner = planner(40, PolicyKind::Benefit);
     let mapped = [false, true, true, true];
     assert_eq!(step(&mut planner, &[9_000_000, 0, 0, 5_000_000], &mapped), (vec![3], vec![]));
@@ -63,7 +63,7 @@ fn what_cannot_be_read_in_host_memory_or_is_not_visited_is_left_alone() {
 
 /// A unit that hardly any ray reads is not worth the bytes; a few more, and it is.
 #[test]
-fn few_visits_are_no_reason_to_load() {
+fn few_visits_do_not_trigger_a_load() {
     let bytes = 16 << 20;
     let catalog = Catalog::new(vec![bytes], [vec![0]]).expect("a good catalog");
     let mut planner = Planner::new(Arc::new(catalog), bytes, PolicyKind::Benefit).expect("it fits");
@@ -78,7 +78,7 @@ fn few_visits_are_no_reason_to_load() {
 
 /// When nearly all rays wait, what the few others read displaces nothing.
 #[test]
-fn nothing_is_brought_for_visits_while_rays_wait() {
+fn waiting_rays_take_precedence_over_visits() {
     let mut planner = planner(20, PolicyKind::Benefit);
     let most = [9_000_000, 3_000_000, 1_000_000, 0];
     for _ in 0..5 {
@@ -102,7 +102,7 @@ fn nothing_is_brought_for_visits_while_rays_wait() {
 
 /// What hardly any ray waits for comes while there is room for all that is waited for, and displaces nothing.
 #[test]
-fn what_few_wait_for_comes_while_there_is_room() {
+fn units_with_little_demand_load_only_into_free_space() {
     let waiting = [1000, 1, 0, 2];
     let demand = Demand { waiting: &waiting, active: 100_000, ..Demand::default() };
     for (budget, expected) in [(30, vec![0, 3, 1]), (29, vec![0])] {
@@ -114,7 +114,7 @@ fn what_few_wait_for_comes_while_there_is_room() {
 /// Two chunks and two tiles, where rays do not wait for chunks any more: what they cannot read in host memory stays,
 /// whatever waits.
 #[test]
-fn what_rays_cannot_read_elsewhere_stays_for_those_that_do_not_wait() {
+fn unmapped_units_stay_resident_for_rays_that_do_not_wait() {
     let mut planner = planner(20, PolicyKind::Benefit);
     assert_eq!(step_of(&mut planner, &Demand { waiting: &[1, 1, 0, 0], ..Demand::default() }), (vec![0, 1], vec![]));
     let kept = Demand { mapped: &[false, true], keep_below: 2, ..Demand::default() };

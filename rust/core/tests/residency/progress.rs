@@ -52,7 +52,7 @@ proptest! {
     /// Every unit somebody waits for becomes resident, whatever the others ask, also when one unit fills the budget;
     /// that it then stays for a step is checked by the witness (pins).
     #[test]
-    fn nothing_starves(
+    fn every_demanded_unit_becomes_resident(
         catalog in catalogs(), percent in prop_oneof![Just(0_u64), 0_u64..=100], kind in kinds(),
         demand in prop::collection::vec(prop::collection::vec(prop_oneof![Just(0_u32), 0_u32..1_000_000], 0..10), 1..8),
         latency in 0_u32..4, in_flight in 0_u64..100,
@@ -117,7 +117,7 @@ fn swaps(kind: PolicyKind, steps: u32) -> u64 {
 }
 
 #[test]
-fn equals_swap_seldom() {
+fn equally_demanded_units_rarely_swap() {
     // The pin alone allows a swap every second step; that is what a round robin is.
     assert!(swaps(PolicyKind::Sweep, 1000) <= 500, "sweep swaps at most every second step");
     for kind in [PolicyKind::Priority, PolicyKind::Benefit] {
@@ -127,7 +127,7 @@ fn equals_swap_seldom() {
 }
 
 #[test]
-fn an_idle_device_loads_whatever_the_policy_thinks() {
+fn an_idle_device_always_loads_something() {
     // One ray waits; the resident unit was of great use a moment ago.
     for kind in PolicyKind::ALL {
         let mut planner = planner(&catalog_of(2, |unit| vec![unit], 0), 1, kind);
@@ -143,7 +143,7 @@ fn an_idle_device_loads_whatever_the_policy_thinks() {
 }
 
 #[test]
-fn what_a_failed_load_shared_with_an_evicted_unit_is_freed() {
+fn assets_shared_by_a_failed_load_and_an_evicted_unit_are_freed() {
     // Units 0 and 1 share asset 2, unit 1 is loading when 0 is thrown out by a lower budget, then fails.
     let catalog = Arc::new(Catalog::new(vec![10, 10, 10], [vec![0, 2], vec![1, 2]]).expect("a good catalog"));
     let mut planner = planner(&catalog, 30, PolicyKind::Benefit);

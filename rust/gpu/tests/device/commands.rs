@@ -181,7 +181,7 @@ fn the_first_mistake_is_returned_and_nothing_runs() {
 }
 
 #[test]
-fn what_is_no_shader_is_refused() {
+fn invalid_spirv_is_refused() {
     let gpu = support::open();
     let words = compile(AFFINE);
     for (words, push) in [(&words[..5], 24), (&[][..], 24), (&words[..], 22), (&words[..], 1 << 20)] {

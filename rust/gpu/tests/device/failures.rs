@@ -50,7 +50,7 @@ fn a_planted_failure_strikes_the_request_it_was_meant_for() {
 /// Whatever call fails, once or twice in a row: an error for lack of memory, nothing is held that was not held before,
 /// and the same work is done by the next try.
 #[test]
-fn every_call_that_takes_memory_fails_well() {
+fn every_allocating_call_survives_out_of_memory() {
     let words = support::compile(support::AFFINE);
     let calls = [Call::Buffer, Call::Range, Call::Memory, Call::Mapping, Call::Pipeline, Call::CommandPool];
     for (call, times) in calls.into_iter().flat_map(|call| [(call, 1), (call, 2), (call, 100)]) {
@@ -79,7 +79,7 @@ fn every_call_that_takes_memory_fails_well() {
 /// The books of the budget against the driver's own function, on any device: what is on the books is what is held, to
 /// the byte, and the driver never gave more than was on the books.
 #[test]
-fn every_byte_that_the_driver_gives_is_on_the_books() {
+fn the_budget_counts_every_byte_of_vkAllocateMemory() {
     let gpu = small();
     let opened = gpu.driver_memory();
     assert_eq!(opened.held, books(&gpu), "after opening");

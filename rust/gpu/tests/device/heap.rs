@@ -210,7 +210,7 @@ fn a_heap_stays_within_its_own_limit() {
 }
 
 #[test]
-fn trying_says_no_where_space_is_in_pieces() {
+fn try_alloc_refuses_when_free_space_is_fragmented() {
     let gpu = support::open_with(&OpenOptions { budget_bytes: Some(1 << 20), ..support::options() });
     let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
     let take = |bytes| heap.try_alloc("piece", bytes, 16).expect("alive");

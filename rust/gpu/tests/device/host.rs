@@ -43,7 +43,7 @@ fn the_host_works_between_what_comes_before_and_after_it() {
 }
 
 #[test]
-fn an_error_of_the_host_is_one_of_the_list() {
+fn an_error_of_host_work_fails_the_command_list() {
     let gpu = support::open();
     let data = Buffer::new(&gpu, "data", 256, Usage::Readback).expect("memory");
     data.write(0, &[0; 256]).expect("fits");
@@ -109,7 +109,7 @@ fn a_view_reads_and_writes_inside_of_buffers_only() {
 }
 
 #[test]
-fn what_a_view_sees_stays_until_it_ends() {
+fn buffers_stay_alive_while_a_host_view_exists() {
     let gpu = support::open();
     let data = Buffer::new(&gpu, "data", 1 << 20, Usage::Device).expect("memory");
     let mut commands = gpu.commands("fill").expect("a command list");
@@ -130,7 +130,7 @@ fn what_a_view_sees_stays_until_it_ends() {
 }
 
 #[test]
-fn a_range_that_a_view_sees_is_given_to_nobody() {
+fn a_viewed_range_is_not_reused() {
     let gpu = support::open();
     let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
     let [first, _other] = ["first", "other"].map(|name| heap.alloc(name, 4096, 16).expect("memory"));

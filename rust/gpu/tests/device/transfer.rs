@@ -162,7 +162,7 @@ fn transfers_are_timed_if_their_queue_can() {
 }
 
 #[test]
-fn dispatches_and_strangers_are_refused() {
+fn transfer_lists_refuse_dispatches_and_foreign_resources() {
     let gpu = support::open();
     let pipeline = affine(&gpu, 1);
     let data = Buffer::new(&gpu, "data", 64, Usage::Readback).expect("memory");

@@ -13,7 +13,7 @@ use crate::support::{affine, affine_push};
 const MIB: u64 = 1 << 20;
 
 #[test]
-fn nothing_grows() {
+fn memory_does_not_grow_over_many_cycles() {
     two_thousand_cycles_do_not_grow();
     devices_open_and_close_without_growth();
 }

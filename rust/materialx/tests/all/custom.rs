@@ -90,7 +90,7 @@ const TWO: &str = r#"<?xml version="1.0"?>
 </materialx>"#;
 
 #[test]
-fn graphs_of_a_namespace_are_nodes() {
+fn namespaced_nodegraphs_become_nodes() {
     let folder = Folder::new("namespace", &[("two.mtlx", TWO)]);
     let library = folder.library();
     assert!(library.problems().is_empty(), "{:?}", library.problems());
@@ -110,7 +110,7 @@ fn graphs_of_a_namespace_are_nodes() {
 }
 
 #[test]
-fn a_definition_of_ones_own_stands_for_one_of_the_libraries() {
+fn a_custom_definition_overrides_a_library_one() {
     let text = TWO.replace(" namespace=\"mine\"", "").replace("ND_half_color3", "ND_saturate_color3");
     let folder = Folder::new("instead", &[("two.mtlx", &text)]);
     let translation = color_of(&folder.library(), "ND_saturate_color3", &[("in", vector(0.8, 0.4, 0.2))], "out");
@@ -155,7 +155,7 @@ fn graphs_of_surfaces_read_files() {
 }
 
 #[test]
-fn definitions_that_are_made_of_themselves_end() {
+fn recursive_definitions_are_refused() {
     let twice = |name: &str, inner: &str| {
         format!(
             r#"<nodedef name="ND_{name}" node="{name}"><output name="out" type="color3" /></nodedef>
@@ -200,7 +200,7 @@ fn definitions_without_a_graph_are_named() {
 
 /// A file that a scene names, with what it includes: in a circle, too many, not there.
 #[test]
-fn files_bring_what_they_include() {
+fn included_documents_are_loaded() {
     let half = TWO.replace(" namespace=\"mine\"", "").replace("other.mtlx", "user.mtlx");
     let user = r#"<materialx><xi:include href="two.mtlx" /><xi:include href="none.mtlx" />
       <nodedef name="uses_half" node="uses_half"><output name="out" type="color3" /></nodedef>
@@ -228,7 +228,7 @@ fn files_bring_what_they_include() {
 /// Nothing is waited for, nothing is read without an end.
 #[cfg(unix)]
 #[test]
-fn what_is_no_regular_file_is_not_opened() {
+fn irregular_files_are_not_opened() {
     let folder = Folder::new("pipes", &[("two.mtlx", TWO)]);
     let made = std::process::Command::new("mkfifo").arg(folder.0.join("pipe.mtlx")).status().expect("it runs");
     assert!(made.success(), "a pipe");

@@ -43,7 +43,7 @@ fn leaning() -> Value {
 }
 
 #[test]
-fn a_normal_map_of_1_38_is_about_the_normal_of_the_world() {
+fn a_1_38_normal_map_uses_the_world_normal() {
     let in_world = |kind: &str| given(vec![node(kind, &[("in", leaning())], &[])]);
     // 0.6 T + 0.8 N.
     let expected = [0.96, 0.0, 0.28];
@@ -123,7 +123,7 @@ fn normals_are_transformed_between_the_object_and_the_world() {
 
 /// The octahedral pair is unfolded on both sides of the plane z = 0.
 #[test]
-fn the_third_axis_of_the_objects_frame_is_unfolded() {
+fn the_object_frame_z_axis_is_decoded() {
     let nodes = || {
         vec![
             node("ND_surface_unlit", &[], &[("emission_color", 1)]),
@@ -153,7 +153,7 @@ fn local(nodes: Vec<Node>) -> [f32; 4] {
 }
 
 #[test]
-fn constant_normals_of_the_world_count() {
+fn constant_world_space_normals_are_applied() {
     let shader = |normal: Value| vec![node("ND_standard_surface_surfaceshader", &[("normal", normal)], &[])];
     // Its parts along T, B, N.
     assert!(near(local(shader(vector(0.96, 0.0, 0.28))), [0.6, 0.0, 0.8]));
@@ -169,7 +169,7 @@ fn constant_normals_of_the_world_count() {
 }
 
 #[test]
-fn normals_of_a_preview_surface_are_of_its_own_frame() {
+fn preview_surface_normals_are_in_tangent_space() {
     let shader = |normal: Value| vec![node("ND_UsdPreviewSurface_surfaceshader", &[("normal", normal)], &[])];
     let translation = sound(shader(vector(0.6, 0.0, 0.8)));
     assert!(near(local(shader(vector(0.6, 0.0, 0.8))), [0.6, 0.0, 0.8]));
@@ -183,7 +183,7 @@ fn normals_of_a_preview_surface_are_of_its_own_frame() {
 }
 
 #[test]
-fn a_normal_map_straight_at_a_surface_is_a_texture() {
+fn a_normal_map_connected_directly_stays_a_texture() {
     let straight = |kind: &str| {
         sound(vec![
             node("ND_standard_surface_surfaceshader", &[], &[("normal", 1)]),
@@ -201,7 +201,7 @@ fn closure(kind: &str, values: &[(&str, Value)], connections: &[(&str, usize)]) 
 }
 
 #[test]
-fn a_film_on_top_is_a_film_of_what_is_below() {
+fn a_thin_film_layer_applies_to_the_base() {
     let film = |values: &[(&str, Value)]| {
         let nodes = vec![
             closure("ND_surface", &[], &[("bsdf", 1)]),
@@ -220,7 +220,7 @@ fn a_film_on_top_is_a_film_of_what_is_below() {
 }
 
 #[test]
-fn a_thin_surface_is_its_front() {
+fn a_thin_surface_uses_its_front_closure() {
     let sheet = |back: &[(&str, usize)]| {
         let mut connections = vec![("front_bsdf", 1)];
         connections.extend_from_slice(back);
@@ -240,7 +240,7 @@ fn a_thin_surface_is_its_front() {
 }
 
 #[test]
-fn disneys_older_models_are_his_later_one() {
+fn disney_2012_and_2015_map_to_disney_principled() {
     for kind in ["ND_disney_brdf_2012_surface", "ND_disney_bsdf_2015_surface"] {
         let translation = sound(vec![node(kind, &[("metallic", number(1.0))], &[])]);
         assert_eq!(source(&translation, Input::Metallic), InputSource::Constant([1.0; 4]), "{kind}");
@@ -252,7 +252,7 @@ fn disneys_older_models_are_his_later_one() {
 
 /// What nobody can work out any more is named with its prim.
 #[test]
-fn the_other_ids_of_1_38_are_named() {
+fn removed_1_38_ids_are_reported_by_name() {
     for kind in [
         "ND_curveadjust_color3",
         "ND_arrayappend_color3_color3array",

@@ -48,7 +48,7 @@ fn fields_of_the_header_are_checked() {
 }
 
 #[test]
-fn an_alpha_channel_that_texels_do_not_have_is_none() {
+fn an_out_of_range_alpha_channel_is_ignored() {
     for alpha in [3, 4, i32::MAX, -1, -2, i32::MIN] {
         let mut bytes = fixture(NAME);
         put(&mut bytes, 16, &alpha.to_le_bytes());
@@ -117,7 +117,7 @@ fn resolutions_are_checked() {
 }
 
 #[test]
-fn faces_of_too_many_bytes_are_not_read() {
+fn oversized_faces_are_refused() {
     let file = changed(|raw| {
         // 9 channels: 2^28 texels are more than 2 GiB. The tables follow.
         put(&mut raw.header, 20, &9_u16.to_le_bytes());
@@ -132,7 +132,7 @@ fn faces_of_too_many_bytes_are_not_read() {
 }
 
 #[test]
-fn tables_have_the_length_that_the_number_of_faces_wants() {
+fn table_lengths_must_match_the_face_count() {
     let refused = |change: fn(&mut Raw)| changed(change).unwrap_err().to_string();
     assert_eq!(refused(|raw| raw.faces.push(0)), "the table of faces is damaged");
     assert_eq!(refused(|raw| raw.faces.truncate(159)), "the table of faces is damaged");
@@ -162,7 +162,7 @@ fn levels_lie_inside_their_part() {
 }
 
 #[test]
-fn a_face_of_one_texel_has_it_where_constant_faces_have_theirs() {
+fn a_one_texel_face_is_read_from_the_constant_table() {
     let file = changed(|raw| raw.faces[3 * 20 + 3] = 0).unwrap();
     assert!(file.faces()[3].is_constant, "though the file does not say so");
     let before = read(&open(fixture(NAME)).unwrap(), 3).unwrap();
@@ -181,7 +181,7 @@ fn damage_inside_of_texels_is_found_by_their_checksum() {
 }
 
 #[test]
-fn many_faces_are_not_believed_of_a_few_bytes() {
+fn a_large_face_count_in_a_small_file_is_refused() {
     let most = 1_u32 << 26;
     let refused = header(FACE_COUNT, most);
     assert!(refused.starts_with("the table of faces is to be 1342177280 bytes, compressed to "), "{refused}");
@@ -211,7 +211,7 @@ impl ReadAt for Large {
 }
 
 #[test]
-fn tables_of_too_many_bytes_are_not_read() {
+fn oversized_tables_are_refused() {
     let mut bytes = fixture(NAME);
     // Texels of 64 channels of 4 bytes.
     put(&mut bytes, 12, &3_u32.to_le_bytes());
@@ -263,7 +263,7 @@ fn old_files_have_edits_up_to_their_end() {
 }
 
 #[test]
-fn edits_that_nobody_knows_are_skipped() {
+fn unknown_edits_are_skipped() {
     let bytes = fixture("edits_u16_2.ptx");
     let at = usize::try_from(u64_at(&bytes, 64 + 32)).unwrap();
     let mut other = bytes.clone();
@@ -274,7 +274,7 @@ fn edits_that_nobody_knows_are_skipped() {
 }
 
 #[test]
-fn failing_sources_are_told_from_bad_files() {
+fn read_errors_are_distinguished_from_bad_files() {
     struct Failing;
     impl ReadAt for Failing {
         fn size(&self) -> u64 {

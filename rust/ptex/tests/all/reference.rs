@@ -165,7 +165,7 @@ fn check_face(fixture: &Fixture, file: &PtexFile, number: u32) {
 }
 
 #[test]
-fn all_is_read_as_the_reference_wrote_it() {
+fn reference_files_are_read_exactly() {
     for fixture in FIXTURES {
         let file = open(crate::support::fixture(fixture.name)).unwrap();
         assert_eq!(file.mesh_type(), fixture.mesh_type, "{}", fixture.name);
@@ -195,7 +195,7 @@ fn files_and_shared_bytes_are_read_by_several_threads() {
 }
 
 #[test]
-fn a_face_that_is_none_is_an_error() {
+fn an_out_of_range_face_is_an_error() {
     let file = open(fixture("quad_u8_3.ptx")).unwrap();
     assert_eq!(read(&file, 8).unwrap_err().to_string(), "there is no face 8");
     assert_eq!(file.face_bytes(u32::MAX).unwrap_err().to_string(), "there is no face 4294967295");

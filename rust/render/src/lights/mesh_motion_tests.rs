@@ -62,7 +62,7 @@ fn table(scene: &Snapshot, lights: &Arc<MeshLights>) -> LightTable {
 
 /// What choosing a point gives as its density is what a hit there is weighed with, at the time of the path.
 #[test]
-fn a_hit_has_the_density_of_choosing_it_at_any_time() {
+fn hit_pdf_equals_sampling_pdf_at_any_time() {
     for (count, has_locals) in [(1, false), (3, true), (200, false), (200, true)] {
         let scene = room(count, has_locals);
         let lights = mesh_lights(&scene);
@@ -91,7 +91,7 @@ fn a_hit_has_the_density_of_choosing_it_at_any_time() {
 
 /// The leaves of the tree over placements hold each where it is, at all times.
 #[test]
-fn boxes_of_the_tree_hold_what_moves_at_any_time() {
+fn tree_boxes_bound_moving_lights_at_any_time() {
     let scene = room(60, false);
     let lights = mesh_lights(&scene);
     let found = scene.mesh_placements(&|_| true, 1000).all;
@@ -122,7 +122,7 @@ fn boxes_of_the_tree_hold_what_moves_at_any_time() {
 
 /// Keys of what instances share are there once; without motion there is no table.
 #[test]
-fn tables_grow_with_what_moves_on_its_own() {
+fn motion_tables_grow_only_with_independent_motion() {
     let places: Vec<DVec3> = (0..1000).map(|i| probe::scattered(i, 0) * 100.0).collect();
     let scene = |turns: bool, flies: bool| {
         snapshot(|db| {

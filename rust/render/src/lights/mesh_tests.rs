@@ -77,7 +77,7 @@ pub(super) fn mesh_lights(snapshot: &Snapshot) -> Arc<MeshLights> {
 }
 
 #[test]
-fn nothing_that_emits_is_no_light() {
+fn a_scene_without_emission_has_no_mesh_lights() {
     let mut cache = MeshLightCache::default();
     let dark = snapshot(|db| {
         db.upsert_material(glow("/glow", [0.0; 3]));
@@ -107,7 +107,7 @@ fn memory_grows_with_unique_triangles_and_placements() {
 }
 
 #[test]
-fn what_a_hit_cannot_tell_apart_is_no_light() {
+fn meshes_with_ambiguous_prim_ids_are_not_sampled() {
     let scene = snapshot(|db| {
         for (path, id) in [("/a", 7), ("/b", 7), ("/c", 8), ("/d", -1)] {
             db.upsert_mesh(cube(path, id, DMat4::IDENTITY, false));
@@ -159,7 +159,7 @@ fn closed_meshes_shine_outwards() {
 }
 
 #[test]
-fn trails_lead_to_their_leaves() {
+fn tree_trails_lead_to_their_leaves() {
     let places: Vec<DVec3> = (0..300).map(|i| probe::scattered(i, 0) * 100.0).collect();
     let scene = snapshot(|db| {
         db.upsert_instancer(instancer(&places));
@@ -264,7 +264,7 @@ fn varied_room() -> Arc<Snapshot> {
 
 /// Weights of faces: means over their corners, of what is above 0.
 #[test]
-fn faces_weigh_what_their_corners_emit() {
+fn face_weights_are_the_mean_emission_of_corners() {
     let scene = snapshot(|db| {
         db.upsert_material(reading("/read"));
         let mut mesh = cube("/cube", 3, DMat4::IDENTITY, false);
@@ -284,7 +284,7 @@ fn faces_weigh_what_their_corners_emit() {
 
 /// The innermost instancer's value, and the mesh's own before it.
 #[test]
-fn placements_have_the_values_of_their_instances() {
+fn mesh_light_placements_use_instance_values() {
     let values: Vec<[f32; 3]> = vec![[1.0; 3], [0.0; 3], [3.0, 0.0, 0.0]];
     let scene = |own: bool| {
         snapshot(|db| {
@@ -311,7 +311,7 @@ fn placements_have_the_values_of_their_instances() {
 
 /// What choosing a point gives as its density is what a hit there is weighed with.
 #[test]
-fn a_hit_has_the_density_of_choosing_it() {
+fn hit_pdf_equals_sampling_pdf() {
     for (count, has_locals) in [(1, false), (3, true), (200, false), (200, true), (0, false)] {
         let scene = if count == 0 { varied_room() } else { room(count, has_locals) };
         let lights = mesh_lights(&scene);

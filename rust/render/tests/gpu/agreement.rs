@@ -57,7 +57,7 @@ fn first_hits_of_nested_instances() {
 }
 
 #[test]
-fn first_hits_of_the_flattened_twin() {
+fn first_hits_of_flattened_instances() {
     first_hits_agree(flattened);
 }
 

@@ -122,7 +122,7 @@ fn fewest(all: i32) -> i32 {
 }
 
 #[test]
-fn the_interval_holds_the_true_error_as_often_as_it_says() {
+fn confidence_intervals_have_their_stated_coverage() {
     let plain = view(SIZE);
     type Row = (&'static str, fn(&mut SceneDb), RenderRequest, u32);
     let rows: [Row; 10] = [
@@ -147,7 +147,7 @@ fn the_interval_holds_the_true_error_as_often_as_it_says() {
 /// The estimator was tuned on the scenes above at their sample counts. These are the scenes of streaming, on which
 /// nothing was tuned, at two other counts.
 #[test]
-fn nor_does_it_fail_where_nobody_looked() {
+fn confidence_intervals_hold_on_scenes_not_used_for_tuning() {
     let view = |scene: &Scene| color_request(perspective(scene.eye, scene.target, 0.8, SIZE));
     let scenes = [2, 4, 5, 6, 8].map(|at| &SCENES[at]);
     for samples in [24, 96] {

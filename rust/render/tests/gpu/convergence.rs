@@ -95,7 +95,7 @@ fn error_of(session: &Session) -> ErrorRow {
 }
 
 #[test]
-fn what_is_told_does_not_depend_on_budget_or_cuts() {
+fn the_stated_error_does_not_depend_on_budget_or_wave_cuts() {
     let view = view([40, 30]);
     let told = |options: SessionOptions, report: &str| {
         let settings = Settings { report: report.into(), chunk_size_kib: 16, ..settings(21, 2) };
@@ -241,7 +241,7 @@ fn a_reference_gives_the_true_error() {
 
 /// A mesh that is not there would leave the pictures above without content.
 #[test]
-fn the_scenes_show_something() {
+fn the_error_scenes_are_not_empty() {
     let session = session(settings(4, 1));
     session.with_scene(mirror);
     let view = view(SIZE);

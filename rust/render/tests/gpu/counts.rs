@@ -16,7 +16,7 @@ fn asking(kinds: &[AovKind]) -> RenderRequest {
 }
 
 #[test]
-fn without_adaptive_sampling_each_pixel_has_as_many_as_asked_for() {
+fn uniform_sampling_counts_equal_the_setting() {
     for streams in [false, true] {
         let options = SessionOptions { force_streaming: streams, validation: true, ..SessionOptions::default() };
         let session = Session::with_options(settings(5, 1), options);
@@ -34,7 +34,7 @@ fn without_adaptive_sampling_each_pixel_has_as_many_as_asked_for() {
 }
 
 #[test]
-fn with_it_counts_are_those_that_were_decided() {
+fn adaptive_sample_counts_match_the_decisions() {
     let session = Session::with_options(
         Settings { adaptive_sampling: true, ..settings(64, 2) },
         SessionOptions { validation: true, ..SessionOptions::default() },
@@ -57,7 +57,7 @@ fn with_it_counts_are_those_that_were_decided() {
 }
 
 #[test]
-fn nothing_is_made_for_it_unless_it_is_asked_for() {
+fn sample_count_buffers_exist_only_on_request() {
     let session = Session::with_options(settings(2, 1), SessionOptions::default());
     session.with_scene(nested);
     let made = |kinds: &[AovKind]| {

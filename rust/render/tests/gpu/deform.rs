@@ -55,7 +55,7 @@ fn agree(what: &str, met: &[f64], covers: impl Fn(f64, f64, f64) -> bool) {
 }
 
 #[test]
-fn edges_that_sweep_cover_what_their_integral_says() {
+fn sweeping_edges_match_their_coverage_integral() {
     // The right edge goes to x = 1.75, at rest from the middle of the shutter on; the left one stays.
     let reach = |time: f64| 0.25 + 1.5 * (time / 0.5).min(1.0);
     #[expect(clippy::cast_possible_truncation, reason = "positions")]
@@ -89,7 +89,7 @@ fn velocities_move_points_as_their_arrays_say() {
 }
 
 #[test]
-fn balls_that_move_leave_a_streak() {
+fn moving_spheres_leave_a_streak_of_known_coverage() {
     let ball = MeshDesc {
         shape: Shape::Points,
         points: TypedArray::of(vec![[0.0_f32; 3]]),
@@ -197,7 +197,7 @@ fn rmse(a: &[f64], b: &[f64]) -> f64 {
 }
 
 #[test]
-fn a_deforming_scene_is_the_mean_of_still_ones() {
+fn a_deforming_scene_equals_the_mean_of_static_renders() {
     const STILLS: u32 = 64;
     let still = |k: u32| {
         let time = (f64::from(k) + 0.5) / f64::from(STILLS);
@@ -216,7 +216,7 @@ fn a_deforming_scene_is_the_mean_of_still_ones() {
 }
 
 #[test]
-fn images_through_pixel_centres_are_those_of_the_middle_of_the_shutter() {
+fn pixel_centre_aovs_are_taken_at_mid_shutter_when_deforming() {
     let camera = || perspective(DVec3::new(0.0, 3.0, 9.0), DVec3::Y, 0.5, [48, 32]);
     let with = |open, close| images(|db| squeezed(db, open, close), settings(4, 2), &request(camera()));
     let (moving, still) = (with(0.0, 1.0), with(0.5, 0.5));
@@ -228,6 +228,6 @@ fn images_through_pixel_centres_are_those_of_the_middle_of_the_shutter() {
 }
 
 #[test]
-fn chunks_of_what_deforms_are_the_same_at_every_budget() {
+fn deforming_chunks_have_the_same_bits_at_every_budget() {
     crate::streaming::same_bits(&DEFORMING);
 }

@@ -13,7 +13,7 @@ use oocpt_shader_abi::{ALL, Features};
 use std::collections::BTreeSet;
 
 #[test]
-fn no_wave_is_the_first_use_of_a_pass() {
+fn every_pass_is_warmed_up_before_the_first_wave() {
     // The second scene shares the pipelines of passes to which streaming is nothing.
     let mut used = BTreeSet::new();
     let asks =

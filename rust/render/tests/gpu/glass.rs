@@ -40,7 +40,7 @@ fn block_in(light: LightDesc, roughness: f32) -> Vec<[f32; 4]> {
 
 /// Shadow rays take part in this: those that go through must start beyond the surface.
 #[test]
-fn a_clear_block_in_a_white_world_is_not_to_be_seen() {
+fn a_clear_glass_block_in_a_white_furnace_disappears() {
     let pixels = block_in(dome([1.0; 3]), 0.0);
     let mean = pixels.iter().map(|pixel| f64::from(pixel[0])).sum::<f64>() / 1024.0;
     assert!((mean - 1.0).abs() < 3e-3, "{mean}, not 1");
@@ -52,7 +52,7 @@ fn a_clear_block_in_a_white_world_is_not_to_be_seen() {
 /// The same of a frosted one, to what its table of multiple scattering is off: the whole way of a scene that has rough
 /// glass.
 #[test]
-fn a_frosted_block_in_a_white_world_is_hardly_to_be_seen() {
+fn a_rough_glass_block_in_a_white_furnace_nearly_disappears() {
     let pixels = block_in(dome([1.0; 3]), 0.4);
     let mean = pixels.iter().map(|pixel| f64::from(pixel[0])).sum::<f64>() / 1024.0;
     assert!((mean - 1.0).abs() < 5e-3, "{mean}, not 1");

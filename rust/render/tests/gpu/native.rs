@@ -69,7 +69,7 @@ fn view(eye: DVec3, target: DVec3) -> RenderRequest {
 }
 
 #[test]
-fn opacity_nesting_and_lights_are_the_same_in_core() {
+fn both_backends_agree_on_opacity_nesting_and_lights() {
     let request = view(DVec3::new(3.0, 4.0, 6.0), DVec3::new(0.0, 0.5, 0.0));
     same_bits("features", features, &settings(8, 3), false, &request);
     same_bits("nested", nested, &settings(8, 3), false, &request);
@@ -96,13 +96,13 @@ fn coincident(db: &mut SceneDb) {
 }
 
 #[test]
-fn of_equally_close_hits_the_same_one_is_met() {
+fn both_backends_resolve_coincident_hits_alike() {
     let request = view(DVec3::new(0.3, 2.0, 0.4), DVec3::ZERO);
     same_bits("coincident", coincident, &settings(4, 3), false, &request);
 }
 
 #[test]
-fn scenes_of_many_chunks_are_the_same_in_core_and_streaming() {
+fn both_backends_agree_on_scenes_of_many_chunks() {
     for scene in &SCENES {
         let request = view(scene.eye, scene.target);
         let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
@@ -114,7 +114,7 @@ fn scenes_of_many_chunks_are_the_same_in_core_and_streaming() {
 }
 
 #[test]
-fn what_moves_is_the_same_in_core_and_streaming() {
+fn both_backends_agree_on_motion() {
     let build = |db: &mut SceneDb| mill(db, 0.0, 1.0);
     let request = view(DVec3::new(0.0, 3.0, 9.0), DVec3::Y);
     same_bits("a mill", build, &settings(16, 3), false, &request);
@@ -129,7 +129,7 @@ fn what_moves_is_the_same_in_core_and_streaming() {
 }
 
 #[test]
-fn lights_that_move_are_the_same_in_core_and_streaming() {
+fn both_backends_agree_on_moving_lights() {
     for scene in [&MOVING_LAMPS, &MOVING_BULBS] {
         let request = view(scene.eye, scene.target);
         let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
@@ -140,7 +140,7 @@ fn lights_that_move_are_the_same_in_core_and_streaming() {
 }
 
 #[test]
-fn what_deforms_and_what_planes_cut_is_the_same_in_core_and_streaming() {
+fn both_backends_agree_on_deformation_and_clipping() {
     let mut request = view(DEFORMING.eye, DEFORMING.target);
     let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
     same_bits(DEFORMING.name, DEFORMING.build, &small, false, &request);
@@ -178,7 +178,7 @@ fn clouds(db: &mut SceneDb) {
 }
 
 #[test]
-fn points_are_the_same_in_core_and_streaming() {
+fn both_backends_agree_on_points() {
     let request = view(DVec3::new(1.5, 2.0, 3.0), DVec3::ZERO);
     let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
     same_bits("clouds", clouds, &small, false, &request);
@@ -222,7 +222,7 @@ fn veils(db: &mut SceneDb) {
 }
 
 #[test]
-fn what_is_met_by_chance_at_both_surfaces_is_the_same_in_core_and_streaming() {
+fn both_backends_agree_on_partial_opacity_of_round_leaves() {
     let request = view(DVec3::new(1.5, 2.0, 3.0), DVec3::ZERO);
     let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
     same_bits("veils", veils, &small, false, &request);
@@ -230,7 +230,7 @@ fn what_is_met_by_chance_at_both_surfaces_is_the_same_in_core_and_streaming() {
 }
 
 #[test]
-fn who_walks_the_rays_is_said_with_the_reason() {
+fn the_traversal_backend_is_reported_with_its_reason() {
     let request = view(SCENES[8].eye, SCENES[8].target);
     let by = |traversal, carry: &str| Settings { traversal, carry: carry.into(), ..settings(1, 1) };
     let (_, used, session) = images(SCENES[8].build, by(TraversalKind::Auto, ""), false, &request);

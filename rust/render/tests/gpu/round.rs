@@ -194,7 +194,7 @@ fn check(name: &str, pieces: &[Piece], build: impl Fn(&[Piece]) -> MeshDesc, sca
 }
 
 #[test]
-fn tapered_pieces_are_met_where_their_balls_are() {
+fn tapered_curve_hits_match_the_hull_of_spheres() {
     let pieces: Vec<Piece> = (0..40)
         .map(|i| {
             let (from, to) = (scattered(2 * i), scattered(2 * i + 1));
@@ -205,7 +205,7 @@ fn tapered_pieces_are_met_where_their_balls_are() {
 }
 
 #[test]
-fn pieces_much_longer_than_thick_keep_their_radius() {
+fn long_thin_curve_pieces_keep_their_radius() {
     let pieces: Vec<Piece> = (0..12)
         .map(|i| {
             let (from, to) = (30.0 * scattered(2 * i), 30.0 * scattered(2 * i + 1));
@@ -217,7 +217,7 @@ fn pieces_much_longer_than_thick_keep_their_radius() {
 }
 
 #[test]
-fn balls_and_balls_in_balls() {
+fn nested_spheres_are_hit_exactly() {
     let pieces: Vec<Piece> = (0..60)
         .map(|i| {
             let at = (scattered(i), 0.04 + 0.15 * scattered(i + 300).x.abs());
@@ -233,7 +233,7 @@ fn balls_and_balls_in_balls() {
 
 /// A thick curve of pieces that turn from one to the next: nothing shines through its joints.
 #[test]
-fn joints_leave_no_gap() {
+fn curve_joints_leave_no_gap() {
     let count = 400_u32;
     let place = |k: u32| {
         let t = 0.11 * f64::from(k);
@@ -257,7 +257,7 @@ fn joints_leave_no_gap() {
 
 /// A white ball, and a white capsule, in a white dome disappear: no ray that leaves them meets them again.
 #[test]
-fn white_rounds_in_a_white_dome_disappear() {
+fn white_curves_and_points_in_a_white_furnace_disappear() {
     let far = DVec3::new(1000.0, -500.0, 2000.0);
     for (name, at, pieces) in [
         ("a ball", DVec3::ZERO, vec![[(DVec3::ZERO, 1.0), (DVec3::ZERO, 1.0)]]),

@@ -89,7 +89,7 @@ fn stopped(build: fn(&mut SceneDb), target: f32) -> Stopped {
 /// Stopping does bias where fireflies are: pictures that have met none stop earlier. The bounds are what decisions/0009
 /// states.
 #[test]
-fn stopping_at_a_target_does_not_bias_to_speak_of() {
+fn stopping_at_a_target_error_has_bounded_bias() {
     type Case = (&'static str, fn(&mut SceneDb), f32);
     let cases: [Case; 3] = [("nested", nested, 7e-4), ("window", window, 2e-4), ("mirror", mirror, 2e-3)];
     for (name, build, target) in cases {

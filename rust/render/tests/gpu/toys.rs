@@ -55,7 +55,7 @@ fn mean(colors: &[[f32; 4]]) -> f64 {
 }
 
 #[test]
-fn a_toy_lobe_under_a_distant_light_does_not_ask_for_the_angle() {
+fn the_example_lobe_is_constant_under_a_distant_light() {
     for degrees in [0.0_f64, 40.0, 80.0] {
         let turn = DMat4::from_rotation_y(degrees.to_radians());
         let expected = 3.0 * (DIFFUSE * FRAC_1_PI * degrees.to_radians().cos() + TOY / (2.0 * PI));
@@ -67,14 +67,14 @@ fn a_toy_lobe_under_a_distant_light_does_not_ask_for_the_angle() {
 }
 
 #[test]
-fn a_toy_lobe_in_a_dome_has_its_albedo() {
+fn the_example_lobe_in_a_dome_has_its_albedo() {
     let given = mean(&colors(dome([2.0; 3]), 64, [false; 2]));
     let expected = 2.0 * (DIFFUSE + TOY);
     assert!((given - expected).abs() < 2e-3, "{given} instead of {expected}");
 }
 
 #[test]
-fn a_toy_lobe_has_the_same_bits_when_the_scene_streams() {
+fn the_example_lobe_streams_with_the_same_bits() {
     let images = [false, true].map(|streams| colors(dome([1.0; 3]), 8, [true, streams]));
     assert!(images[0] == images[1], "streaming changed the picture");
 }
@@ -121,7 +121,7 @@ fn under_the_light(eye: DVec3, target: DVec3, height: f64, force_streaming: bool
 }
 
 #[test]
-fn a_toy_light_gives_the_irradiance_of_a_triangle() {
+fn the_example_light_gives_the_irradiance_of_a_triangle() {
     for target in [DVec3::new(0.3, 0.0, 0.2), DVec3::new(-1.0, 0.0, -0.5), DVec3::new(1.5, 0.0, 1.5)] {
         let given = mean(&under_the_light(target + DVec3::new(0.5, 3.0, 4.0), target, 1.5, false));
         let expected = 0.5 * FRAC_1_PI * 3.0 * irradiance(target, &corners(1.5));
@@ -130,7 +130,7 @@ fn a_toy_light_gives_the_irradiance_of_a_triangle() {
 }
 
 #[test]
-fn a_toy_light_has_the_same_bits_when_the_scene_streams() {
+fn the_example_light_streams_with_the_same_bits() {
     let eye = DVec3::new(0.5, 3.0, 4.0);
     let images = [false, true].map(|streams| under_the_light(eye, DVec3::ZERO, 1.5, streams));
     assert!(images[0] == images[1], "streaming changed the picture");
@@ -148,7 +148,7 @@ fn seen_from(eye: DVec3) -> Vec<bool> {
 }
 
 #[test]
-fn a_toy_light_is_seen_as_a_triangle_from_one_side() {
+fn the_example_light_is_seen_as_a_one_sided_triangle() {
     let seen = seen_from(DVec3::new(0.0, -3.0, 1.0e-3)).iter().filter(|seen| **seen).count();
     // Half of the square, but for the 32 pixels on its diagonal.
     assert!(seen.abs_diff(512) <= 32, "{seen} of 1024 pixels");

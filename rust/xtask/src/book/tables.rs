@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_found() {
+    fn malformed_tables_are_reported() {
         assert!(filled("\n<!-- table: u -->\n<!-- end of table -->", &tables()).is_err(), "a table that is not there");
         assert!(filled("\n<!-- table: t -->\n| a |", &tables()).is_err(), "no end");
         assert!(filled("    <!-- table: u -->\n", &tables()).is_ok(), "an example");

@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_measurement_is_an_error() {
+    fn a_run_without_a_valid_report_is_an_error() {
         let report = format!("printf '%s\\n' '{HEADER}' '{USAGE}' > \"$OOCPT_REPORT\"");
         for (name, script, reason) in [
             ("fails", "echo no device >&2; exit 1".to_owned(), "usdrecord failed: no device"),

@@ -177,7 +177,7 @@ fn threads_that_ask_at_the_same_time_wait_for_one_decoding() {
 }
 
 #[test]
-fn only_levels_that_may_be_seen_are_kept_until_more_is_asked_for() {
+fn only_visible_levels_are_cached_until_finer_ones_are_needed() {
     let folder = Folder::new("levels");
     let library = Arc::new(Library::default());
     let (image, _) = open(&library, &folder.settings(), ColorSpace::Auto);
@@ -212,7 +212,7 @@ fn a_damaged_entry_is_made_again() {
 }
 
 #[test]
-fn a_file_that_breaks_off_is_given_up_for_good_and_kept_nowhere() {
+fn a_truncated_file_is_given_up_and_not_cached() {
     for settings in [Folder::new("torn").settings(), no_disk()] {
         let library = Arc::new(Library { breaks: true, ..Library::default() });
         let (image, _) = open(&library, &settings, ColorSpace::Auto);
@@ -247,7 +247,7 @@ fn named_colour_spaces_go_through_their_conversion() {
 }
 
 #[test]
-fn texels_on_the_host_are_those_of_the_tiles() {
+fn host_texels_match_device_tiles() {
     let library = Arc::new(Library::default());
     let (image, _) = open(&library, &no_disk(), ColorSpace::Raw);
     let view: &dyn Image = &*image;

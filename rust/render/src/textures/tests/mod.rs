@@ -127,7 +127,7 @@ fn srgb_is_decoded_before_it_is_filtered() {
 }
 
 #[test]
-fn outside_is_what_the_wrap_mode_says() {
+fn lookups_outside_follow_the_wrap_mode() {
     let corners = Procedural {
         byte: |_, x, y, _| [[10, 20], [30, 40]][y as usize][x as usize],
         info: image([2, 2], 1, TexelFormat::U8).info.clone(),
@@ -171,7 +171,7 @@ fn levels_are_chosen_by_the_width_of_the_filter() {
 }
 
 #[test]
-fn members_of_a_set_and_what_is_missing() {
+fn udim_sets_with_missing_tiles_use_the_fallback() {
     let flat = |byte: fn(u32, u32, u32, u32) -> u8| {
         Arc::new(Procedural { byte, info: image([4, 4], 1, TexelFormat::U8).info.clone() })
     };

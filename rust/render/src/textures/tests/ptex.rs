@@ -212,7 +212,7 @@ fn faces_of_one_size_agree_along_edges_and_at_corners() {
 }
 
 #[test]
-fn faces_of_other_sizes_and_subfaces_show_what_is_beyond() {
+fn borders_of_faces_of_other_sizes_show_their_neighbours() {
     // Linear along the edge, so that a mean of texels is the texel of their middle: here each face is one colour.
     let mesh = prism();
     let sizes = |number: u32| [[3, 3], [2, 2], [4, 3], [3, 5]][number as usize % 4];
@@ -245,7 +245,7 @@ fn faces_of_other_sizes_and_subfaces_show_what_is_beyond() {
 }
 
 #[test]
-fn lookups_are_those_of_the_filter() {
+fn ptex_lookups_match_the_filter_in_f64() {
     let sizes = |number: u32| [[7, 7], [5, 6], [0, 0], [8, 3]][number as usize % 4];
     let faces = ptex_faces(&torus(6, 5), sizes);
     for (data_type, channels, space) in [
@@ -281,7 +281,7 @@ fn lookups_are_those_of_the_filter() {
 }
 
 #[test]
-fn faces_that_are_not_there_and_files_that_are_none_give_the_fallback() {
+fn missing_faces_and_invalid_files_give_the_fallback() {
     let faces = ptex_faces(&cube(), |_| [1, 1]);
     let triangles = PtexWriter::new(Vec::new(), MeshType::Triangle, DataType::U8, 1, None, 1).and_then(|mut writer| {
         writer.push_face(&Face::new([1, 1]), &[1, 2, 3, 4])?;
@@ -299,7 +299,7 @@ fn faces_that_are_not_there_and_files_that_are_none_give_the_fallback() {
 }
 
 #[test]
-fn a_lookup_goes_on_where_a_tile_was_absent() {
+fn a_deferred_lookup_resumes_at_the_missing_tile() {
     let faces = ptex_faces(&torus(3, 3), |_| [8, 8]);
     let bench = bench(vec![ptex_file(&faces, DataType::U8, 4, random)], &ColorSpace::Raw);
     assert!(bench.addresses.len() > 30, "faces of several tiles: {}", bench.addresses.len());
@@ -339,7 +339,7 @@ fn a_lookup_goes_on_where_a_tile_was_absent() {
 
 /// Files that lie: neighbours at random, bytes changed, ends cut off. An error or tiles, in time, whatever they say.
 #[test]
-fn hostile_files_end() {
+fn hostile_ptex_files_terminate() {
     let mut state = 7_u32;
     let mut next = move |below: u32| {
         state = super::hash(state);

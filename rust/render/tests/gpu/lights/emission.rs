@@ -129,7 +129,7 @@ pub(super) fn behind() -> DMat4 {
 
 /// One value for all, for each face, for each corner of a face; one face is dark.
 #[test]
-fn primvars_that_are_even_on_faces_give_the_sum_of_their_polygons() {
+fn uniform_emission_primvars_match_polygon_irradiance() {
     let values = [[1.0_f32, 0.0, 0.0], [0.0; 3], [16.0, 8.0, 0.25], [0.0, 0.5, 4.0], [0.0, 0.0, 0.125]];
     let (desc, places) = row(above());
     let corners: Vec<[f32; 3]> = places.iter().zip(values).flat_map(|(face, value)| vec![value; face.len()]).collect();
@@ -161,7 +161,7 @@ fn primvars_that_are_even_on_faces_give_the_sum_of_their_polygons() {
 
 /// Values at points, some of them negative: what is below 0 between them emits nothing.
 #[test]
-fn primvars_between_points_give_the_integral() {
+fn interpolated_emission_primvars_match_their_integral() {
     const STEPS: u32 = 200;
     let transform = behind();
     let mut desc = quad("/quad", 2, transform);
@@ -193,7 +193,7 @@ fn primvars_between_points_give_the_integral() {
 
 /// A value for each instance; a hundred lamps of one mesh, some dark.
 #[test]
-fn instances_emit_what_they_are_told() {
+fn instances_emit_their_own_primvar_values() {
     const COUNT: u32 = 100;
     let value = |i: u32| f32::from(u8::try_from(i % 7).expect("small")).powi(2);
     let half = 0.03;
@@ -274,7 +274,7 @@ pub(super) fn screen(db: &mut SceneDb, transform: DMat4, is_alone: bool) {
 
 /// What shadow rays see of a texture is what rays see that come by chance: levels, slant and all.
 #[test]
-fn shadow_rays_look_a_texture_up_as_other_rays_do() {
+fn shadow_rays_and_hit_rays_see_the_same_emission_texture() {
     let leaning = DMat4::from_translation(DVec3::new(-0.3, 1.0, -0.6))
         * DMat4::from_rotation_x(-1.1)
         * DMat4::from_scale(DVec3::new(1.3, 0.8, 1.0));
@@ -301,7 +301,7 @@ fn shadow_rays_look_a_texture_up_as_other_rays_do() {
 
 /// Far less noise than by chance, and no more than the texture itself makes.
 #[test]
-fn a_small_sign_is_clean() {
+fn a_small_textured_emitter_has_low_noise() {
     let small = downwards(DVec3::new(0.0, 1.0, -0.5)) * DMat4::from_scale(DVec3::splat(0.1));
     let noise = |is_alone: bool| {
         let build = move |db: &mut SceneDb| {
@@ -334,7 +334,7 @@ fn a_missing_image_shines_with_its_fallback() {
 
 /// Only scenes that need it carry it.
 #[test]
-fn scenes_of_constant_emission_leave_textures_of_lights_out() {
+fn constant_emission_omits_light_textures() {
     let left_out = |material: MaterialDesc| {
         let session = session(settings(1, 1)).with_images(Arc::new(Library("")));
         session.with_scene(|db| {

@@ -39,7 +39,7 @@ fn of_ball(at: DVec3, radius: f64, radiance: f64) -> f64 {
 }
 
 #[test]
-fn light_of_both_groups_adds_up() {
+fn local_and_infinite_lights_add_up() {
     let (near, far) = (DVec3::new(0.2, 0.4, 0.1), DVec3::new(-3.0, 5.0, 2.0));
     expect("a candle beside a sun", 1024, of_ball(near, 0.02, 0.5) + 3.0 * 0.5, 6e-3, &|db| {
         db.upsert_light(sun(3.0, 60.0));
@@ -65,7 +65,7 @@ fn light_of_both_groups_adds_up() {
 }
 
 #[test]
-fn a_mesh_beside_a_sky_and_a_lamp_adds_up() {
+fn mesh_dome_and_lamp_light_adds_up() {
     let transform = downwards(DVec3::new(0.0, 1.0, -0.5)) * DMat4::from_scale(DVec3::splat(0.2));
     let at = DVec3::new(1.0, 1.0, 1.0);
     // The mesh hides its part of the sky.
@@ -96,7 +96,7 @@ fn asked(counts: impl Fn(f32) -> bool, build: &dyn Fn(&mut SceneDb)) -> f64 {
 
 /// Shares of shadow rays by what is brought, and a tenth at least.
 #[test]
-fn what_brings_more_is_asked_more() {
+fn brighter_groups_get_a_larger_share_of_shadow_rays() {
     let at = DVec3::new(0.0, 1.0, 0.0);
     // A ball's irradiance here is that of its power: pi (r / d)^2 L.
     let lit = |sun_value: f32, ball_value: f32| {

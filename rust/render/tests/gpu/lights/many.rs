@@ -136,7 +136,7 @@ fn extreme_lights_stay_finite() {
 /// Lights that bring nothing take no light away, however bright: one that shines away from the floor counts for the
 /// trees by its power, and the dim one beside it keeps its share, among local lights, and beside a mesh.
 #[test]
-fn a_dim_light_is_seen_beside_one_that_shines_away() {
+fn a_dim_light_is_sampled_beside_a_bright_one_facing_away() {
     let away = LightDesc {
         prim: prim("/away", DMat4::from_translation(DVec3::Y * 3.0) * DMat4::from_rotation_x(PI / 2.0)),
         intensity: 1e30,
@@ -165,7 +165,7 @@ fn a_dim_light_is_seen_beside_one_that_shines_away() {
 /// Two lights on either side of the receiver are a group around it: it counts for no more than its size allows, and
 /// leaves its share to a light far away.
 #[test]
-fn a_group_around_the_receiver_leaves_light_to_others() {
+fn a_light_cluster_around_the_receiver_does_not_starve_others() {
     let at = [DVec3::new(2.0, 1.0, 0.0), DVec3::new(-2.0, -1.0, 0.0), DVec3::new(0.0, 20.0, 0.0)];
     let intensity = [1.0, 1.0, 20.0_f32];
     let sum: f64 =

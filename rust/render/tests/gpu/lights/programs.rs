@@ -82,7 +82,7 @@ fn by_normal() -> MaterialDesc {
 
 /// One value for all, for each face, for each corner of a face; one face is dark.
 #[test]
-fn programs_that_are_even_on_faces_give_the_sum_of_their_polygons() {
+fn uniform_emission_programs_match_polygon_irradiance() {
     let values = [[1.0_f32, 0.0, 0.0], [0.0; 3], [4.0, 3.0, 0.5], [0.0, 0.75, 2.0], [0.0, 0.0, 0.375]];
     let (desc, places) = row(above());
     let corners: Vec<[f32; 3]> = places.iter().zip(values).flat_map(|(face, value)| vec![value; face.len()]).collect();
@@ -114,7 +114,7 @@ fn programs_that_are_even_on_faces_give_the_sum_of_their_polygons() {
 
 /// A square between points: u squared, integrated.
 #[test]
-fn a_program_between_points_gives_the_integral() {
+fn interpolated_emission_programs_match_their_integral() {
     const STEPS: u32 = 200;
     let transform = behind();
     let mut desc = super::mesh::quad("/quad", 2, transform);
@@ -146,7 +146,7 @@ fn a_program_between_points_gives_the_integral() {
 
 /// What shadow rays see of a program is what rays see that come by chance.
 #[test]
-fn shadow_rays_run_a_program_as_other_rays_do() {
+fn shadow_rays_and_hit_rays_run_the_same_emission_program() {
     let leaning = DMat4::from_translation(DVec3::new(-0.3, 1.0, -0.6))
         * DMat4::from_rotation_x(-1.1)
         * DMat4::from_scale(DVec3::new(1.3, 0.8, 1.0));
@@ -183,7 +183,7 @@ fn shadow_rays_run_a_program_as_other_rays_do() {
 
 /// Far less noise than by chance.
 #[test]
-fn a_small_sign_by_a_program_is_clean() {
+fn a_small_program_emitter_has_low_noise() {
     let small = downwards(DVec3::new(0.0, 1.0, -0.5)) * DMat4::from_scale(DVec3::splat(0.1));
     for (what, material) in [("letters", letters()), ("places", stripes("object"))] {
         let noise = |is_alone: bool| {
@@ -201,7 +201,7 @@ fn a_small_sign_by_a_program_is_clean() {
 
 /// Only scenes that need it carry it; what reads the normal is met by chance.
 #[test]
-fn other_scenes_leave_programs_of_lights_out() {
+fn scenes_without_emission_programs_omit_them() {
     let left_out = |material: MaterialDesc| {
         let session = session(settings(1, 1)).with_images(Arc::new(Library("")));
         session.with_scene(|db| {

@@ -92,7 +92,7 @@ fn linked_lights_shine_on_their_collections_only() {
 
 /// Shadow linking: only the prims of the collection are in the light's way.
 #[test]
-fn only_linked_prims_shadow() {
+fn shadow_links_limit_shadow_casters() {
     let category: std::sync::Arc<str> = "casters".into();
     for (is_caster, share) in [(true, 0.0), (false, 1.0)] {
         #[expect(clippy::cast_possible_truncation, reason = "a small number")]
@@ -114,7 +114,7 @@ fn only_linked_prims_shadow() {
 }
 
 #[test]
-fn the_camera_sees_lights_that_want_to_be_seen() {
+fn camera_visibility_of_lights_is_respected() {
     for camera_visible in [true, false] {
         let session = session(settings(8, 1));
         session.with_scene(|db| {
@@ -146,7 +146,7 @@ fn the_camera_sees_lights_that_want_to_be_seen() {
 }
 
 #[test]
-fn what_the_lights_do_not_need_is_left_out() {
+fn unused_light_features_are_omitted() {
     let left_out = |lights: Vec<LightDesc>| {
         let session = session(settings(1, 0));
         session.with_scene(|db| {

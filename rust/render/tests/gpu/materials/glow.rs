@@ -47,7 +47,7 @@ fn floor(by_program: bool) -> f64 {
 }
 
 #[test]
-fn emission_of_a_program_counts_once() {
+fn program_emission_is_not_counted_twice() {
     let (found, asked) = (floor(true), floor(false));
     assert!(asked > 0.1, "the floor is lit: {asked}");
     assert!((found / asked - 1.0).abs() < 0.01, "{found} by reflected rays, {asked} by asking");

@@ -27,7 +27,7 @@ fn emission_is_seen_exactly() {
 }
 
 #[test]
-fn a_scene_without_materials_leaves_them_out() {
+fn a_scene_without_materials_omits_material_features() {
     let (session, _) = shown(
         |db| {
             db.upsert_mesh(MeshDesc { material: None, ..board("/a", 1, "") });

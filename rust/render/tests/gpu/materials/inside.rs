@@ -41,7 +41,7 @@ fn slab(params: &[(&str, ParamValue)], thickness: f64, streams: bool) -> Vec<[f3
 
 /// Half a depth leaves the root of the colour, whatever the interface.
 #[test]
-fn light_is_absorbed_along_its_way() {
+fn glass_absorbs_along_the_path_length() {
     let params = [("transmission_color", color([0.25, 0.5, 0.81])), ("transmission_depth", float(2.0))];
     for (thickness, power) in [(1.0, 0.5), (4.0, 2.0)] {
         let [inside, streamed] = [false, true].map(|streams| slab(&params, thickness, streams));

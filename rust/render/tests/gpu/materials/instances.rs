@@ -90,7 +90,7 @@ fn a_primvar_that_nothing_reads_is_left_out() {
 }
 
 #[test]
-fn readers_get_the_value_of_the_instance() {
+fn primvar_readers_get_the_instance_value() {
     let (session, request) = shown(
         |db| {
             db.upsert_material(reading("/m", "diffuseColor", "float3", "tint", &[]));
@@ -226,7 +226,7 @@ fn display_opacity_is_presence() {
 }
 
 #[test]
-fn a_material_may_cut_out_whole_instances() {
+fn instance_opacity_may_cut_out_whole_instances() {
     let (session, request) = shown(
         |db| {
             let threshold = [("opacityThreshold", ParamValue::Float(0.5))];

@@ -44,7 +44,7 @@ fn thresholds_cut_out_and_presence_is_a_probability() {
 /// `UsdPreviewSurface` cuts out what is below the threshold: at it, the surface is there, wherever the opacity comes
 /// from.
 #[test]
-fn at_its_threshold_a_surface_is_there() {
+fn opacity_at_the_threshold_is_opaque() {
     let threshold = |value: f32| ("opacityThreshold", ParamValue::Float(value));
     for (limit, id) in [(0.25, 5), (0.25_f32.next_up(), -1)] {
         let (session, request) = shown(

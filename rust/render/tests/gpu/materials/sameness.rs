@@ -30,7 +30,7 @@ fn everything(db: &mut SceneDb) {
 }
 
 #[test]
-fn streaming_gives_the_same_bits() {
+fn preview_surface_materials_stream_with_the_same_bits() {
     let request = front();
     let images = [false, true].map(|force_streaming| {
         let options = SessionOptions { validation: true, force_streaming, ..SessionOptions::default() };

@@ -112,7 +112,7 @@ fn fail_everywhere(times: u32, most: usize, judge: impl Fn(&Failed)) {
 }
 
 #[test]
-fn one_failed_call_anywhere_does_not_show() {
+fn any_single_failed_allocation_changes_no_bit() {
     fail_everywhere(1, usize::MAX, |failed| {
         assert!(matches!(failed.outcome, Ok(true)), "{}: {:?}", failed.what, failed.outcome);
     });
@@ -120,7 +120,7 @@ fn one_failed_call_anywhere_does_not_show() {
 
 /// What failed twice is given up, with one error, or did not matter.
 #[test]
-fn two_failed_calls_in_a_row_are_one_error_at_most() {
+fn two_consecutive_failed_allocations_give_at_most_one_error() {
     fail_everywhere(2, 2, |failed| match &failed.outcome {
         Ok(is_same) => assert!(is_same, "{}: another picture", failed.what),
         Err(messages) => {
@@ -133,7 +133,7 @@ fn two_failed_calls_in_a_row_are_one_error_at_most() {
 /// By the driver's own function, on any device: every byte is on the books of the budget, and what is on them for the
 /// device never exceeds it.
 #[test]
-fn the_driver_never_gives_more_than_the_books_say() {
+fn driver_allocations_never_exceed_the_counted_budget() {
     for host_mapped in [HostMapped::Off, HostMapped::On] {
         books_and_driver(host_mapped);
     }

@@ -50,7 +50,7 @@ fn render(host_memory_budget_mib: u32, cache: &str, streams: bool) -> (Vec<Vec<u
 }
 
 #[test]
-fn the_picture_is_the_same_wherever_meshes_are() {
+fn bits_do_not_depend_on_host_memory_or_stored_meshes() {
     let (whole, messages, all) = render(0, "0", false);
     assert!(messages.is_empty() && all > 1 << 20, "{messages:?}, {all} bytes are enough to test");
     let folder = Folder(std::env::temp_dir().join(format!("oocpt-host-{}", std::process::id())));

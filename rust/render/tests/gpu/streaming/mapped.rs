@@ -35,7 +35,7 @@ fn session_at(at: usize, geometry_budget_kib: u32, host_mapped: HostMapped) -> S
 }
 
 #[test]
-fn nobody_waits_for_what_is_in_host_memory() {
+fn no_ray_waits_for_host_mapped_geometry() {
     for at in [0, 1, 3] {
         let smallest = smallest_budget(&SCENES[at]);
         let whole = super::render(&SCENES[at], small_chunks(), options());
@@ -55,7 +55,7 @@ fn nobody_waits_for_what_is_in_host_memory() {
 
 /// The budget of host memory holds for it: with hardly any, chunks come as ever.
 #[test]
-fn what_host_memory_has_no_room_for_comes_as_ever() {
+fn geometry_beyond_host_memory_is_streamed() {
     let whole = super::render(&SCENES[0], small_chunks(), options());
     let budget = percent(whole.stats.scene_bytes, 25).max(smallest_budget(&SCENES[0]));
     let settings = Settings {
@@ -76,7 +76,7 @@ fn what_host_memory_has_no_room_for_comes_as_ever() {
 
 /// More memory than the scene takes, less, and more again.
 #[test]
-fn a_scene_that_fits_again_lets_go_of_it() {
+fn a_scene_that_fits_releases_host_mapped_geometry() {
     let settings = Settings { host_mapped: HostMapped::On, chunk_size_kib: 256, ..settings(4, 2) };
     let session = Session::with_options(settings, options());
     session.with_scene(super::BEACH.build);
@@ -96,7 +96,7 @@ fn a_scene_that_fits_again_lets_go_of_it() {
 /// A picture that streams goes on without when all of the scene is there, and the next ones do without from the start:
 /// the same bits and as many rays. How many pictures it takes until all is there depends on the device's speed.
 #[test]
-fn a_scene_that_is_all_there_is_rendered_without_streaming() {
+fn a_fully_resident_scene_leaves_streaming() {
     let (mut switched, mut on_processor) = (0, false);
     for at in [0, 1, 3] {
         let scene = &SCENES[at];

@@ -12,7 +12,7 @@ const SIZES: std::ops::RangeInclusive<u32> = 1..=50;
 const FEW: [u32; 9] = [1, 4, 7, 9, 10, 11, 12, 14, 24];
 
 #[test]
-fn what_renders_with_less_memory_renders_with_more() {
+fn a_scene_that_renders_in_less_memory_renders_in_more() {
     let settings = Settings { chunk_size_kib: 256, ..settings(8, 2) };
     let request = request_of(&BEACH);
     let images = |memory_budget_mib: u32| {
@@ -45,7 +45,7 @@ fn what_renders_with_less_memory_renders_with_more() {
 
 /// What an earlier scene or a load that ran out has left on the device makes room for paths.
 #[test]
-fn what_is_left_on_the_device_makes_room_for_paths() {
+fn leftovers_on_the_device_are_evicted_for_paths() {
     let tight = Settings { chunk_size_kib: 256, memory_budget_mib: 10, ..settings(2, 2) };
     let session = Session::with_options(tight, options());
     session.with_scene(BEACH.build);
@@ -63,7 +63,7 @@ fn what_is_left_on_the_device_makes_room_for_paths() {
 
 /// A scene that fits may be rendered while it comes: the same picture, and the next one is in core.
 #[test]
-fn a_scene_that_comes_meanwhile_stays() {
+fn a_scene_streamed_while_uploading_stays_resident() {
     let settings = Settings { chunk_size_kib: 256, ..settings(8, 2) };
     let request = request_of(&BEACH);
     let images = |streams_first| {

@@ -18,7 +18,7 @@ fn stats(session: &Session) -> StreamingStats {
 }
 
 #[test]
-fn only_tiles_that_are_seen_are_loaded() {
+fn only_visible_tiles_are_loaded() {
     let build = |db: &mut _| board(db, "2048x2048x3");
     let far = part(4.0, 32);
     let in_core = session(settings(4, 1), options(), build);

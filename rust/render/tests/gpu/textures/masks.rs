@@ -128,7 +128,7 @@ fn masked(
 }
 
 #[test]
-fn masks_say_of_cutouts_what_their_textures_say() {
+fn opacity_masks_change_no_bit() {
     let asked = with_masks(false, None);
     let known = with_masks(true, None);
     assert!(known.images == asked.images, "the picture differs in core");
@@ -148,7 +148,7 @@ fn masks_say_of_cutouts_what_their_textures_say() {
 }
 
 #[test]
-fn masks_stand_coordinates_that_are_none() {
+fn opacity_masks_tolerate_nan_coordinates() {
     let (asked, _) = masked(cut_with_bad_coordinates, (false, false), None, small_chunks());
     for masks in [(true, false), (true, true)] {
         let (known, _) = masked(cut_with_bad_coordinates, masks, None, small_chunks());
@@ -159,7 +159,7 @@ fn masks_stand_coordinates_that_are_none() {
 /// The host looks at masks and textures as the shaders do. On a device with memory of its own there is nothing to
 /// compare.
 #[test]
-fn cutouts_walked_natively_are_those_of_the_shaders() {
+fn native_masked_cutouts_match_the_shaders() {
     let (shaders, session) = masked(cut_in_many_ways, (true, false), None, small_chunks());
     if !session.device_report().expect("a device").host_memory {
         return;

@@ -181,7 +181,7 @@ fn walked(build: fn(&mut SceneDb), traversal: TraversalKind, budget: Option<u32>
 }
 
 #[test]
-fn cutouts_of_every_kind_are_the_same_natively() {
+fn native_cutouts_of_every_kind_match_the_shaders() {
     let (shaders, used, can) = walked(all_kinds, TraversalKind::Compute, None);
     assert_eq!(used.backend, "compute", "{used:?}");
     if !can {
@@ -215,7 +215,7 @@ fn by_ptex(db: &mut SceneDb) {
 }
 
 #[test]
-fn what_the_host_does_not_look_up_is_left_to_the_shaders() {
+fn unsupported_cutouts_fall_back_to_the_shaders() {
     let (_, used, can) = walked(|db| curved(db, "g"), TraversalKind::Auto, None);
     assert!(used.backend == "compute" && (!can || used.why.contains("sRGB")), "{used:?}");
     let (_, used, _) = walked(|db| curved(db, "a"), TraversalKind::Auto, None);

@@ -39,7 +39,7 @@ fn picture(session: &Session) -> (Vec<Vec<u8>>, Stats) {
 }
 
 #[test]
-fn a_textured_scene_that_is_all_there_is_rendered_without_streaming() {
+fn a_fully_resident_textured_scene_leaves_streaming() {
     let long = Settings { samples_per_pixel: 64, chunk_size_kib: 256, ..small_chunks() };
     let (images, in_core) = picture(&session(long.clone(), Faults::default()));
     let geometry = in_core.streaming.scene_bytes - in_core.streaming.texture_scene_bytes;

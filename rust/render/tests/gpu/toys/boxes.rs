@@ -62,7 +62,7 @@ fn entry(box_: &[[f32; 3]], o: DVec3, d: DVec3) -> Option<(f64, DVec3)> {
 }
 
 #[test]
-fn toy_boxes_are_met_where_their_planes_are() {
+fn the_example_leaf_is_hit_at_its_planes() {
     let all = corners(40, DVec3::new(3.0, 2.0, 3.0), 0.5);
     let (mut hits, mut doubtful) = (0, 0);
     for (name, camera) in [
@@ -133,7 +133,7 @@ fn from_all_sides() -> Vec<([f32; 4], f64)> {
 }
 
 #[test]
-fn a_toy_box_in_a_dome_has_the_colour_between_its_corners() {
+fn the_example_leaf_interpolates_colour_between_corners() {
     for (color, along) in from_all_sides() {
         let expected = 2.0 * (0.5 + 0.3 * along);
         // Samples are spread over the pixel, an eighth of a unit.
@@ -142,14 +142,14 @@ fn a_toy_box_in_a_dome_has_the_colour_between_its_corners() {
 }
 
 #[test]
-fn a_toy_box_does_not_shade_itself() {
+fn the_example_leaf_does_not_shadow_itself() {
     for (color, along) in from_all_sides() {
         assert!(color[1..3].iter().all(|c| (c - 2.0).abs() < 1e-5), "at {along}: {color:?} of a white box");
     }
 }
 
 #[test]
-fn points_of_a_toy_box_move_with_its_corners() {
+fn points_of_the_example_leaf_move_with_its_corners() {
     // One corner rests, the other goes 0.8 along x and 0.4 along y: points in between go by their share of the way.
     let place = |p: Vec3, time: f64| (p.as_dvec3() + (time * DVec3::new(0.8, 0.4, 0.0)) * f64::from(p.x)).as_vec3();
     let desc = boxes("/box", 1, DMat4::IDENTITY, vec![[0.0, 0.0, -1.0], [1.0, 1.0, 1.0]]);
@@ -205,7 +205,7 @@ fn heap(db: &mut SceneDb) {
 const HEAP: Scene = Scene { name: "a heap of boxes", build: heap, eye: DVec3::new(3.0, 3.0, 9.0), target: DVec3::ZERO };
 
 #[test]
-fn toy_boxes_have_the_same_bits_when_the_scene_streams_and_on_the_host() {
+fn the_example_leaf_has_the_same_bits_when_streaming_and_native() {
     let request = request(perspective(HEAP.eye, HEAP.target, 0.8, [48, 32]));
     let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
     let tight = Settings { geometry_budget_kib: 2 * smallest_budget(&HEAP), ..small.clone() };
@@ -224,7 +224,7 @@ fn toy_boxes_have_the_same_bits_when_the_scene_streams_and_on_the_host() {
 }
 
 #[test]
-fn toy_boxes_that_make_no_sense_are_left_out_and_counted() {
+fn invalid_example_leaves_are_omitted_and_counted() {
     let mut bad = corners(3, DVec3::splat(1.0), 0.5);
     bad[0][1] = f32::NAN;
     bad[3][2] = bad[2][2];
