@@ -159,7 +159,7 @@ impl Drop for OpenDevice {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gates::open;
+    use crate::tests::open;
 
     #[test]
     fn host_pages_are_imported_where_the_driver_supports_it() {

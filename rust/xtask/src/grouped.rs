@@ -25,7 +25,7 @@ use crate::watched::Watched;
 const BINARY: &str = "gpu";
 /// Modules that ask whether the order in which threads of the device get on shows; elsewhere Mesa's software renderer
 /// works on the thread that submits, which spares it waking its threads for each of hundreds of passes over few paths.
-const THREADED: [&str; 7] = ["control", "counts", "determinism", "edits", "failures", "passes", "streaming"];
+const THREADED: [&str; 7] = ["control", "sample_counts", "determinism", "edits", "failures", "passes", "streaming"];
 /// Submodules in processes of their own: they differ from the rest, or are as long as all of it.
 const APART: [&str; 1] = ["streaming::roulette"];
 /// Begun first, so that none of them is left alone with one core at the end; then by how many tests they have.

@@ -2,7 +2,7 @@
 //! Adaptive sampling: what it gains at equal samples, that it has no bias (and that a biased one is noticed), that it
 //! tells its error, and that its bits are the same everywhere.
 
-use crate::convergence::{gloss, mirror, view, window};
+use crate::error_estimate::{gloss, mirror, view, window};
 use crate::scenes::{constant, dome, features, nested, prim, square};
 use crate::support::{perspective, read, render, seeds, settings};
 use glam::{DMat4, DVec3};

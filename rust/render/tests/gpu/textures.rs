@@ -2,15 +2,15 @@
 //! Textures in renders: colours that are known, warnings, what is left out; and the same bits at every budget, of
 //! textured surfaces and of thousands of leaves with holes.
 
-mod demand;
 mod filter;
-mod images;
-mod masks;
-mod native;
+mod leaving_streaming;
+mod native_cutouts;
+mod opacity_masks;
 mod programs;
-mod split;
+mod test_images;
+mod tile_demand;
 
-use self::images::{Library, Noise, hash};
+use self::test_images::{Library, Noise, hash};
 use crate::scenes::{constant, dome, instanced, instancer, mesh, prim, square, sun};
 use crate::support::{self, orthographic, perspective, read, read_all, render_with_messages, request, settings};
 use glam::{DMat4, DQuat, DVec3};

@@ -4,8 +4,8 @@
 
 mod bounds;
 mod compare;
-mod ours;
 mod table;
+mod translation;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -22,7 +22,7 @@ use table::{Row, Table};
 const ROWS: usize = 6;
 
 fn fixture() -> Table {
-    table::read(include_str!("../../nodes.csv"))
+    table::read(include_str!("../../data/nodes.csv"))
 }
 
 /// Definitions whose outputs are numbers are in the table or said not to be.
@@ -78,14 +78,14 @@ fn the_comparison_finds_planted_differences() {
             let scale = given.iter().chain(&*expected).fold(1.0_f32, |most, x| most.max(x.abs()));
             expected[0] += scale * (2.0 * most).max(1.0e-6);
         }
-        assert_eq!(compare(&block, ours::Way::Read, library()).wrong, ROWS, "{name}");
+        assert_eq!(compare(&block, translation::Way::Read, library()).wrong, ROWS, "{name}");
     }
     let cross = table.blocks.iter().find(|block| block.category == "crossproduct");
     let mut swapped = cross.expect("in the table").clone();
     for row in &mut swapped.rows {
         row.expected.swap(0, 1);
     }
-    assert!(compare(&swapped, ours::Way::Said, library()).wrong > 0, "swapped");
+    assert!(compare(&swapped, translation::Way::Said, library()).wrong > 0, "swapped");
 }
 
 fn four(x: f32, y: f32, z: f32, w: f32) -> Value {

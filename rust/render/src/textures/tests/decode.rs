@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Images that give whole levels through [`Image::read`], and libraries that know neither identities nor colour spaces.
 
-use super::bench::{Procedural, encoded, image, noise};
+use super::harness::{Procedural, encoded, image, noise};
 use crate::textures::{BAND_BYTES, Image, ImageError, ImageLibrary};
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::TexelFormat;

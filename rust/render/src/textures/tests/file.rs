@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Files one by one: what is said of them, and filling the cache.
 
-use super::bench::{Procedural, image};
+use super::harness::{Procedural, image};
 use crate::textures::{FileReport, Image, ImageError, ImageInfo, ImageLibrary, TextureFile};
 use oocpt_core::scene::AssetRef;
 use oocpt_core::settings::Settings;

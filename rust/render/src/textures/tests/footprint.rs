@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What cones cover of textures, by the shaders, against singular values in f64: random ellipses, and such as are none.
 
-use super::bench::{open, unit};
+use super::harness::{open, unit};
 use crate::assets::is_even;
 use bytemuck::Zeroable;
 use glam::{DMat2, DVec2, DVec3};

@@ -3,7 +3,7 @@
 
 use super::super::image::{Image, ImageError, ImageLibrary};
 use super::super::set::TextureCache;
-use super::bench::{Answer, Bench, Query, number_of};
+use super::harness::{Answer, Bench, Query, hash, number_of};
 use super::{DONE, FALLBACK};
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{
@@ -263,11 +263,11 @@ fn ptex_lookups_match_the_filter_in_f64() {
         let sampler = PtexSampler { layout: &layout, texel: |at: u32| texels[at as usize] };
         let mut queries = Vec::new();
         for i in 0..3000_u32 {
-            let unit = |salt: u32| f64::from(super::hash(i * 7 + salt) >> 8) / f64::from(1 << 24);
+            let unit = |salt: u32| f64::from(hash(i * 7 + salt) >> 8) / f64::from(1 << 24);
             let edge = [0.0, 1.0, 0.5];
             let uv = if i % 10 == 0 { [edge[i as usize % 3], unit(2)] } else { [unit(1), unit(2)] };
             let width = if i % 4 == 0 { 0.0 } else { (300.0 * unit(3) * unit(4)) as f32 };
-            queries.push((super::hash(i) % 30, Query { texture: 1, st: pack_ptex(super::hash(i) % 30, uv), width }));
+            queries.push((hash(i) % 30, Query { texture: 1, st: pack_ptex(hash(i) % 30, uv), width }));
         }
         let answers = bench.ask(&queries.iter().map(|(_, query)| *query).collect::<Vec<_>>());
         for ((face, query), (value, said, _)) in queries.iter().zip(answers) {
@@ -305,7 +305,7 @@ fn a_deferred_lookup_resumes_at_the_missing_tile() {
     assert!(bench.addresses.len() > 30, "faces of several tiles: {}", bench.addresses.len());
     let queries: Vec<Query> = (0..400_u32)
         .map(|i| {
-            let unit = |salt: u32| f64::from(super::hash(i * 5 + salt) >> 8) / f64::from(1 << 24);
+            let unit = |salt: u32| f64::from(hash(i * 5 + salt) >> 8) / f64::from(1 << 24);
             Query { texture: 0, st: pack_ptex(i % 9, [unit(0), unit(1)]), width: (40.0 * unit(2)) as f32 }
         })
         .collect();
@@ -342,7 +342,7 @@ fn a_deferred_lookup_resumes_at_the_missing_tile() {
 fn hostile_ptex_files_terminate() {
     let mut state = 7_u32;
     let mut next = move |below: u32| {
-        state = super::hash(state);
+        state = hash(state);
         state % below
     };
     let (mut refused, mut made) = (0, 0);

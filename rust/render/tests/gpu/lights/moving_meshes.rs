@@ -2,10 +2,10 @@
 //! Meshes that emit light and whose placement moves: closed forms, averaged over the shutter in f64, with shadow rays
 //! alone and with both strategies; how noisy they are; what is left to chance; and motion that no one would author.
 
-use super::emission::{by_texture, screen_that, textured};
 use super::mesh::{convex, corners, glow, glowing, noise, place, quad, turn};
+use super::mesh_programs::stripes;
+use super::mesh_textures::{by_texture, screen_that, textured};
 use super::moving::mean;
-use super::programs::stripes;
 use super::shapes::polygon;
 use super::{ALBEDO, downwards, expect};
 use crate::scenes::{deforming, instanced, instancer, prim, sphere, square};

@@ -2,18 +2,18 @@
 //! The passes by themselves, with chunks that come and go without any loader: the same bits as with everything
 //! resident.
 
+mod handmade_scene;
+mod pass_runner;
 mod roulette;
-mod stream;
-mod tracer;
-mod world;
+mod streamed;
 
 use glam::DVec3;
+use handmade_scene::{FAR, Scene};
 use oocpt_gpu::{Gpu, OpenOptions};
 use oocpt_shader_abi::{Counters, FAULT_ALL, Features, FilmPixel};
+use pass_runner::{Images, PATHS, Tracer};
 use std::sync::Arc;
-use stream::Totals;
-use tracer::{Images, PATHS, Tracer};
-use world::{FAR, Scene};
+use streamed::Totals;
 
 const IN_CORE: Features = Features::DOME
     .union(Features::DISTANT)

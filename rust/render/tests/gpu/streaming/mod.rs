@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The central promise: the same bits whatever the budget, under every policy; the budget is never exceeded.
 
-mod faults;
-mod host;
-mod mapped;
-mod memory;
-mod moving;
+mod device_memory;
+mod host_mapped;
+mod host_memory;
+mod moving_scenes;
+mod planted_faults;
 mod roulette;
 mod scenes;
 
 use crate::lights::TestFiles;
 use crate::support::{self, perspective, read_all, render_with_messages, request, settings};
-pub(crate) use mapped::MOST_PICTURES;
-pub(crate) use moving::{DEFORMING, MOVING, MOVING_BULBS, MOVING_LAMPS};
+pub(crate) use host_mapped::MOST_PICTURES;
+pub(crate) use moving_scenes::{DEFORMING, MOVING, MOVING_BULBS, MOVING_LAMPS};
 use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_core::stats::StreamingStats;

@@ -2,7 +2,7 @@
 //! How coarsely textures are looked up: levels that are known, and a ground seen at a grazing angle against the same
 //! picture without a filter, worked out in f64.
 
-use super::images::{CHECKS, Library, check};
+use super::test_images::{CHECKS, Library, check};
 use super::{node, options, text, textured};
 use crate::scenes::{constant, dome, mesh, prim, sun};
 use crate::support::{self, color_request, orthographic, perspective, read, request, settings};
