@@ -79,7 +79,7 @@ fn every_allocating_call_survives_out_of_memory() {
 /// The books of the budget against the driver's own function, on any device: what is on the books is what is held, to
 /// the byte, and the driver never gave more than was on the books.
 #[test]
-fn the_budget_counts_every_byte_of_vkAllocateMemory() {
+fn the_budget_counts_every_byte_of_vk_allocate_memory() {
     let gpu = small();
     let opened = gpu.driver_memory();
     assert_eq!(opened.held, books(&gpu), "after opening");

@@ -4,7 +4,7 @@
 //!
 //! Needs a device whose memory is the host's; on another one there is no native traversal, and nothing to test.
 
-use crate::support::{Ball, Found, Random, World, bundle_mesh, triangle_mesh};
+use crate::support::{self, Ball, Found, Random, World, bundle_mesh, triangle_mesh};
 use oocpt_shader_abi::{Features, GpuTriangle, Leaf};
 
 const BATCHES: u64 = 64;
@@ -182,9 +182,9 @@ fn nan_rays_give_the_same_result() {
 
 /// A chain of nodes, each with a triangle beside the next one.
 fn chain(depth: u32) -> (Vec<oocpt_shader_abi::GpuMeshNode>, Vec<GpuTriangle>) {
-    let nodes = (0..depth).map(|i| world::node(1, i + 1, [0, 1, 0, 0], i)).collect();
+    let nodes = (0..depth).map(|i| support::node(1, i + 1, [0, 1, 0, 0], i)).collect();
     let mut random = Random(3);
-    let mut last = world::node(0, 0, [1, 0, 0, 0], depth);
+    let mut last = support::node(0, 0, [1, 0, 0, 0], depth);
     last.first_triangle = depth;
     let mut all: Vec<_> = nodes;
     all.push(last);
@@ -216,10 +216,10 @@ fn a_broken_tree_ends_and_reads_nothing_outside() {
     world.set_rays(&rays_at(&mut random, &items, 64));
     assert!(world.native().hits.iter().any(Option::is_some), "it works before it is broken");
     let broken = [
-        ("a node that is its own child", vec![world::node(1, 0, [0; 4], 0)]),
-        ("children behind the end", vec![world::node(4, 0x0fff_fff0, [0; 4], 0)]),
-        ("triangles behind the end", vec![world::node(0, 0, [3; 4], 0x0fff_fff0)]),
-        ("more children than there are", vec![world::node(15, 0x0fff_ffff, [3; 4], u32::MAX)]),
+        ("a node that is its own child", vec![support::node(1, 0, [0; 4], 0)]),
+        ("children behind the end", vec![support::node(4, 0x0fff_fff0, [0; 4], 0)]),
+        ("triangles behind the end", vec![support::node(0, 0, [3; 4], 0x0fff_fff0)]),
+        ("more children than there are", vec![support::node(15, 0x0fff_ffff, [3; 4], u32::MAX)]),
     ];
     for (what, nodes) in broken {
         world.set_mesh(&nodes, &items, Leaf::TRIANGLE);

@@ -4,4 +4,4 @@
 mod describe;
 mod hostile;
 mod materialx;
-mod preview_surface;
+pub(crate) mod preview_surface;

@@ -154,7 +154,7 @@ fn a_texture_has_its_channels_and_settings() {
 }
 
 #[test]
-fn sourceColorSpace_wins_over_colorSpace_metadata() {
+fn source_color_space_wins_over_color_space_metadata() {
     let space = |source: Option<&str>, metadata: Option<&str>| {
         let given = [("sourceColorSpace", source), ("colorSpace:file", metadata)];
         let named = given.into_iter().filter_map(|(name, value)| Some((name, text(value?))));

@@ -6,7 +6,7 @@ use oocpt_core::mesh::{MeshKeys, build_mesh, build_mesh_split, mesh_key};
 use oocpt_core::scene::{Interpolation, PointsMotion, PointsSample, Primvar, Shape};
 use oocpt_core::{MeshAsset, MeshDesc, Subdivision, TypedArray};
 
-use crate::displaced;
+use crate::mesh::displace;
 use crate::support::{grid, polygons};
 
 type Points = Vec<[f32; 3]>;
@@ -191,16 +191,16 @@ fn displacement_applies_at_all_keys() {
         points.map(|[x, y]: [f32; 2]| [x * angle.cos(), y, x * angle.sin()]).to_vec()
     };
     let point_motion = samples(vec![(0.0, turned(0.0)), (1.0, turned(0.8))]);
-    let moving = displaced::build(&MeshDesc { point_motion, ..displaced::square() }, &displaced::constant(0.25), 3.5);
-    let moving = displaced::asset(&moving);
+    let moving = displace::build(&MeshDesc { point_motion, ..displace::square() }, &displace::constant(0.25), 3.5);
+    let moving = displace::asset(&moving);
     assert_eq!((moving.triangles.len(), moving.keys.times.len()), (32, 2));
     let corners = |vertices: &[[f32; 3]; 3]| vertices.as_flattened().iter().map(|v| v.to_bits()).collect();
     let first: Vec<_> = moving.triangles.iter().map(|item| item.vertices).collect();
     for (angle, found) in [(0.0, &first), (0.8, &moving.keys.vertices)] {
-        let still = MeshDesc { points: TypedArray::of(turned(angle)), ..displaced::square() };
-        let still = displaced::build(&still, &displaced::constant(0.25), 3.5);
+        let still = MeshDesc { points: TypedArray::of(turned(angle)), ..displace::square() };
+        let still = displace::build(&still, &displace::constant(0.25), 3.5);
         let mut known: Vec<Vec<u32>> =
-            displaced::asset(&still).triangles.iter().map(|item| corners(&item.vertices)).collect();
+            displace::asset(&still).triangles.iter().map(|item| corners(&item.vertices)).collect();
         let mut found: Vec<Vec<u32>> = found.iter().map(corners).collect();
         known.sort_unstable();
         found.sort_unstable();

@@ -2,13 +2,13 @@
 //! Meshes as assets: topology, hierarchies, clusters, limit surfaces, displacement, deformation, curves and points.
 
 mod box_bvh;
-mod bvh;
+pub(crate) mod bvh;
 mod bvh4;
 mod curves_and_points;
 mod deform;
 mod deform_curves;
-mod displace;
-mod displace_patterns;
+pub(crate) mod displace;
+pub(crate) mod displace_patterns;
 mod displace_textures;
 mod displace_vectors;
 mod primvar;

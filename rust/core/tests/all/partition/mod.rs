@@ -2,6 +2,6 @@
 //! The partition into chunks: what it holds, what edits leave as it is.
 
 mod bulk_moves;
-mod cut;
-mod edits;
+pub(crate) mod cut;
+pub(crate) mod edits;
 mod known_cases;

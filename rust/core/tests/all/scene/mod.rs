@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The scene database: edits, bindings, links, lights, dicing, and prims that make no sense.
 
-mod bindings;
+pub(crate) mod bindings;
 mod dicing;
 mod edits;
 mod invalid_prims;
