@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Limit surfaces against closed forms, the same bits whatever the blocks and threads, and topologies that make no sense.
+//! Limit surfaces against closed forms, the same bits whatever the blocks and threads, and invalid topologies.
 
 #[cfg(test)]
 mod blocks;
