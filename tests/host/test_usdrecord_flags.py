@@ -35,7 +35,7 @@ def scene(tmp_path):
     return path
 
 
-def test_defaults_are_those_of_usdrecord(runner):
+def test_defaults_match_pixars_usdrecord(runner):
     args = runner.make_parser().parse_args(["scene.usda", "out.png"])
     assert (args.imageWidth, args.purposes, args.colorCorrectionMode) == (960, "proxy", "sRGB")
     assert args.complexity.id == "low"

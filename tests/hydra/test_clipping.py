@@ -100,7 +100,7 @@ def test_a_clipping_range_cuts_nothing(host):
     assert (near["primId"] == whole["primId"]).all() and (near["primId"] >= 0).all()
 
 
-def test_planes_that_cannot_be_used_are_told_with_the_camera(host):
+def test_invalid_clipping_planes_are_reported_with_the_camera(host):
     picture = render(host, "[(nan, 0, 0, 1), (0, 0, -1, -6), (0, inf, 0, 0)]")
     said = [line for line in picture.log.splitlines() if "clipping planes" in line]
     assert len(said) == 1 and "/World/Camera" in said[0] and "not finite" in said[0], picture.log

@@ -289,7 +289,7 @@ def let_through(h, absorption, eta=1.55):
     return f + (1 - f) ** 2 * t / (1 - f * t)
 
 
-def test_hair_lets_through_what_its_colour_says(host):
+def test_hair_transmits_its_colour(host):
     """A fibre in a white dome: rows are places across it. Helper nodes and their outputs come through Hydra."""
     x = 0.3
     below = 5.969 - 0.215 * x + 2.532 * x**2 - 10.73 * x**3 + 5.574 * x**4 + 0.245 * x**5

@@ -129,7 +129,7 @@ def test_instances_move_by_their_velocities_and_with_their_instancer(host):
     agree(met, streak((-0.5, -0.3), (0.5, 0), 0.2) + streak((0.5, 0.3), (0, 0.5), 0.2), "samples of positions")
 
 
-def test_a_camera_that_moves_blurs_what_is_at_rest(host):
+def test_a_moving_camera_blurs_static_objects(host):
     content = 'def Mesh "Card"\n{' + CARD + "}"
     camera = "double3 xformOp:translate.timeSamples = { 4: (-1, 0, 10), 6: (1, 0, 10) }"
     met, log = coverage(host, stage(camera=camera, content=content))

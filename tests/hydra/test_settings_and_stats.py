@@ -104,7 +104,7 @@ def test_settings_of_a_live_view(host):
     )
 
 
-def test_adaptive_sampling_is_a_setting_that_tells_what_it_spent(host):
+def test_adaptive_sampling_is_a_setting_with_stats(host):
     """Off by default and then without a word; on, samples go where they are worth most, the picture stays, and the
     budget changes no bit."""
     plain = {"oocpt:samplesPerPixel": 64, "oocpt:maxBounces": 1}

@@ -58,7 +58,7 @@ def answer(request):
     return request.param, reference.first_hits(stage, "/World/Camera", *SIZE), owners[0]
 
 
-def test_the_surface_is_where_catmull_and_clark_say(host, answer):
+def test_the_limit_surface_matches_catmull_clark(host, answer):
     creases, hits, owners = answer
     settings = {**SETTINGS, "oocpt:dicingRate": 0.25}
     picture = host.picture(small.build(lambda stage: control(stage, creases), DOC), SIZE, aovs=AOVS, settings=settings)

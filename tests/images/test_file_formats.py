@@ -270,7 +270,7 @@ def test_exr_channels_by_name(reader, folder, names, wanted):
     holds(reader, folder / "n.exr", stacked(channels, wanted))
 
 
-def test_exr_of_mixed_channels_has_the_precision_of_those_that_are_read(reader, folder):
+def test_exr_precision_is_that_of_the_channels_read(reader, folder):
     channels = exr_channels("RGB") | {"Z": noise((HEIGHT, WIDTH), np.float32)}
     OpenEXR.File({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}, channels).write(
         str(folder / "m.exr")

@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn facts_become_what_the_renderer_asks_for() {
+    fn image_facts_are_converted() {
         let info = info(&facts()).expect("usable");
         assert_eq!(info.levels, [[8, 4], [4, 2]], "levels");
         assert_eq!((info.channels, info.format, info.tile_friendly), (3, TexelFormat::F16, true), "texels");

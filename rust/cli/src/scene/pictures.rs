@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_is_what_the_whole_has_there() {
+    fn a_partial_read_equals_the_crop_of_the_whole() {
         let whole = read("bark:64:5", 0, [0; 2], [64; 2]);
         let part = read("bark:64:5", 0, [10, 20], [3, 1]);
         assert_eq!(part, whole[(20 * 64 + 10) * 4..(20 * 64 + 13) * 4], "three texels");

@@ -74,7 +74,7 @@ fn finished_silently(gpu: Arc<Gpu>) {
 }
 
 #[test]
-fn a_list_runs_after_what_it_waits_for() {
+fn a_command_list_runs_after_its_dependencies() {
     for [lane, gate] in [[Lane::Main, Lane::Transfer], [Lane::Transfer, Lane::Main]] {
         let gpu = open();
         let gate = Gate::of(&gpu, gate);

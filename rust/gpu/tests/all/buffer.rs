@@ -76,7 +76,7 @@ fn access_outside_is_refused() {
 }
 
 #[test]
-fn one_piece_above_the_drivers_limit_is_told_apart_from_a_full_budget() {
+fn an_oversized_allocation_differs_from_a_full_budget() {
     let gpu = support::open();
     let limit = gpu.limits().max_allocation_bytes;
     for bytes in [limit + 1, u64::MAX] {

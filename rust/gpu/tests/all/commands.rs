@@ -138,7 +138,7 @@ fn timings_are_off_unless_asked_for() {
 }
 
 #[test]
-fn waiting_is_bounded_and_says_so() {
+fn waiting_times_out_with_an_error() {
     let gpu = support::open();
     let pipeline = spin(&gpu);
     let data = Buffer::new(&gpu, "data", 64, Usage::Device).expect("memory");

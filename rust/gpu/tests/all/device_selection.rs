@@ -27,7 +27,7 @@ fn the_selector_takes_indices_and_name_parts() {
 }
 
 #[test]
-fn a_selector_that_names_nothing_lists_what_there_is() {
+fn an_unmatched_selector_lists_the_devices() {
     let options = OpenOptions { selector: Some("voodoo".to_owned()), ..OpenOptions::default() };
     let error = Gpu::open(&options).expect_err("no such device");
     assert!(
@@ -53,7 +53,7 @@ fn two_devices_live_side_by_side() {
 }
 
 #[test]
-fn limits_are_those_vulkan_guarantees_at_least() {
+fn limits_meet_the_vulkan_minimums() {
     let gpu = support::open();
     let limits = gpu.limits();
     assert!(limits.max_push_bytes >= 128 && limits.max_workgroups[0] >= 65_535, "{limits:?}");

@@ -53,7 +53,7 @@ fn large_requests_have_memory_of_their_own() {
 }
 
 #[test]
-fn a_reserved_arena_serves_what_is_larger_than_the_usual_ones() {
+fn a_reserved_arena_serves_requests_above_the_usual_size() {
     const MIB: u64 = 1 << 20;
     let gpu = support::open();
     let heap = Heap::new(&gpu, "heap", MIB).expect("a heap");

@@ -18,7 +18,7 @@ fn view(gpu: &Gpu, written: &[&Buffer]) -> Option<HostView> {
 }
 
 #[test]
-fn the_host_works_between_what_comes_before_and_after_it() {
+fn host_work_is_ordered_between_device_commands() {
     let gpu = support::open();
     let pipeline = affine(&gpu, 3);
     let data = Buffer::new(&gpu, "data", 256, Usage::Readback).expect("memory");

@@ -34,7 +34,7 @@ fn dropped_buffers_are_held_until_the_gpu_is_done() {
 }
 
 #[test]
-fn a_full_budget_waits_for_what_is_retired() {
+fn a_full_budget_waits_for_retired_buffers() {
     let gpu = support::open_with(&OpenOptions { budget_bytes: Some(4 * MIB), ..support::options() });
     let first = Buffer::new(&gpu, "first", 3 * MIB, Usage::Device).expect("fits");
     let submission = busy(&gpu, first.address());
@@ -45,7 +45,7 @@ fn a_full_budget_waits_for_what_is_retired() {
 }
 
 #[test]
-fn command_lists_keep_what_they_name() {
+fn command_lists_keep_their_resources_alive() {
     let gpu = support::open();
     let readback = Buffer::new(&gpu, "readback", 256, Usage::Readback).expect("memory");
     let mut commands = gpu.commands("orphans").expect("a command list");

@@ -94,7 +94,7 @@ fn unused_space_comes_back_at_once() {
 }
 
 #[test]
-fn a_waiting_thread_gets_what_another_drops() {
+fn a_waiting_thread_gets_space_another_frees() {
     let gpu = support::open();
     let ring = StagingRing::new(&gpu, 1000).expect("a ring");
     let first = ring.reserve(600, 1).expect("free");

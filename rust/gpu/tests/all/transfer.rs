@@ -13,7 +13,7 @@ fn both_ways() -> [OpenOptions; 2] {
 }
 
 #[test]
-fn dispatches_see_what_a_transfer_brought() {
+fn dispatches_see_transferred_data() {
     for options in both_ways() {
         let gpu = support::open_with(&options);
         assert!(options.transfer_queue || !gpu.has_transfer_queue(), "switched off");
@@ -48,7 +48,7 @@ fn dispatches_see_what_a_transfer_brought() {
 }
 
 #[test]
-fn transfers_see_what_a_dispatch_made() {
+fn transfers_see_data_written_by_a_dispatch() {
     for options in both_ways() {
         let gpu = support::open_with(&options);
         let pipeline = spin(&gpu);

@@ -61,7 +61,7 @@ fn near(value: [f32; 4], expected: &[f32]) -> bool {
 
 /// What nodes give by the specification, worked out by hand at (u, v) = (0.3, 0.6).
 #[test]
-fn nodes_give_what_the_specification_says() {
+fn nodes_give_the_values_of_the_specification() {
     type Case<'a> = (&'a str, &'a [(&'a str, Value)], &'a [f32]);
     let cases: &[Case<'_>] = &[
         ("ND_add_color3FA", &[("in1", vector(0.1, 0.2, 0.3)), ("in2", number(0.5))], &[0.6, 0.7, 0.8]),

@@ -71,7 +71,7 @@ fn missing_neighbours_are_none() {
 }
 
 #[test]
-fn callers_of_the_writer_are_told_what_is_wrong() {
+fn writer_misuse_gives_a_specific_error() {
     let new = |mesh, channels, alpha, faces| {
         PtexWriter::new(Vec::new(), mesh, DataType::U16, channels, alpha, faces).map_err(|error| error.to_string())
     };

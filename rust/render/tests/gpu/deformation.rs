@@ -73,7 +73,7 @@ fn sweeping_edges_match_their_coverage_integral() {
 }
 
 #[test]
-fn velocities_move_points_as_their_arrays_say() {
+fn velocities_move_points_by_their_arrays() {
     let rates = |v: [f32; 3]| Some(TypedArray::of(vec![v; 4]));
     let motion = PointsMotion { velocities: rates([2.0, 0.0, 0.0]), seconds: [-0.5, 0.5], ..PointsMotion::default() };
     let met = coverage(MeshDesc { point_motion: motion.clone(), ..card() });

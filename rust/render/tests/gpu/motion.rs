@@ -105,7 +105,7 @@ fn a_turning_rod_matches_its_coverage_integral() {
 }
 
 #[test]
-fn a_camera_that_moves_blurs_what_is_at_rest() {
+fn a_moving_camera_blurs_static_objects() {
     let size = [48, 16];
     let card = || card("/card", DMat4::from_scale(DVec3::splat(0.25)));
     let mut camera = front(1.5, size);
@@ -148,7 +148,7 @@ pub(crate) fn falling(db: &mut SceneDb) {
 }
 
 #[test]
-fn velocities_move_instances_as_their_arrays_say() {
+fn velocities_move_instances_by_their_arrays() {
     let size = [48, 32];
     let met = coverage(falling, front(2.0, size), SAMPLES);
     // A parabola in four pieces.

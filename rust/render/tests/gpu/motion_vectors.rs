@@ -136,7 +136,7 @@ fn motion_vectors_of_placements_match_closed_forms() {
 }
 
 #[test]
-fn a_camera_that_goes_and_turns_moves_what_is_at_rest_and_what_is_not() {
+fn camera_motion_gives_vectors_to_static_and_moving_objects() {
     for (what, looker) in lookers() {
         let base = looker.world_from_view;
         let at = |time: f64| {

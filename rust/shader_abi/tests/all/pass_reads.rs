@@ -51,17 +51,17 @@ fn compare<'m>(name: &str, modules: impl IntoIterator<Item = &'m Module>) {
 }
 
 #[test]
-fn passes_read_no_more_than_they_say() {
+fn passes_read_only_their_declared_features() {
     compare("passes", ALL.iter().copied());
 }
 
 #[test]
-fn checks_read_no_more_than_they_say() {
+fn check_shaders_read_only_their_declared_features() {
     compare("checks", [&checks::CHECK_BSDF, &checks::CHECK_TEXTURE]);
 }
 
 #[test]
-fn a_pass_reads_what_it_is_for() {
+fn each_pass_reads_the_features_it_declares() {
     let reads =
         |module: &str, feature| ALL.iter().find(|one| one.name == module).expect("a pass").features.contains(feature);
     assert!(reads("shade_surface", Features::SHEEN) && !reads("intersect_closest", Features::SHEEN));

@@ -29,7 +29,7 @@ fn colours_in_the_srgb_curve_are_made_linear() {
 
 /// A file without a colour space is linear, as the documents of `MaterialX` are.
 #[test]
-fn files_have_the_space_that_is_said() {
+fn files_use_the_authored_color_space() {
     for (said, expected) in [(None, ColorSpace::Raw), (Some("srgb_texture"), ColorSpace::Srgb)] {
         let mut params = vec![("file", file("a.png")), ("uaddressmode", text("clamp"))];
         params.extend(said.map(|space| ("colorSpace:file", text(space))));

@@ -57,7 +57,7 @@ const SURFACE: &str = "UsdPreviewSurface";
 const TEXTURE: &str = "UsdUVTexture";
 
 #[test]
-fn defaults_are_those_of_the_specification() {
+fn defaults_match_the_specification() {
     let plain = material(vec![surface(&[])]);
     let expected = [[0.18, 0.18, 0.18, 1.0], [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]].into_iter();
     let expected = expected.chain([0.0, 0.5, 0.0, 0.01, 1.0, 1.5].map(|v| [v; 4])).chain([[0.0, 0.0, 1.0, 1.0]]);

@@ -124,7 +124,7 @@ fn first_leaf(bvh: &Bvh2) -> usize {
 }
 
 #[test]
-fn device_bytes_are_those_of_the_sections() {
+fn device_bytes_are_the_sum_of_the_sections() {
     let mut one = triangle("/t", 0.0);
     assert_eq!(build_mesh(&one, 1).asset.unwrap().device_bytes(), 48 + 48, "a node and a triangle");
     one.display_color = Some(primvar(Interpolation::Vertex, vec![[0.5_f32, 0.5, 0.5]; 3]));

@@ -247,7 +247,7 @@ fn a_square_is_its_height_field() {
 }
 
 #[test]
-fn normals_are_those_of_the_height_field() {
+fn displaced_normals_match_the_height_field() {
     // Slowly changing compared with the pieces.
     let material = textured("waves", "r", &wraps("clamp"), &[]);
     let built = build(&square(), &material, 512.0);

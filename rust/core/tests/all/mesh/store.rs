@@ -143,7 +143,7 @@ fn host_bytes(snapshot: &Snapshot) -> u64 {
 }
 
 #[test]
-fn summaries_are_those_of_the_assets() {
+fn mesh_summaries_match_their_assets() {
     let snapshot = plain();
     for mesh in &snapshot.meshes {
         assert_eq!(MeshSummary::of(&asset(mesh)), ***mesh);

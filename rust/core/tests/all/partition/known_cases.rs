@@ -206,7 +206,7 @@ fn few_edits_of_long_chunks_give_what_a_new_database_gives() {
 
 /// Every half there is, as part of a rotation: the same as that number as a double.
 #[test]
-fn rotations_of_halves_are_those_of_doubles() {
+fn half_precision_rotations_match_double_ones() {
     // Parts of one sign would be the same rotation without it.
     let part = |k: u16, c: u16| f16::from_bits((4 * k + c) ^ (c << 15));
     let halves: Vec<[f16; 4]> = (0..=u16::MAX / 4).map(|k| [0, 1, 2, 3].map(|c| part(k, c))).collect();

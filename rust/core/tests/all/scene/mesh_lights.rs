@@ -81,7 +81,7 @@ fn emission(material: &Material) -> [f32; 3] {
 }
 
 #[test]
-fn light_and_material_go_together_as_the_mode_says() {
+fn mesh_light_material_sync_modes_are_applied() {
     use MaterialSync::{GlowTintsLight, Independent, NoResponse};
     let plain = [6.0, 3.0, 1.5];
     let glow = [0.5, 2.0, 4.0];

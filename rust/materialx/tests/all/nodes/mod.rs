@@ -117,7 +117,7 @@ fn rare_cases_match_materialx_glsl() {
 
 /// A ramp of two colours ends with the second, whatever the third is.
 #[test]
-fn ramps_have_as_many_colours_as_they_say() {
+fn ramps_use_their_number_of_colours() {
     let values = [
         ("num_intervals", number(2.0)),
         ("interval2", number(0.25)),

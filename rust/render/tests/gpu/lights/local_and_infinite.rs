@@ -127,3 +127,21 @@ fn brighter_groups_get_a_larger_share_of_shadow_rays() {
     let alone = asked(|value| (value / reflected(1.0) - 1.0).abs() < 1e-3, &spot(90.0));
     assert!((alone - 1.0).abs() < 1e-9, "{alone} of the rays to the sun alone");
 }
+
+/// As a lamp, by the power of its faces.
+#[test]
+fn brighter_mesh_lights_get_a_larger_share_of_shadow_rays() {
+    // Beside the way of the sun.
+    let transform = downwards(DVec3::new(0.5, 1.0, 0.0)) * DMat4::from_scale(DVec3::splat(0.02));
+    let value_of_one = (1.0 / polygon(&corners(transform))) as f32;
+    for (sun_value, mesh_value, expected) in [(1.0, 1e-3, 0.9), (1e-3, 1.0, 0.1)] {
+        let lit = move |db: &mut SceneDb| {
+            db.upsert_light(sun(sun_value, 0.0));
+            db.upsert_material(glow("/glow", [mesh_value * value_of_one; 3]));
+            db.upsert_mesh(quad("/quad", 2, transform));
+        };
+        let of_the_sun = ALBEDO / std::f32::consts::PI * sun_value / expected;
+        let share = asked(|value| (value / of_the_sun - 1.0).abs() < 0.05, &lit);
+        assert!((share - f64::from(expected)).abs() < 0.02, "{sun_value} and {mesh_value}: {share}, not {expected}");
+    }
+}

@@ -43,7 +43,7 @@ pub(super) fn corners(transform: DMat4) -> Vec<DVec3> {
 
 /// Squares that lie, stand, lean, are stretched, sheared and mirrored; seen from either side.
 #[test]
-fn a_square_gives_what_lamberts_formula_says() {
+fn a_square_mesh_light_matches_lamberts_formula() {
     let shear = DMat4::from_cols(glam::DVec4::X, glam::DVec4::new(1.5, 1.0, 0.0, 0.0), glam::DVec4::Z, glam::DVec4::W);
     let at = |x: f64, y: f64, z: f64| DMat4::from_translation(DVec3::new(x, y, z));
     let cases = [

@@ -76,7 +76,7 @@ fn seen(n: f64) -> f64 {
 }
 
 #[test]
-fn a_prism_bends_each_channel_as_snell_says() {
+fn a_prism_refracts_each_channel_by_snells_law() {
     let session = session(settings(1024, 2));
     session.with_scene(|db| {
         db.upsert_material(glass(0.0));

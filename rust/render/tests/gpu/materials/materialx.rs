@@ -233,7 +233,7 @@ fn fuzz_color_tints_the_fuzz_lobe() {
 
 /// What goes through a sharp interface of tinted glass has its colour once.
 #[test]
-fn glass_tints_what_goes_through() {
+fn glass_tints_transmitted_light() {
     let params = [
         ("base_weight", float(0.0)),
         ("specular_roughness", float(0.0)),

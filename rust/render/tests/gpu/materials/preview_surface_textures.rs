@@ -95,7 +95,7 @@ fn normals_are_in_tangent_space() {
 }
 
 #[test]
-fn a_texture_lies_where_its_coordinates_say() {
+fn texels_lie_at_their_texture_coordinates() {
     let (session, request) = shown(
         |db| {
             db.upsert_material(textured("/t", "diffuseColor", "rgb", &[]));

@@ -47,7 +47,7 @@ fn a_cosine_profile_interpolates_and_integrates() {
 
 /// What `ies:normalize` divides by: over the sphere, or over the half that a profile covers.
 #[test]
-fn the_mean_is_over_what_the_profile_covers() {
+fn the_mean_covers_only_measured_angles() {
     let mean = |first: f64, last: f64| {
         IesProfile::parse(file(&[first, last], &[0.0], |_, _| 3.0).as_bytes()).expect("a profile").mean()
     };
