@@ -140,7 +140,7 @@ def host_call(probe_path, function):
     return done.stdout
 
 
-def test_sizes(probe_path, runtime):
+def test_class_sizes_match_the_runtime(probe_path, runtime):
     declared = dict(line.split() for line in host_call(probe_path, "oocpt_abi_sizes").splitlines())
     found = {name: runtime.size_by_destructor(name) for name in declared}
     assert {name: size for name, size in found.items() if size not in (None, int(declared[name]))} == {}

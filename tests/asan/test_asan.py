@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 
 import small
-import test_arrivals
+import test_scene_reader
 import test_edits
 import test_textures
 from host import Host, HostDied, HostError
@@ -230,11 +230,11 @@ def materials(host) -> None:
     folder = host._folder
     (folder / "a.1001.png").write_bytes(b"no image")
     (folder / "arrivals.usda").write_text(
-        test_arrivals.SCENE.replace("@TEXTURE@", "@./a.<UDIM>.png@", 1).replace("@TEXTURE@", "@./a.1001.png@")
+        test_scene_reader.SCENE.replace("@TEXTURE@", "@./a.<UDIM>.png@", 1).replace("@TEXTURE@", "@./a.1001.png@")
     )
     with host.open(folder / "arrivals.usda", SIZE, settings=QUICK) as view:
         view.render()
-        for code in test_arrivals.EDITS:
+        for code in test_scene_reader.EDITS:
             view.edit(code)
             view.render()
     for name, kind in (("good.png", np.uint8), ("good.tif", np.uint8), ("good.exr", np.float16)):
@@ -298,7 +298,7 @@ def errors(host) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_session_without_a_report(watched, mode):
+def test_a_session_gives_no_sanitizer_report(watched, mode):
     with watched.host(MODES[mode]) as host:
         scenes(host)
         watched.check_loaded(host)

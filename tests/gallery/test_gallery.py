@@ -22,7 +22,7 @@ SMALL = {
 
 
 @pytest.mark.parametrize("name", gallery.NAMES)
-def test_scene_holds_together(name, tmp_path):
+def test_gallery_scenes_are_complete(name, tmp_path):
     """Every file it names is there, every material it binds has a surface, there is a camera of 16:9 and something to
     see."""
     path = gallery.write(name, tmp_path, SMALL.get(name))
@@ -61,7 +61,7 @@ def test_sizes_are_as_asked(tmp_path):
         assert picture.size == (1024, 1024)
 
 
-def test_sheet_shows_pictures_in_order_and_what_is_missing():
+def test_the_sheet_orders_pictures_and_marks_missing_ones():
     red, blue = Image.new("RGB", (64, 36), (255, 0, 0)), Image.new("RGB", (64, 36), (0, 0, 255))
     page = np.array(contact_sheet.sheet([("a", red), ("b", None), ("c", blue)], 2, 64))
     height = 36 + contact_sheet.LINE + contact_sheet.GAP
@@ -73,6 +73,6 @@ def test_sheet_shows_pictures_in_order_and_what_is_missing():
     ), "the frame of what is missing"
 
 
-def test_what_is_no_number_is_seen():
+def test_nan_pixels_are_marked_on_the_sheet():
     values = np.array([[[0.0, 0.0, 0.0], [np.nan, 1.0, 1.0], [5.0, 1.0, 0.5]]])
     assert contact_sheet.shown(values)[0].tolist() == [[0, 0, 0], [255, 0, 255], [255, 255, 188]]

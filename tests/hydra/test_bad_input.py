@@ -166,7 +166,7 @@ def test_unknown_device_is_an_error_that_names_it(fresh_host):
     assert host.alive and "not converged" not in str(raised.value)
 
 
-def test_a_budget_too_small_is_an_error_that_says_so(host):
+def test_a_budget_too_small_is_one_clear_error(host):
     with host.open(small.FOLDER / "glow.usda", (64, 64), settings=QUICK | {"oocpt:memoryBudget": 1}) as view:
         with pytest.raises(HostError, match="(?i)memory|budget") as raised:
             view.render(30)
@@ -203,7 +203,7 @@ def test_other_input_that_must_not_matter(host):
     still_works(host)
 
 
-def test_a_material_for_other_renderers_is_said_to_have_no_surface_that_is_read(host, tmp_path):
+def test_a_material_for_other_renderers_gives_a_warning(host, tmp_path):
     """Legacy front ends leave such materials out, so that the line is about the mesh; the new one hands over a material
     without nodes."""
     scene = tmp_path / "mdl.usda"

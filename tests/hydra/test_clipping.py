@@ -76,7 +76,7 @@ def distances(planes):
     [(0, 0, 1, 7), (-1, 0, 0, 0.2), (1, 0, 0, 0.4)],
     [(0, 0, 1, 4)],
 ])
-def test_what_is_below_a_plane_is_not_seen(host, planes):
+def test_geometry_below_a_clipping_plane_is_not_seen(host, planes):
     picture = render(host, str([tuple(plane) for plane in planes]))
     known = distances(planes)
     told = ~np.isnan(known)
@@ -100,7 +100,7 @@ def test_a_clipping_range_cuts_nothing(host):
     assert (near["primId"] == whole["primId"]).all() and (near["primId"] >= 0).all()
 
 
-def test_planes_that_cannot_be_used_are_told_with_the_camera(host):
+def test_invalid_clipping_planes_are_reported_with_the_camera(host):
     picture = render(host, "[(nan, 0, 0, 1), (0, 0, -1, -6), (0, inf, 0, 0)]")
     said = [line for line in picture.log.splitlines() if "clipping planes" in line]
     assert len(said) == 1 and "/World/Camera" in said[0] and "not finite" in said[0], picture.log

@@ -290,7 +290,7 @@ def test_same_bits_at_every_budget(host, folder):
         compare.same_picture(seen, expected, f"{kib} KiB")
 
 
-def test_what_cannot_be_displaced_is_said_once(host, folder):
+def test_undisplaceable_prims_give_one_warning(host, folder):
     x, y = pixels()
     inside = np.maximum(np.abs(x), np.abs(y)) < 0.9
     cases = [

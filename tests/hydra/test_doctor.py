@@ -66,7 +66,7 @@ def names(text: str) -> list[str]:
     return [entry for entry in text.split("; ") if entry]
 
 
-def test_stats_list_what_is_there_and_what_was_left_out(host):
+def test_stats_list_present_and_omitted_parts(host):
     with host.open(PLAIN, (16, 16), settings=QUICK) as view:
         view.render()
         stats = view.stats()
@@ -84,7 +84,7 @@ def test_stats_list_what_is_there_and_what_was_left_out(host):
     )
 
 
-def test_what_is_carried_along_changes_no_bit(host):
+def test_carried_features_change_no_bit(host):
     for scene in (PLAIN, small.FOLDER / "nested.usda"):
         lean = host.picture(scene, (16, 16), settings=QUICK)
         with host.open(scene, (16, 16), settings=QUICK | {"oocpt:carry": "all"}) as view:
@@ -115,7 +115,7 @@ def test_doctor_asks_the_host_about_a_file(oocpt, tmp_path):
     ],
     ids=["file", "bad_file", "host"],
 )
-def test_doctor_says_once_what_is_missing(oocpt, tmp_path, text, flags, words):
+def test_doctor_reports_each_missing_thing_once(oocpt, tmp_path, text, flags, words):
     scene = tmp_path / "scene.usda"
     if text is not None:
         scene.write_text(text)
@@ -124,7 +124,7 @@ def test_doctor_says_once_what_is_missing(oocpt, tmp_path, text, flags, words):
     assert not done.stdout, "nothing is told of it"
 
 
-def test_doctor_names_the_device_and_what_is_wrong_with_the_scene(oocpt, tmp_path):
+def test_doctor_names_the_device_and_scene_warnings(oocpt, tmp_path):
     """A host warns of bad data and renders the rest, and so does the doctor: one line for each prim, without where in
     our code it was said."""
     done = oocpt("doctor", "--scene", small.FOLDER / "bad_data.usda", "--camera", "/World/Camera", "--alone", "--json")
@@ -185,7 +185,7 @@ def test_the_report_stands_in_for_attributes_that_hosts_do_not_write(oocpt, fres
     ), said
 
 
-def test_our_usdrecord_writes_them_into_exr_files(oocpt, tmp_path):
+def test_usdrecord_writes_the_stats_into_exr_files(oocpt, tmp_path):
     scene, report = tmp_path / "plain.usda", tmp_path / "plain.jsonl"
     scene.write_text(PLAIN)
 

@@ -293,7 +293,7 @@ def test_mesh_light_api(host, case):
     featured.agree(made, expected, f"mesh light, {case}", relative=2e-3)
 
 
-def test_mesh_light_api_warns_of_what_it_does_not_do(host):
+def test_unsupported_mesh_light_api_inputs_give_a_warning(host):
     edit = (
         "from pxr import UsdLux; shaping = UsdLux.ShapingAPI.Apply(stage.GetPrimAtPath('/World/Panel'));"
         " shaping.CreateShapingConeAngleAttr(30.0)"

@@ -14,7 +14,7 @@ SCENES = [scene.__name__ for scene in feature_references.SCENES]
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_reference(host, name):
+def test_scene_matches_its_mitsuba_reference(host, name):
     reference = json.loads((features.FOLDER / f"{name}.json").read_text())
     mean, error = np.array(reference["mean"]), np.array(reference["error"])
     columns, rows = feature_references.BLOCKS

@@ -17,7 +17,7 @@ BOUNDS = {"ground": (1e-3, 0.95), "wall": (1e-3, 0.92)}
 
 
 @pytest.mark.parametrize("name", filtering.SCENES)
-def test_what_is_seen_at_a_grazing_angle_is_as_without_a_filter(host, tmp_path, name):
+def test_grazing_views_match_the_unfiltered_picture(host, tmp_path, name):
     filtering.write(tmp_path)
     color = host.picture(tmp_path / f"{name}.usda", SIZE, aovs=["color"], settings=SETTINGS)["color"]
     seen = np.asarray(color, dtype=np.float64)[::-1, :, 0]

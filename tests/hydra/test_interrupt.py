@@ -118,7 +118,7 @@ def wait_for_samples(run, report):
 @pytest.mark.parametrize(
     "number, name", [(signal.SIGINT, "out.exr"), (signal.SIGTERM, "out.png")], ids=["SIGINT", "SIGTERM"]
 )
-def test_the_picture_is_written_as_far_as_it_is(start, pictures, tmp_path, number, name):
+def test_an_interrupt_writes_the_picture_so_far(start, pictures, tmp_path, number, name):
     report, out = tmp_path / "report.jsonl", pictures / name
     run = record(start, small.FOLDER / "nested.usda", out, "--imageWidth", "64", OOCPT_REPORT=str(report))
     wait_for_samples(run, report)
@@ -137,7 +137,7 @@ def test_the_picture_is_written_as_far_as_it_is(start, pictures, tmp_path, numbe
         assert np.asarray(Image.open(out).convert("RGB")).max() > 0
 
 
-def test_before_the_first_sample_there_is_no_picture(start, pictures):
+def test_an_interrupt_before_the_first_sample_writes_nothing(start, pictures):
     run = record(start, small.FOLDER / "nested.usda", pictures / "out.exr", "--imageWidth", "12000")
     run.wait_for(lambda: "Recording time code" in run.said()[0] and names(pictures), "recording")
     assert run.interrupt(signal.SIGINT) == ["OocPT: interrupted before the first sample was done; nothing is written"]
@@ -145,7 +145,7 @@ def test_before_the_first_sample_there_is_no_picture(start, pictures):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_usd_opening_a_stage_hears_it(start, pictures, tmp_path, number):
+def test_opening_a_stage_can_be_interrupted(start, pictures, tmp_path, number):
     """A layer that never comes: the host waits in the midst of C++."""
     scene, begin = tmp_path / "scene.usda", time.monotonic()
     os.mkfifo(scene)
@@ -161,7 +161,7 @@ def test_usd_opening_a_stage_hears_it(start, pictures, tmp_path, number):
     assert names(pictures) == []
 
 
-def test_a_second_signal_ends_it_at_once(start, pictures, tmp_path):
+def test_a_second_signal_exits_at_once(start, pictures, tmp_path):
     report = tmp_path / "report.jsonl"
     run = record(
         start, small.FOLDER / "nested.usda", pictures / "out.exr", "--imageWidth", "1024", OOCPT_REPORT=str(report)
@@ -175,7 +175,7 @@ def test_a_second_signal_ends_it_at_once(start, pictures, tmp_path):
     assert names(pictures) == []
 
 
-def test_frames_after_it_are_not_begun(start, pictures, tmp_path):
+def test_an_interrupt_skips_the_remaining_frames(start, pictures, tmp_path):
     report = tmp_path / "report.jsonl"
     run = record(
         start, small.FOLDER / "nested.usda", pictures / "out.##.exr", "--imageWidth", "64", "--frames", "1:3",
@@ -187,7 +187,7 @@ def test_frames_after_it_are_not_begun(start, pictures, tmp_path):
     assert run.said()[0].count("Recording time code") == 1
 
 
-def test_a_bench_ends(start, tmp_path):
+def test_a_bench_can_be_interrupted(start, tmp_path):
     run = start(os.environ["OOCPT_CLI"], "bench", "--samples", "100000", OOCPT_LOG="oocpt_render=debug")
     run.wait_for(lambda: "stage" in run.said()[1], "a render")
     assert run.interrupt(signal.SIGINT)[-1] == "oocpt: interrupted"
@@ -201,7 +201,7 @@ def sleeper(path):
 
 
 @pytest.mark.parametrize("command", ["doctor", "texture"])
-def test_programs_that_a_command_started_end_too(start, tmp_path, command):
+def test_child_processes_are_ended_too(start, tmp_path, command):
     host, scratch, scene = sleeper(tmp_path / "host"), tmp_path / "scratch", small.FOLDER / "nested.usda"
     scratch.mkdir()
     words = {
@@ -217,7 +217,7 @@ def test_programs_that_a_command_started_end_too(start, tmp_path, command):
     assert not is_running(int(file.read_text())) and names(scratch) == []
 
 
-def test_a_conversion_leaves_whole_entries_only(start, tmp_path):
+def test_an_interrupted_conversion_leaves_only_whole_entries(start, tmp_path):
     from PIL import Image
 
     picture, cache = tmp_path / "noise.png", tmp_path / "cache"

@@ -38,7 +38,7 @@ def shown(oocpt, *arguments):  # noqa: F811
     return done.stdout
 
 
-def test_a_document_is_told_as_it_arrived_folded_and_as_bytecode(oocpt, tmp_path):  # noqa: F811
+def test_a_document_is_shown_as_authored_folded_and_as_bytecode(oocpt, tmp_path):  # noqa: F811
     (tmp_path / "glow.mtlx").write_text(DOCUMENT)
     scene = tmp_path / "a scene.usda"
     looks = 'def "Looks" (references = @glow.mtlx@</MaterialX>) { }'
@@ -72,7 +72,7 @@ def test_all_materials_that_are_shown_are_listed(oocpt, tmp_path):  # noqa: F811
     assert lines[2] == "2 materials", lines
 
 
-def test_a_preview_surface_is_told_with_its_warning_once(oocpt, tmp_path):  # noqa: F811
+def test_a_preview_surface_is_shown_with_its_warning_once(oocpt, tmp_path):  # noqa: F811
     scene = tmp_path / "preview.usda"
     scene.write_text(SCENE.format(binding="/World/M", materials=PREVIEW))
     text = shown(oocpt, scene, "/World/M")
@@ -105,7 +105,7 @@ def test_a_material_that_nothing_shows_is_found_by_its_path(oocpt, tmp_path):  #
     ],
     ids=["file", "path", "relative", "camera"],
 )
-def test_what_is_not_there_is_one_message(oocpt, scene, path, words):  # noqa: F811
+def test_a_missing_material_gives_one_message(oocpt, scene, path, words):  # noqa: F811
     done = oocpt("material", "show", scene, *([path] if path else []))
     assert done.returncode == 1 and done.stderr.count(words) == 1 and not done.stdout, done.stderr
 

@@ -113,7 +113,7 @@ def test_a_document_is_rendered(host, tmp_path):
         compare.near(image[:, column].mean(axis=0), (1 - u, 0, u), 0.02, f"column {column}")
 
 
-def test_the_network_of_materialx_counts(host):
+def test_the_mtlx_network_wins_over_the_universal_one(host):
     """Where a material has one for `mtlx` and one for every renderer, it is the first."""
     with host.open(SCENE.format(binding="/World/M", materials=OPEN_PBR), (8, 8), settings=SETTINGS) as view:
         compare.near(pixels(view), (0.25, 0.75, 0.5), 1e-5, "a mix that is constant")
@@ -140,7 +140,7 @@ def test_an_edit_of_a_pattern_is_seen(host):
     ],
     ids=["unsupported", "unknown", "circle", "left out"],
 )
-def test_what_is_not_understood_is_one_warning_with_the_prim(host, old, new, words):
+def test_unsupported_nodes_give_one_warning_with_the_prim(host, old, new, words):
     assert old in OPEN_PBR
     scene = SCENE.format(binding="/World/M", materials=OPEN_PBR.replace(old, new))
     with host.open(scene, (8, 8), settings=SETTINGS) as view:
@@ -289,7 +289,7 @@ def let_through(h, absorption, eta=1.55):
     return f + (1 - f) ** 2 * t / (1 - f * t)
 
 
-def test_hair_lets_through_what_its_colour_says(host):
+def test_hair_transmits_its_colour(host):
     """A fibre in a white dome: rows are places across it. Helper nodes and their outputs come through Hydra."""
     x = 0.3
     below = 5.969 - 0.215 * x + 2.532 * x**2 - 10.73 * x**3 + 5.574 * x**4 + 0.245 * x**5

@@ -234,7 +234,7 @@ def test_same_bits_at_every_budget(host, tmp_path):
     compare.same_picture(seen, expected, f"{kib} KiB")
 
 
-def test_what_is_not_known_is_said_once(host, tmp_path):
+def test_unsupported_displacement_gives_one_warning(host, tmp_path):
     x, y = pixels()
     inside = np.maximum(np.abs(x), np.abs(y)) < 0.9
     seen = picture(host, tmp_path, stage(VIEW))

@@ -87,13 +87,13 @@ def agree(met, known, what):
     assert off.max() < 0.04 and off.mean() < 0.003, f"{what}: {off.max()} at most, {off.mean()} in the mean"
 
 
-def test_samples_of_a_transform_leave_a_streak(host):
+def test_transform_samples_leave_a_streak_of_known_coverage(host):
     met, log = coverage(host, stage())
     agree(met, streak((0, 0.5), (0.5, 0), 0.2), "a card")
     assert "OocPT" not in log, log
 
 
-def test_of_very_many_samples_a_selection_counts(host):
+def test_many_motion_samples_are_thinned(host):
     dense = ", ".join(f"{4 + 2 * i / 2000}: ({-1 + 2 * i / 2000}, 0.5, 0)" for i in range(2001))
     met, log = coverage(host, stage(content=SLIDING.replace("4: (-1, 0.5, 0), 6: (1, 0.5, 0)", dense)))
     agree(met, streak((0, 0.5), (0.5, 0), 0.2), "a card")
@@ -129,7 +129,7 @@ def test_instances_move_by_their_velocities_and_with_their_instancer(host):
     agree(met, streak((-0.5, -0.3), (0.5, 0), 0.2) + streak((0.5, 0.3), (0, 0.5), 0.2), "samples of positions")
 
 
-def test_a_camera_that_moves_blurs_what_is_at_rest(host):
+def test_a_moving_camera_blurs_static_objects(host):
     content = 'def Mesh "Card"\n{' + CARD + "}"
     camera = "double3 xformOp:translate.timeSamples = { 4: (-1, 0, 10), 6: (1, 0, 10) }"
     met, log = coverage(host, stage(camera=camera, content=content))

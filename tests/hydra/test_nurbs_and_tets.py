@@ -111,7 +111,7 @@ WORSE = {
 }
 
 
-def test_bad_ones_are_left_out_by_name(host):
+def test_invalid_patches_and_tets_are_dropped_by_name(host):
     bad = BAD | (WORSE if host.scene_index else {})
     prims = dict(bad)
     prims["Box"] = "def Cube { double size = 2 }"
@@ -132,7 +132,7 @@ def test_bad_ones_are_left_out_by_name(host):
         assert f"/World/{name}" in picture.log, f"{name} is named in {picture.log}"
 
 
-def test_one_that_breaks_later_goes_alone_and_comes_back(pool):
+def test_a_prim_that_becomes_invalid_is_dropped_alone_and_returns(pool):
     """The host's filter runs out of memory over it; what is below it stays."""
 
     def build(stage):

@@ -28,7 +28,7 @@ def kept(folder: pathlib.Path) -> list[pathlib.Path]:
 
 
 @pytest.mark.parametrize("place", ["named", "user's own", "none"])
-def test_passes_are_kept_where_the_user_says(tmp_path, place):
+def test_compiled_passes_are_stored_in_the_users_folder(tmp_path, place):
     """In the folder of the setting, else in the user's cache folder; with `0` nowhere."""
     named = tmp_path / "named"
     value = {"named": str(named), "user's own": "", "none": "0"}[place]

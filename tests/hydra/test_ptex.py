@@ -130,7 +130,7 @@ def test_texels_are_where_they_were_painted(host, tmp_path, kind, node):
     assert off(shown).max() < 0.05 and off(shown).mean() < 0.012, (off(shown).max(), off(shown).mean())
 
 
-def test_a_wrong_face_would_show(host, tmp_path):
+def test_a_swapped_face_is_noticed(host, tmp_path):
     """The test above sees two faces that are exchanged, and an n-gon whose faces begin at another corner."""
     faces, points = mesh()
     values = ptex_files.texels(faces, points, lambda _: (5, 5), color)

@@ -104,7 +104,7 @@ def test_settings_of_a_live_view(host):
     )
 
 
-def test_adaptive_sampling_is_a_setting_that_tells_what_it_spent(host):
+def test_adaptive_sampling_is_a_setting_with_stats(host):
     """Off by default and then without a word; on, samples go where they are worth most, the picture stays, and the
     budget changes no bit."""
     plain = {"oocpt:samplesPerPixel": 64, "oocpt:maxBounces": 1}
@@ -251,7 +251,7 @@ def test_stop_converges_at_once_and_restart_renders_all(host):
 
 
 @pytest.mark.parametrize("when", ["before", "during"])
-def test_an_engine_may_go_at_any_time(host, when):
+def test_an_engine_may_be_destroyed_at_any_time(host, when):
     view = host.open(PATH, (32, 32), settings={"oocpt:samplesPerPixel": 1 << 20})
     if when == "during":
         view.edit("view.prepare(); view.step(); time.sleep(0.05)")

@@ -209,7 +209,7 @@ def test_a_wrong_policy_is_refused_by_name(host):
     assert len(lines) == 1 and "random" in lines[0] and "sweep, priority, benefit" in lines[0], after.log
 
 
-def test_straggler_roulette_leaves_what_camera_rays_see(host, whole):
+def test_straggler_roulette_never_drops_camera_rays(host, whole):
     """Off, nothing of it is in the passes. On, paths may end: what camera rays see stays, and the bits of before come
     back with the setting."""
     text, expected, stats, smallest = whole(host, "patches")

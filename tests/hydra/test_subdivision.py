@@ -58,7 +58,7 @@ def answer(request):
     return request.param, reference.first_hits(stage, "/World/Camera", *SIZE), owners[0]
 
 
-def test_the_surface_is_where_catmull_and_clark_say(host, answer):
+def test_the_limit_surface_matches_catmull_clark(host, answer):
     creases, hits, owners = answer
     settings = {**SETTINGS, "oocpt:dicingRate": 0.25}
     picture = host.picture(small.build(lambda stage: control(stage, creases), DOC), SIZE, aovs=AOVS, settings=settings)
@@ -78,7 +78,7 @@ def test_the_surface_is_where_catmull_and_clark_say(host, answer):
     assert same.mean() > 0.97, "elements are authored faces"
 
 
-def test_the_answer_tells_creases_apart():
+def test_the_comparison_distinguishes_creases():
     """The comparison above would see a crease that is lost."""
     depths = []
     for creases in ((), (CREASE,), (CREASE, SPUR)):
@@ -89,7 +89,7 @@ def test_the_answer_tells_creases_apart():
         assert np.quantile(np.abs(depths[a] - depths[b])[both], 0.9) > 0.02, "pictures differ by ten times the bound"
 
 
-def test_complexity_is_the_least(host):
+def test_complexity_is_the_minimum_refinement(host):
     """With the rate switched off, the host's complexity decides alone: 1.0 is the cage."""
     settings = {**SETTINGS, "oocpt:dicingRate": 0.0}
     with host.open(small.build(control, DOC), SIZE, aovs=AOVS, settings=settings) as view:

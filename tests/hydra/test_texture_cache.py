@@ -94,7 +94,7 @@ def test_a_damaged_entry_is_made_again(tmp_path):
         assert entries(cache) == [entry] and entry.read_bytes() == whole
 
 
-def test_far_away_little_is_kept(tmp_path):
+def test_distant_textures_cache_only_coarse_levels(tmp_path):
     """Of 4096 x 4096 texels, seen on 16 pixels, the cache and the host's memory have a thousandth."""
     Image.fromarray(np.tile(texels(3)[:128, :256], (32, 16, 1))).save(tmp_path / "a.png", compress_level=1)
     albedo, log, _ = shown(tmp_path, str(tmp_path / "cache"), size=(16, 16))

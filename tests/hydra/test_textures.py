@@ -198,7 +198,7 @@ def test_color_spaces_by_name(host, tmp_path, source, metadata, expected):
 
 
 @pytest.mark.parametrize("source, metadata", [("no such space", ""), ("", "no such space")])
-def test_a_color_space_that_nobody_knows_is_one_warning_and_the_files_own(host, tmp_path, source, metadata):
+def test_an_unknown_color_space_gives_one_warning_and_the_files_own(host, tmp_path, source, metadata):
     write(tmp_path / "a.png", pale())
     shown = colored(host, tmp_path, "./a.png", source, metadata)
     lines = [line for line in shown.log.splitlines() if "OocPT" in line]

@@ -72,7 +72,7 @@ def opened(host, stage, camera="/Cam"):
         ("timeCodesPerSecond = 12\n framesPerSecond = 60", 12),
     ],
 )  # fmt: skip
-def test_of_the_root(host, tmp_path, metadata, rate):
+def test_the_root_layer_sets_the_rate(host, tmp_path, metadata, rate):
     """As UsdStage has it; a sublayer and an asset of other rates change nothing."""
     (tmp_path / "below.usda").write_text(layer("timeCodesPerSecond = 30", CARD))
     (tmp_path / "asset.usda").write_text(layer("timeCodesPerSecond = 60", asset("")))
@@ -84,7 +84,7 @@ def test_of_the_root(host, tmp_path, metadata, rate):
     assert DISAGREE not in log
 
 
-def test_of_the_root_where_all_comes_from_an_asset(host, tmp_path):
+def test_the_root_layer_sets_the_rate_of_referenced_prims(host, tmp_path):
     """The camera, too."""
     (tmp_path / "asset.usda").write_text(layer("timeCodesPerSecond = 60", asset(CAMERA + CARD)))
     path = tmp_path / "root.usda"
@@ -95,7 +95,7 @@ def test_of_the_root_where_all_comes_from_an_asset(host, tmp_path):
     assert DISAGREE not in log
 
 
-def test_beside_other_stages(host, tmp_path):
+def test_other_open_stages_do_not_change_the_rate(host, tmp_path):
     """One of other prims does no harm; one of the same prims cannot be told apart, which is said."""
     path, other, like = tmp_path / "root.usda", tmp_path / "other.usda", tmp_path / "like.usda"
     path.write_text(layer("timeCodesPerSecond = 48", CAMERA + CARD))
@@ -112,7 +112,7 @@ def test_beside_other_stages(host, tmp_path):
         assert (DISAGREE in log) != host.scene_index, log
 
 
-def test_an_edit(host):
+def test_editing_the_rate_updates_the_shutter(host):
     """The rate is changed while the stage is on show. (The scene indices of hosts keep the first: they have no word for
     it.)"""
     with opened(host, layer("timeCodesPerSecond = 48", CAMERA + CARD)) as view:
@@ -122,7 +122,7 @@ def test_an_edit(host):
 
 
 @pytest.mark.parametrize("scene_index", ["0", "1"])
-def test_of_the_command_line(tmp_path, scene_index):
+def test_usdrecord_passes_the_rate_of_its_stage(tmp_path, scene_index):
     """usdrecord tells the rate of its stage: that of the session layer, which the layers alone do not settle."""
     root, session, out = tmp_path / "root.usda", tmp_path / "session.usda", tmp_path / "out.exr"
     root.write_text(layer("timeCodesPerSecond = 48", CAMERA + CARD))

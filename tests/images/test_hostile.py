@@ -98,7 +98,7 @@ def all_survive(patient, folder, files) -> int:
     return count
 
 
-def test_headers_that_say_what_cannot_be(patient, tmp_path):
+def test_impossible_headers_are_refused(patient, tmp_path):
     assert all_survive(patient, tmp_path, hostile.lies(tmp_path)) > 200
 
 
@@ -132,22 +132,22 @@ def test_headers_that_say_what_cannot_be(patient, tmp_path):
         ("flat.tif", hostile.tiff_of(60000, 60000, {278: (4, 1)}), "cannot hold that many"),
     ],
 )
-def test_lies_are_told_as_such(patient, tmp_path, name, content, reason):
+def test_contradictory_headers_give_their_reason(patient, tmp_path, name, content, reason):
     (tmp_path / name).write_bytes(content)
     assert reason in patient.ask("facts", tmp_path / name).get("error", "")
 
 
-def test_files_that_end_early(patient, tmp_path):
+def test_truncated_files_are_survived(patient, tmp_path):
     assert all_survive(patient, tmp_path, hostile.cuts(tmp_path, VARIANTS)) > 300
 
 
-def test_turned_bits(patient, tmp_path):
+def test_flipped_bits_are_survived(patient, tmp_path):
     assert all_survive(patient, tmp_path, hostile.flips(tmp_path, VARIANTS, 1)) == VARIANTS * len(
         hostile.good(tmp_path)
     )
 
 
-def test_sound_files_pass_all_of_that(patient, tmp_path):
+def test_unmodified_files_are_read(patient, tmp_path):
     for name, content in hostile.good(tmp_path).items():
         (tmp_path / name).write_bytes(content)
         assert "sum" in patient.ask("walk", tmp_path / name, 0), name
@@ -160,7 +160,7 @@ def test_sound_files_pass_all_of_that(patient, tmp_path):
         ("empty.png", "empty"), ("dangling.png", "cannot be found"),
     ],
 )
-def test_what_is_no_file_is_not_opened(patient, tmp_path, name, reason):
+def test_irregular_files_are_not_opened(patient, tmp_path, name, reason):
     path = tmp_path / name
     {
         "pipe.png": lambda: os.mkfifo(path),
@@ -187,13 +187,13 @@ def test_a_file_that_shrinks_while_it_is_read(patient, tmp_path):
         assert "error" in answer or "sum" in answer, (name, answer)
 
 
-def test_numbers_that_are_none_come_as_they_are(patient, tmp_path):
+def test_non_finite_texels_are_kept(patient, tmp_path):
     values = np.array([np.nan, np.inf, -np.inf, 1e38, -1e38, 1e-45] * 3, np.float32).reshape(2, 3, 3)
     tifffile.imwrite(tmp_path / "n.tif", values, photometric="rgb", metadata=None)
     np.testing.assert_array_equal(patient.texels(tmp_path / "n.tif"), values)
 
 
-def test_large_flat_images_are_no_lies(patient, tmp_path):
+def test_large_constant_images_are_accepted(patient, tmp_path):
     """Texels that are all the same compress a thousand times: such files are sound."""
     flat = Image.new("RGB", (6000, 6000), (10, 20, 30))
     for name in ("flat.png", "flat.jpg", "flat.tif", "flat.tga"):

@@ -96,7 +96,7 @@ def picture(path: pathlib.Path, size=(300, 200)) -> None:
     Image.fromarray(np.random.default_rng(5).integers(0, 256, (size[1], size[0], 3), np.uint8)).save(path)
 
 
-def test_files_sets_and_folders_are_converted_and_told(oocpt, tmp_path):
+def test_files_sets_and_folders_are_converted_and_listed(oocpt, tmp_path):
     cache = tmp_path / "cache"
     for name in ("one/wood.1001.png", "one/wood.1002.png", "two/deep/stone.tif", "two/cut.png"):
         picture(tmp_path / name)
@@ -126,7 +126,7 @@ def test_files_sets_and_folders_are_converted_and_told(oocpt, tmp_path):
     assert "300 x 200, levels: 1, not tiled" in words and "cache         all levels" in words, words
 
 
-def test_ptex_is_converted_and_told(oocpt, tmp_path):
+def test_ptex_is_converted_and_listed(oocpt, tmp_path):
     cache, file = tmp_path / "cache", tmp_path / "folder/a.ptx"
     file.parent.mkdir()
     faces = [[0, 1, 2, 3], [1, 4, 2]]
@@ -145,7 +145,7 @@ def test_ptex_is_converted_and_told(oocpt, tmp_path):
     assert done.returncode == 1 and "a.ptx: " in done.stderr, done.stderr
 
 
-def test_a_render_finds_what_a_scene_was_converted_to(oocpt, tmp_path):
+def test_a_render_uses_the_converted_textures(oocpt, tmp_path):
     cache, scene = tmp_path / "cache", tmp_path / "scene.usda"
     picture(tmp_path / "wood.png", (512, 512))
     scene.write_text(SCENE)

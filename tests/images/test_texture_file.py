@@ -46,7 +46,7 @@ def test_all_kinds_hold_the_same_picture(files):
     ), "its square, within half a step of 8 bits and of half floats"
 
 
-def test_it_is_noise_and_the_same_each_time(files, tmp_path):
+def test_the_written_texture_is_deterministic_noise(files, tmp_path):
     png = np.asarray(Image.open(files["png"]))
     assert png.std() > 20 and files["png"].stat().st_size > png.size * 0.3, "it does not compress to nothing"
     assert call("write", SIZE, 1001, tmp_path / "again.png").returncode == 0
@@ -74,7 +74,7 @@ def test_bad_arguments_are_refused(words):
     assert done.returncode == 2 and done.stderr.startswith("usage:"), done
 
 
-def test_what_cannot_be_done_is_one_line(tmp_path):
+def test_failures_give_one_line(tmp_path):
     for words in (
         ["write", 8, 1, tmp_path / "a.txt"],
         ["write", 8, 1, tmp_path / "none/a.png"],

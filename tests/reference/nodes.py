@@ -5,8 +5,8 @@
 
 For each definition of the data libraries whose outputs are numbers: its shader (`node_shaders.py`) at seeded random
 inputs (`node_inputs.py`). Sines, powers and the like of one operation are numpy's in f64, rounded: a software device
-has approximations of them. `rust/materialx/tests/nodes.csv` is a table of few rows; the crate's example `nodes` reads
-tables of any size, evaluates the same nodes and prints errors.
+has approximations of them. `rust/materialx/tests/data/nodes.csv` is a table of few rows; the crate's example `nodes`
+reads tables of any size, evaluates the same nodes and prints errors.
 
 A table has blocks: `= DEFINITION CATEGORY OUTPUT:TYPE | NAME:TYPE ... | @GEOMETRY:WIDTH ...`, then a row a line: values
 of inputs, a semicolon, what is expected. An input with `!` is uniform, `<Nworld` is what it is where nothing is said.

@@ -109,7 +109,7 @@ def test_same_arguments_same_stage(oocpt, tmp_path):
     assert texts[0] == texts[1]
 
 
-def test_no_python_is_one_clear_sentence(oocpt, tmp_path):
+def test_a_missing_python_gives_one_sentence(oocpt, tmp_path):
     done = oocpt("scene", "island", "--out", str(tmp_path / "x.usdc"), python="")
     assert done.returncode == 1 and not (tmp_path / "x.usdc").exists()
     assert "set OOCPT_USD_PYTHON" in done.stderr and len(done.stderr.strip().splitlines()) == 1, done.stderr

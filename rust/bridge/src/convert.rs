@@ -328,7 +328,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_mesh_arrives_in_place_and_complete() {
+    fn a_mesh_is_converted_without_copying_its_points() {
         let desc = mesh_desc();
         let address = desc.points.as_ref().expect("points are there").bytes().as_ptr() as usize;
         let mut complaints = Complaints::default();
@@ -351,7 +351,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn sets_of_categories_are_told_apart() {
+    fn category_sets_are_distinguished() {
         let names = || ["a", "b", "c"].map(String::from).to_vec();
         let found = |sizes: &[u32]| -> Vec<usize> { link_sets(names(), sizes).iter().map(Vec::len).collect() };
         assert_eq!(found(&[0, 2, 1]), [0, 2, 1], "as they came");

@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn facts_become_what_the_renderer_asks_for() {
+    fn image_facts_are_converted() {
         let info = info(&facts()).expect("usable");
         assert_eq!(info.levels, [[8, 4], [4, 2]], "levels");
         assert_eq!((info.channels, info.format, info.tile_friendly), (3, TexelFormat::F16, true), "texels");
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_cheap_where_the_file_has_tiles_and_coarse_levels() {
+    fn partial_reads_need_tiles_and_coarse_levels() {
         let friendly = |levels: &[u32], is_tiled| {
             info(&ffi::ImageFacts { levels: levels.into(), is_tiled, ..facts() }).expect("usable").tile_friendly
         };
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_file_does_not_say_is_not_known() {
+    fn facts_missing_from_the_file_are_none() {
         let silent = ffi::ImageFacts { is_srgb: -1, wrap_t: ffi::WrapTag::Unknown, ..facts() };
         let info = info(&silent).expect("usable");
         assert_eq!((info.is_srgb, info.wrap), (None, None), "half a wrap mode is none");
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_set_has_numbers() {
+    fn only_tile_sets_have_tile_numbers() {
         let asset = |text: &str| AssetRef { authored: text.into(), resolved: format!("/t/{text}").into() };
         let part = numbered(&asset("a.<UDIM>.png"), 1011).expect("a member");
         assert_eq!((&*part.authored, &*part.resolved), ("a.1011.png", "/t/a.1011.png"), "both names");
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn without_files_there_is_a_reason() {
+    fn an_unresolved_file_gives_a_reason() {
         let images = HostImages::new(UniquePtr::null());
         let lost = AssetRef { authored: "a.png".into(), resolved: "".into() };
         let text = images.open(&lost).expect_err("not there").to_string();

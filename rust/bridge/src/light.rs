@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn each_kind_of_light_takes_what_it_has_a_use_for() {
+    fn each_light_kind_reads_only_its_own_inputs() {
         let texture = || Some(AssetRef { authored: "a.exr".into(), resolved: "/t/a.exr".into() });
         let kinds = [
             (ffi::LightTag::Dome, LightKind::Dome { texture: texture(), format: DomeFormat::Latlong }),
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn shadows_end_where_a_distance_says_so() {
+    fn shadow_distance_is_converted() {
         let desc = |distance| ffi::LightDesc { shadow_reach: [distance, -1.0, 1.0], ..light_desc(ffi::LightTag::Disk) };
         let reach = |distance| light(desc(distance));
         let expected = ShadowReach { distance: 2.0, falloff: -1.0, gamma: 1.0 };
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn links_and_shaping_are_absent_unless_there() {
+    fn links_and_shaping_are_none_unless_authored() {
         let plain = light(light_desc(ffi::LightTag::Sphere));
         assert_eq!(plain.shaping, None, "no shaping");
         assert_eq!(plain.light_link.as_deref(), Some("/L.collection:lightLink"), "the category of the link");

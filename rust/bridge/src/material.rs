@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn a_network_arrives_whole() {
+    fn a_material_network_is_converted_whole() {
         let mut complaints = Complaints::default();
         let material = material(material_desc(1, 0), &mut complaints);
         assert!(complaints.0.is_empty(), "nothing is wrong: {:?}", complaints.0);
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn what_leads_nowhere_is_left_out_and_named() {
+    fn dangling_connections_are_dropped_with_a_warning() {
         let mut complaints = Complaints::default();
         let material = material(material_desc(9, 5), &mut complaints);
         assert_eq!((material.surface, material.displacement), (None, None), "no such node");
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_kind_of_value_is_no_value() {
+    fn a_value_of_unknown_type_is_dropped() {
         assert!(param(param_desc("x", ffi::ParamTag { repr: 200 })).is_none(), "unknown tag");
     }
 }

@@ -144,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_a_rendered_picture_is_waited_for() {
+    fn an_interrupt_waits_only_for_a_picture_that_has_samples() {
         let interrupt = |phase| State { phase, ..State::default() }.interrupt();
         assert!(!interrupt(Phase::Preparing), "nothing is there");
         assert!(!interrupt(Phase::Rendering), "nothing is rendered yet");
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_interrupt_waits_for_nothing() {
+    fn a_second_interrupt_does_not_wait() {
         let mut state = State { phase: Phase::Writing, ..State::default() };
         assert!(state.interrupt() && !state.interrupt(), "one picture, one wait");
     }

@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn of_two_keys_for_the_same_thing_the_later_one_counts() {
+    fn the_later_of_two_aliased_keys_wins() {
         let (mut layers, _) = Layers::new(|_| None);
         layers.set("convergedSamplesPerPixel", Value::Int(3));
         layers.set(SAMPLES, Value::Int(4));
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn hosts_list_what_users_need_and_developers_set_the_rest_all_the_same() {
+    fn developer_settings_are_unlisted_but_can_be_set() {
         let (mut layers, complaints) = with_variable("OOCPT_POLICY", "sweep");
         assert!(complaints.is_empty(), "{complaints:?}");
         assert_eq!(layers.settings().policy.name(), "sweep", "by environment");
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_of_value_survives_the_crossing() {
+    fn every_setting_type_round_trips_through_the_bridge() {
         for original in [Value::Bool(true), Value::Int(-3), Value::Float(0.25), Value::Text("llvmpipe".into())] {
             assert_eq!(value(&scalar(&original)), Some(original.clone()), "{original:?}");
         }

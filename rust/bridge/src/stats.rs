@@ -191,7 +191,7 @@ mod tests {
     use oocpt_core::inventory::PassUse;
 
     #[test]
-    fn hosts_find_what_they_read() {
+    fn stats_have_the_keys_that_hosts_read() {
         let stats = Stats {
             percent_done: 25.0,
             samples_completed: 16,
@@ -215,7 +215,7 @@ mod tests {
 
     /// Each number of the streaming statistics is listed under its own name, with the prefix and in camel case.
     #[test]
-    fn streaming_numbers_go_by_their_names() {
+    fn streaming_stats_are_reported_under_their_names() {
         let mut fields = serde_json::to_value(StreamingStats::default()).expect("plain data");
         let fields = fields.as_object_mut().expect("fields");
         let names: Vec<String> = fields.keys().cloned().collect();
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_render_is_made_of_stands_apart_from_what_was_left_out() {
+    fn inventory_keys_separate_present_from_omitted_parts() {
         let mut stats = Stats::default();
         stats.inventory.add("rays", 640);
         stats.inventory.leave_out("cones", 80);

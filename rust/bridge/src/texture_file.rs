@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn trouble_is_said_in_json() {
+    fn errors_are_reported_as_json() {
         let said = |command, path| texture_file(UniquePtr::null(), command, path, "auto").expect("no panic");
         assert_eq!(said("info", ""), r#"{"error":"cannot be found"}"#, "an unresolved path");
         assert_eq!(said("info", "/a.png"), r#"{"error":"cannot be read: the host gives no files"}"#, "no source");

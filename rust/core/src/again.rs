@@ -49,7 +49,7 @@ mod tests {
     }
 
     #[test]
-    fn reads_are_tried_again_a_few_times() {
+    fn failed_reads_are_retried_three_times() {
         assert_eq!(read(0, true), (Ok(()), 1));
         assert_eq!(read(3, true), (Ok(()), 4));
         assert_eq!(read(9, true), (Err(4), 4), "the last error");

@@ -160,7 +160,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_there_and_what_is_not_are_summed_apart() {
+    fn present_and_omitted_bytes_are_summed_separately() {
         let mut inventory = Inventory::default();
         inventory.add("rays", 100);
         inventory.add("rays", 20);
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn names_of_strangers_are_few_and_short() {
+    fn scene_given_names_are_bounded_in_number_and_length() {
         let primvar =
             |k: u64| PrimvarUse { name: format!("{k}\n{}", "x".repeat(1000)), saved: k, ..PrimvarUse::default() };
         let mut inventory = Inventory::default();

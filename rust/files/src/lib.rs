@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_file_is_refused_at_once() {
+    fn irregular_files_are_refused_without_blocking() {
         let folder = Folder::new("others");
         let (others, _listener) = folder.others();
         let started = Instant::now();
@@ -214,7 +214,7 @@ mod tests {
 
     /// A pipe that takes a file's place between the two looks is opened without waiting, and refused.
     #[test]
-    fn what_comes_between_is_refused_too() {
+    fn a_file_replaced_by_a_pipe_before_opening_is_refused() {
         let folder = Folder::new("between");
         let (others, _listener) = folder.others();
         let pipe = &others[0].0;

@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn points_are_reached_when_both_lanes_are_there() {
+    fn a_timeline_point_is_reached_when_both_queues_are() {
         let point = Points([3, 5]);
         assert!(point.reached_by(Points([3, 5])) && point.reached_by(Points::END), "there, and past it");
         assert!(!point.reached_by(Points([9, 4])) && !point.reached_by(Points([2, 9])), "one lane is not enough");

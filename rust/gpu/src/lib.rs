@@ -40,10 +40,6 @@ mod compute_pipeline;
 mod device;
 mod enumerate;
 mod error;
-#[cfg(test)]
-mod faults;
-#[cfg(test)]
-mod gates;
 mod gpu;
 mod heap;
 mod heap_counters;
@@ -81,6 +77,8 @@ mod staging;
 mod staging_part;
 mod staging_space;
 mod submission;
+#[cfg(test)]
+mod tests;
 mod timeline;
 mod timer;
 mod validation;

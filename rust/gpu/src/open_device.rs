@@ -159,10 +159,10 @@ impl Drop for OpenDevice {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gates::open;
+    use crate::tests::open;
 
     #[test]
-    fn pages_are_lent_where_the_driver_takes_them() {
+    fn host_pages_are_imported_where_the_driver_supports_it() {
         let gpu = open();
         let takes = gpu.report().capabilities.external_memory_host;
         for bytes in [1, 100_000, 40 << 20] {

@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_finished_is_remembered_by_its_last_label() {
+    fn the_last_finished_pass_is_remembered_by_label() {
         let passes = Passes::default();
         assert_eq!((passes.last_pass(None).as_str(), passes.is_empty()), ("none", true), "nothing ran");
         for (value, label) in [(1, "first"), (2, "second"), (3, "third")] {

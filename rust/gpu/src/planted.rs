@@ -36,7 +36,7 @@ mod tests {
     use crate::{GpuError, OpenOptions, enumerate_for, hide_capabilities};
 
     #[test]
-    fn a_device_that_lacks_something_is_told_by_name() {
+    fn a_missing_capability_is_named() {
         hide_capabilities(Some(|capabilities| {
             (capabilities.scalar_block_layout, capabilities.host_query_reset) = (false, false);
         }));

@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_named_device_that_lacks_something_says_what() {
+    fn an_unusable_named_device_lists_what_it_lacks() {
         let error = choose(&machine(), Some("GT 710"));
         let expected = GpuError::MissingCapability { device: "GeForce GT 710".into(), missing: "shaderInt64".into() };
         assert_eq!(error, Err(expected), "no silent fallback to another device");
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn every_device_is_told_why() {
+    fn every_rejected_device_has_a_reason() {
         let mut machine = machine();
         explain(&mut machine, 3, None);
         assert!(machine[3].chosen && machine[3].why.starts_with("used: first"), "{}", machine[3].why);

@@ -8,10 +8,10 @@
 mod bounds;
 #[path = "../tests/all/nodes/compare.rs"]
 mod compare;
-#[path = "../tests/all/nodes/ours.rs"]
-mod ours;
 #[path = "../tests/all/nodes/table.rs"]
 mod table;
+#[path = "../tests/all/nodes/translation.rs"]
+mod translation;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::ExitCode;

@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn averages_are_those_known() {
+    fn average_albedos_match_known_values() {
         let floats =
             |bytes: &[u8]| -> Vec<f32> { bytes.as_chunks::<4>().0.iter().map(|x| f32::from_le_bytes(*x)).collect() };
         let table = floats(bytes());

@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read() {
+    fn a_chunk_report_round_trips() {
         let path = std::env::temp_dir().join(format!("oocpt-chunk-report-{}.json", std::process::id()));
         report().write(&path).expect("the folder for temporary files can be written");
         let read = ChunkReport::read(&path);

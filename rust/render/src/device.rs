@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn what_passes_use_is_required_of_devices() {
+    fn every_capability_used_by_passes_is_required() {
         let mut modern = Capabilities::default();
         modern.vulkan_1_2 = true;
         let missing = modern.missing();
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_required_that_passes_do_not_use() {
+    fn no_unused_capability_is_required() {
         let declared = declared();
         let unused: Vec<u32> = REQUIRED.iter().map(|(number, _)| *number).filter(|n| !declared.contains(n)).collect();
         assert!(unused.is_empty(), "{unused:?}");

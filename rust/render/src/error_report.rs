@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_and_a_line_cut_off_is_left_out() {
+    fn error_rows_round_trip_and_a_truncated_line_is_skipped() {
         let path = std::env::temp_dir().join(format!("oocpt-report-{}.jsonl", std::process::id()));
         let row = |samples| ErrorRow { samples, seconds: 0.5, ..ErrorRow::default() };
         for (seed, is_first) in [(7, true), (1, true), (2, false)] {

@@ -131,7 +131,7 @@ mod tests {
     const MEMINFO: (&str, &str) = ("proc/meminfo", "MemTotal:  16000 kB\nMemFree: 10 kB\nMemAvailable:    8000 kB\n");
 
     #[test]
-    fn the_tightest_limit_counts() {
+    fn the_tightest_memory_limit_wins() {
         let free_of = |files: &[(&str, &str)]| free_of("limits", files);
         assert_eq!(free_of(&[MEMINFO]), Some(8000 << 10));
         let group = |limit| [MEMINFO, ("sys/fs/cgroup/memory.max", limit), ("sys/fs/cgroup/memory.current", "1000\n")];
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_not_guessed() {
+    fn unreadable_memory_limits_give_none() {
         for text in
             ["", "MemAvailable:", "MemAvailable: x kB", "MemAvailable: 12", "MemAvailable: 99999999999999999999 kB"]
         {
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_too_large_for_the_budget_is_told_by_its_largest_prim() {
+    fn a_scene_above_the_host_budget_names_its_largest_prim() {
         let lent = Lent { bytes: 60 << 20, largest: Some(("/city".into(), 50 << 20)) };
         let of = |mib, tables: u64| {
             let settings = Settings { host_memory_budget_mib: mib, ..Settings::default() };
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_setting_goes_before() {
+    fn the_host_memory_setting_overrides_the_detected_limit() {
         let settings = Settings { host_memory_budget_mib: 64, ..Settings::default() };
         let parts = [Part::Meshes, Part::Encoded, Part::EndedPaths];
         let limits = |fixed| parts.map(|part| limit_of(part, &settings, 1 << 40, fixed) >> 20);

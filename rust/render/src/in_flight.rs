@@ -76,14 +76,14 @@ mod tests {
         InFlight { is_cpu: false, device_bytes: 140 << 30, paths: 1 << 30, path_bytes: 196, asked: None };
 
     #[test]
-    fn large_renders_have_the_largest_waves() {
+    fn large_renders_get_the_largest_waves() {
         assert_eq!((LARGE.wanted(), LARGE.roomy()), (1 << 22, 3 << 20));
         let picture = InFlight { paths: 1024 * 429 * 64, ..LARGE };
         assert_eq!(picture.wanted(), 1 << 22, "of the benches");
     }
 
     #[test]
-    fn small_renders_have_a_part_of_them() {
+    fn small_renders_get_smaller_waves() {
         let small = InFlight { paths: 256 * 256 * 64, path_bytes: 128, ..LARGE };
         assert_eq!(small.wanted(), 1 << 20, "a quarter of all");
         assert_eq!(InFlight { paths: 1 << 20, ..small }.wanted(), 1 << 19, "as many as fill the device");
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn small_devices_keep_most_of_their_memory() {
+    fn small_devices_spend_little_memory_on_paths() {
         for (gib, wanted) in [(1, 1 << 18), (2, 1 << 19), (4, 1 << 20), (8, 1 << 21), (16, 1 << 22)] {
             let device = InFlight { device_bytes: gib << 30, ..LARGE };
             assert_eq!(device.wanted(), wanted, "{gib} GiB");
@@ -105,14 +105,14 @@ mod tests {
     }
 
     #[test]
-    fn processors_have_few() {
+    fn processors_get_few_paths_in_flight() {
         let cpu = InFlight { is_cpu: true, ..LARGE };
         assert_eq!((cpu.wanted(), cpu.roomy()), (1 << 17, 1 << 16));
         assert_eq!(InFlight { device_bytes: 1 << 20, ..cpu }.wanted(), 1 << 17, "its memory is the machine's");
     }
 
     #[test]
-    fn what_is_asked_for_goes_before() {
+    fn an_explicit_path_count_is_clamped_and_used() {
         let of = |asked| InFlight { asked: Some(asked), ..LARGE }.wanted();
         assert_eq!([of(0), of(5000), of(1 << 20), of(u32::MAX)], [1 << 12, 1 << 12, 1 << 20, 1 << 22]);
         assert_eq!(InFlight { asked: Some(1 << 20), paths: 5000, ..LARGE }.wanted(), 8192, "no more than there are");

@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_report_is_read_as_it_was_written_and_other_files_are_left() {
+    fn material_reports_round_trip_and_spare_other_files() {
         let path = std::env::temp_dir().join(format!("oocpt-material-report-{}", std::process::id()));
         let text = MaterialText { path: "/m \"a\"".to_owned(), lookups: 3, ..MaterialText::default() };
         let report = MaterialReport { version: VERSION, materials: vec![text] };

@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_slow_load_is_told_once_a_minute_and_waited_for() {
+    fn a_slow_load_warns_once_a_minute_and_is_awaited() {
         let start = Instant::now();
         let at = |secs| start + Duration::from_secs(secs);
         let mut patience = Patience::new(start);

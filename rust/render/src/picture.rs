@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_says_how_it_was_made_and_keeps_its_pixels() {
+    fn exr_attributes_are_added_without_changing_pixels() {
         let estimate = Some(Estimate { rel_mse: 1e-3, low: 5e-4, high: 2e-3 });
         let row = ErrorRow {
             samples: 16,
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_picture_is_an_error() {
+    fn invalid_pictures_are_errors() {
         let path = std::env::temp_dir().join(format!("oocpt-no-picture-{}.exr", std::process::id()));
         assert!(write(&path, [2, 2], &[0.0; 15], &Attributes::new()).is_err(), "a float short");
         assert!(write(&path, [0, 0], &[], &Attributes::new()).is_err(), "nothing");

@@ -390,7 +390,7 @@ mod tests {
     use super::nonfinite_text;
 
     #[test]
-    fn samples_that_are_not_finite_are_told_with_their_place() {
+    fn non_finite_samples_are_reported_with_their_pixel() {
         let said = nonfinite_text(7, !(3 * 64 + 5), 64);
         assert!(said.starts_with("7 samples are not finite") && said.contains("is 5, 3 from the lower left"), "{said}");
         let said = nonfinite_text(1, u32::MAX, 64);

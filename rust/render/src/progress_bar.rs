@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_line_says_what_is_done_and_what_is_left() {
+    fn the_progress_line_shows_done_and_remaining() {
         let text = line(0.25, Duration::from_secs(10), 16, 64);
         assert_eq!(text, "[######------------------]  25 %  10.0 s  16/64 samples  ~30 s left", "a quarter done");
         assert!(line(0.0, Duration::ZERO, 0, 64).contains("0/64 samples"), "no estimate before the first sample");

@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn waves_end_with_octaves_and_at_what_is_open() {
+    fn waves_end_at_octaves_and_open_limits() {
         let mut schedule = Schedule::new(100_000, 8192, 1 << 16, 0.05).with_octaves(5000);
         let mut ends = Vec::new();
         while let Some(wave) = schedule.next(60_000) {
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn no_wave_is_long_on_a_slow_device() {
+    fn waves_stay_short_on_slow_devices() {
         let slowest = [(DeviceKind::Cpu, 1e4), (DeviceKind::Integrated, 1e5), (DeviceKind::Discrete, 1e6)];
         for (kind, rate) in slowest {
             for speed in [1.0, 10.0, 1e3, 1e6] {
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_follow_the_clock_within_bounds() {
+    fn wave_sizes_adapt_to_measured_time_within_bounds() {
         let mut schedule = Schedule::new(u64::MAX, 8192, 1 << 16, 0.05);
         for _ in 0..20 {
             let wave = schedule.next(u64::MAX).expect("endless");

@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_present_is_not_listed_as_left_out() {
+    fn present_features_are_not_listed_as_omitted() {
         let with = left_out(Features::DOME | Features::LENS, true);
         assert!(!with.iter().any(|name| name == "lens" || name == "dome light"), "present parts are not left out");
         let without = left_out(Features::empty(), false);
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_scene_has_is_needed_under_the_same_name() {
+    fn scene_features_map_to_shader_features_by_name() {
         let all = of_scene(SceneFeatures::all());
         for (name, _) in SceneFeatures::all().iter_names() {
             // Traversal asks the mesh, not the pass.
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn what_would_change_the_picture_is_not_carried() {
+    fn features_that_change_the_picture_are_not_carried() {
         let (all, unknown) = Carry::parse("all");
         assert!(unknown.is_empty() && all.levels);
         let never = Features::DOME_SHADOW_RAYS | Features::MATERIALS | Features::STREAMING;

@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_beyond_the_end_is_left_out() {
+    fn paths_beyond_the_end_are_omitted() {
         let pieces = pieces(Wave { first: 70, count: 30 }, 10, 80);
         assert_eq!(pieces.len(), 1, "nothing beyond the end");
         assert_eq!((pieces[0].wave.count, pieces[0].completes), (10, Some(3)), "and the end may be an octave");

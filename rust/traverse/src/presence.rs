@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_opacity_is_where_the_shaders_read_it() {
+    fn the_opacity_offset_matches_the_shaders() {
         assert_eq!(oocpt_shader_abi::MATERIAL_INPUT_NAMES.get(INPUT_OPACITY), Some(&"OPACITY"));
     }
 }

@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_are_met_alike() {
+    fn simd_box_tests_match_scalar() {
         let (met, passed) = (Cell::new(0), Cell::new(0));
         each(|avx2, numbers, is_odd| {
             let (o, d) = (numbers.vector(is_odd), numbers.vector(is_odd));
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn triangles_have_the_same_edges() {
+    fn simd_triangle_edges_match_scalar() {
         let inside = Cell::new(0);
         each(|avx2, numbers, is_odd| {
             let o = numbers.vector(is_odd);

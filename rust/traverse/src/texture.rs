@@ -319,7 +319,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_between_texels_are_exact() {
+    fn bilinear_positions_are_exact() {
         for (s, size, place, share) in [
             (0.0, 5, -1, 0.5),
             (0.5, 4, 1, 0.5),

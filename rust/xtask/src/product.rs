@@ -145,7 +145,7 @@ fn bridge_options(places: &Places, profile: &str) -> Vec<(String, String)> {
     ]
 }
 
-/// A cargo subcommand (`nextest run` is one, too) in the clone, by the same cargo that runs this; in CI (`CI` is set)
+/// A cargo subcommand in the clone, by the same cargo that runs this; in CI (`CI` is set)
 /// it may not change `Cargo.lock`.
 pub(crate) fn cargo(places: &Places, subcommand: &str) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));

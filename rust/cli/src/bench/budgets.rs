@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_that_fails_leaves_the_others() {
+    fn a_failed_row_does_not_stop_the_other_rows() {
         let policies = ["sweep".to_owned(), "benefit".to_owned()];
         let measure = |percent: f64, policy: &str, first: Option<&String>| {
             ensure!(policy != "sweep", "too small");

@@ -205,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_hit_costs_is_the_difference_of_runs_made_in_turn() {
+    fn cost_per_hit_is_the_difference_of_interleaved_runs() {
         // The machine is slower in the second run: of all rows.
         let [base, program] = [[1.0, 3.0, 1.0], [1.5, 3.5, 1.75]];
         assert_eq!(above(&base, &base, 1e6), [0.0; 3]);

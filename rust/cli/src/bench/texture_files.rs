@@ -307,14 +307,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bounds_are_those_of_the_proof() {
+    fn time_bounds_match_the_stated_ones() {
         assert!((bound("cold", 1, 2.0) - 5.0).abs() < 1e-9, "1.5 times the decode and 2 s");
         assert!((bound("cold", 40, 2.0) - 3.0).abs() < 1e-9, "1.5 times the decode of all");
         assert!((bound("warm", 40, 2.0) - 2.5).abs() < 1e-9, "2.5 s");
     }
 
     #[test]
-    fn a_cold_cache_is_gone_with_all_that_is_in_it() {
+    fn clearing_the_cache_removes_its_folder() {
         let folder = std::env::temp_dir().join(format!("oocpt-cold-cache-{}", std::process::id()));
         std::fs::create_dir_all(folder.join("a/b")).expect("a temporary folder");
         std::fs::write(folder.join("a/b/c"), [0; 5]).expect("a temporary file");

@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn each_trouble_is_one_message() {
+    fn each_host_failure_gives_one_message() {
         let missing = ask(&question(Path::new("/no/such/file.usda"), OsStr::new("usdrecord"))).expect_err("no file");
         assert!(format!("{missing:#}").contains("neither a file nor a generated scene"), "{missing:#}");
         let here = std::env::current_exe().expect("a file");
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn the_host_is_asked_for_a_report_and_told_what_to_carry() {
+    fn the_host_gets_the_report_path_and_the_carried_features() {
         let program = script(
             "reports",
             "test \"$OOCPT_CARRY\" = \"\" && test \"$OOCPT_SAMPLES_PER_PIXEL\" = 1 || exit 1\n\

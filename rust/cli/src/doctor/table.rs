@@ -99,7 +99,7 @@ mod tests {
     use oocpt_core::inventory::{FeatureUse, PassUse, PrimvarUse};
 
     #[test]
-    fn what_is_there_and_what_is_not_stand_in_their_columns() {
+    fn the_table_separates_present_from_omitted_parts() {
         let mut inventory = Inventory { max_levels: 2, stack_size: 48, ..Inventory::default() };
         let feature = |name: &str, present| FeatureUse { name: name.into(), present, ..FeatureUse::default() };
         inventory.features = vec![feature("COAT", false), feature("LENS", true)];

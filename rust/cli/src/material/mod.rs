@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn a_layer_shows_the_material_and_takes_no_other_text() {
+    fn a_session_layer_binds_the_material_and_rejects_bad_paths() {
         let layer = |path: &str| layer(Path::new("/a b/c@d.usda"), path);
         let text = layer("/World/Looks/Wood_2").expect("a path");
         assert!(text.contains("[@@@/a b/c@d.usda@@@]") && text.contains("</World/Looks/Wood_2>"), "{text}");
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn materials_are_found_or_the_like_are_named() {
+    fn an_unknown_material_lists_similar_names() {
         let material = |path: &str| MaterialText { path: path.to_owned(), ..MaterialText::default() };
         let names = ["/A/Metal", "/B/Wood", "/B/Wood_2", "/C/a", "/C/b", "/C/c", "/C/d"];
         let report = MaterialReport { version: 1, materials: names.map(material).to_vec() };
@@ -209,7 +209,7 @@ mod tests {
 
     /// A report counts also where the picture failed after it; without one, why is one message.
     #[test]
-    fn what_the_host_wrote_counts() {
+    fn a_written_report_is_used_although_the_host_failed() {
         let report = r#"{"oocptMaterialReport":1,"materials":[{"path":"/m","warnings":["w"]}]}"#;
         let words =
             format!("printf '%s' '{report}' > \"$OOCPT_MATERIAL_REPORT\"; echo 'OocPT: error: no device' >&2; exit 1");
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_told_with_a_material_is_not_told_again() {
+    fn warnings_of_a_material_are_not_repeated() {
         let material = MaterialText {
             path: "/m".to_owned(),
             warnings: vec!["a".to_owned(), "b".to_owned()],

@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_and_table_say_what_the_rows_say() {
+    fn charts_and_table_match_the_rows() {
         let report = |slope| ErrorReport { rows: rows(slope), ..ErrorReport::default() };
         let reports = [("steep <a>".to_owned(), report(-1.0)), ("flat".to_owned(), report(-0.5))];
         let chart = chart(&reports);
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn the_estimate_stands_beside_what_a_reference_says() {
+    fn estimated_and_reference_errors_are_both_charted() {
         let mut rows = rows(-1.0);
         for row in &mut rows {
             let rel_mse = 2.0 * row.estimate.expect("an estimate").rel_mse;

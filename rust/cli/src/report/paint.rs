@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn more_is_another_colour_and_nothing_is_grey() {
+    fn different_counts_have_different_colours_and_zero_is_grey() {
         assert_eq!(color(0, 1000), NEVER, "never");
         assert_eq!(color(1, 1000), RAMP[0], "least");
         assert_eq!(color(1000, 1000), RAMP[8], "most");

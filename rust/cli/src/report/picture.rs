@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_report_stands_in_for_the_attributes_of_a_hosts_picture() {
+    fn the_report_replaces_missing_exr_attributes() {
         let path = std::env::temp_dir().join(format!("oocpt-sidecar-{}.jsonl", std::process::id()));
         let lines = [
             r#"{"oocptErrorReport":1,"renderer":"OocPT 0","device":"a\u0007b","width":4,"height":3,"samplesTarget":2,"maxBounces":5,"seed":9,"geometryBudgetKib":0,"reference":""}"#,

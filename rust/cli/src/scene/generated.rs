@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn the_lamps_are_all_the_light_there_is() {
+    fn the_lamps_scene_has_no_other_light() {
         let mut db = SceneDb::new();
         Generated::Lamps.build(&mut db, 1).expect("a small scene");
         assert_eq!(db.commit().snapshot.lights.len(), 100, "no dome");

@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn materials_are_what_their_names_say() {
+    fn bench_materials_match_their_names() {
         let told = Pattern::ALL.map(|pattern| {
             let mut db = SceneDb::new();
             build(&mut db, pattern, 64).expect("MaterialX's data libraries are there")

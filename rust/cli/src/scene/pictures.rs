@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_is_what_the_whole_has_there() {
+    fn a_partial_read_equals_the_crop_of_the_whole() {
         let whole = read("bark:64:5", 0, [0; 2], [64; 2]);
         let part = read("bark:64:5", 0, [10, 20], [3, 1]);
         assert_eq!(part, whole[(20 * 64 + 10) * 4..(20 * 64 + 13) * 4], "three texels");
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_leaf_has_both_and_a_sheet_is_opaque() {
+    fn a_leaf_has_opaque_and_clear_texels_and_a_sheet_is_opaque() {
         let alpha = |name| -> Vec<u8> { read(name, 0, [0; 2], [64; 2]).chunks(4).map(|texel| texel[3]).collect() };
         let leaf = alpha("leaf:64:1");
         let there = leaf.iter().filter(|a| **a > 127).count();
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_names_are_no_pictures() {
+    fn malformed_picture_names_are_refused() {
         for name in ["", "bark", "bark:0:1", "bark:99999999:1", "bark:4:x", "rock:4:1"] {
             assert!(Picture::named(name).is_none(), "{name}");
         }

@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn files_are_told_and_answers_heard() {
+    fn files_are_sent_to_the_host_and_answers_are_read() {
         let script = "[ \"$1 $2 $3 $OOCPT_TEXTURE_CACHE\" = 'info --jobs 3 /c' ] || exit 7\n\
                       read -r first; [ \"$first\" = '[\"/a \\\"b\\\".png\",\"raw\"]' ] || exit 8\n\
                       echo a library greets; echo '{\"files\": 2}'\n\
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_host_that_breaks_off_is_an_error() {
+    fn a_host_that_exits_early_is_an_error() {
         let text = |result: Result<()>| format!("{:#}", result.expect_err("no end"));
         let few = hear("few", "echo '{\"files\": 2}'; echo '{\"file\": \"/b.png\"}'").1;
         assert!(text(few).contains("answered for 1 files only"), "one is missing");

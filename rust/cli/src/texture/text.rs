@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_told_in_words() {
+    fn a_file_report_is_written_as_text() {
         let answer = Answer {
             file: "/a\u{1b}.png".into(),
             space: "auto".into(),

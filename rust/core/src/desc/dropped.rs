@@ -158,7 +158,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn limits_are_not_called_bad_data() {
+    fn dropped_data_over_a_limit_is_not_reported_as_bad() {
         let dropped =
             DroppedData { hole_indices: 3, oversized_meshes: 1, lights: 2, deep_instancers: 4, ..DroppedData::NONE };
         assert_eq!(

@@ -311,5 +311,4 @@ impl MeshDesc {
 }
 
 #[cfg(test)]
-#[path = "solid_tests.rs"]
 mod tests;

@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn a_decomposition_gives_the_map_back() {
+    fn a_decomposition_recomposes_to_the_matrix() {
         let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.3, -1.2, 2.9);
         let sheared =
             DMat3::from_cols(DVec3::new(1.0, 0.2, 0.0), DVec3::new(0.5, 2.0, 0.1), DVec3::new(0.0, 0.3, 1e-3));
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn what_turns_inside_out_does_not_move() {
+    fn motion_through_a_mirrored_transform_is_refused() {
         let mut keys = Keys::new();
         assert!(keys.push(MotionKey::of(0.0, &DAffine3::IDENTITY).expect("regular")));
         let mirrored = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));

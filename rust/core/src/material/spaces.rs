@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn common_names_need_no_conversion() {
+    fn linear_and_srgb_names_need_no_conversion() {
         for name in ["sRGB", "srgb_texture", "sRGB - Texture", "srgb_rec709_scene", "Utility - sRGB - Texture"] {
             assert_eq!(named(name), ColorSpace::Srgb, "{name}");
         }
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn other_names_are_kept_as_they_are_written() {
+    fn unknown_color_space_names_are_kept_verbatim() {
         for name in ["ACEScg", "lin_ap1", "srgb_ap1", "scene_linear", "g22_rec709", "Studio Camera Log"] {
             assert_eq!(named(name), ColorSpace::Named(name.into()), "{name}");
         }

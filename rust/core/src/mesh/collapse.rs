@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn no_other_way_has_smaller_surfaces() {
+    fn collapsing_minimizes_surface_area() {
         let mut state = 7_u32;
         let mut number = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn one_box_and_no_box_have_that_many_children() {
+    fn one_box_gives_one_child_and_none_gives_none() {
         let unit = Aabb { min: [0.0; 3], max: [1.0; 3] };
         for count in [0, 1, 2] {
             let bvh = build_box_bvh(&vec![unit; count]);

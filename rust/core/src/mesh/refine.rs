@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_has_at_most_so_many_triangles() {
+    fn refined_triangles_are_capped() {
         let desc = grid(4);
         let mut dropped = DroppedData::default();
         let topology = read_topology(&desc, &mut dropped).unwrap();

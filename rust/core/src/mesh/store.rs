@@ -139,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_larger_than_all_there_is_is_told() {
+    fn a_prim_above_the_host_budget_gives_a_note() {
         let memory = HostMemory::default();
         assert_eq!(memory.note_of(u64::MAX), None, "no budget");
         memory.set_budget(8 << 20);
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_is_held_up_to_the_limit_and_given_back() {
+    fn host_memory_is_held_up_to_the_limit_and_released() {
         let memory = Arc::new(HostMemory::default());
         memory.set_limit(100);
         let first = memory.try_hold(60).expect("there is room");

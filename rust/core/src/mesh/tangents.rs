@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn tangents_are_where_coordinates_grow() {
+    fn tangents_follow_the_gradient_of_st() {
         let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
         near(frame([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], z), [x, y, z]);
         near(frame([[0.0, 0.0], [-1.0, 0.0], [0.0, 1.0]], z), [-x, y, z]);
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn what_grows_nowhere_has_some_frame() {
+    fn degenerate_texture_coordinates_give_an_orthonormal_frame() {
         for st in [[[0.0; 2]; 3], [[1.0, 2.0], [2.0, 4.0], [3.0, 6.0]], [[f64::NAN; 2]; 3], [[f64::MAX; 2]; 3]] {
             let [t, b, n] = frame(st, DVec3::Z);
             assert!(t.is_normalized() && b.is_normalized() && n == DVec3::Z, "{t} {b}");

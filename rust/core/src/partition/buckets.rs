@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_cover_all_codes_and_share_the_samples() {
+    fn cells_cover_all_codes_and_balance_samples() {
         let codes = codes(4000);
         let buckets = Buckets::of_codes(Lattice::around(&Aabb::EMPTY), &codes, 50);
         let cells = buckets.cells();
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_tell_apart_what_is_dense_beside_outliers() {
+    fn bucket_tables_resolve_dense_cells_beside_outliers() {
         let mut codes: Vec<u64> = (0..4000).map(|n| 0x0123_4567 << 32 | mixed(n) >> 34).chain([5, 1 << 62]).collect();
         codes.sort_unstable();
         let buckets = Buckets::of_codes(Lattice::around(&Aabb::EMPTY), &codes, 50);
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn cuts_are_those_of_the_codes() {
+    fn cuts_follow_the_morton_codes() {
         let codes = codes(40_000);
         // Samples know nothing of the sparse cluster.
         let samples: Vec<u64> = codes.iter().copied().filter(|code| code >> 32 != 0x1234_5678).step_by(10).collect();

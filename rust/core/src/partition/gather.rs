@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn all_items_come_in_order_whatever_their_codes() {
+    fn items_are_gathered_in_order_for_any_codes() {
         let scattered = |k: u64| k.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 1;
         let lens = [70_000, 0, 1, 33_333, 5, 65_536];
         let codes: [(&str, &dyn Fn(u64) -> u64); 4] = [

@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_come_back_from_every_width() {
+    fn packed_numbers_round_trip_at_every_width() {
         for (limit, bytes) in [(256_u32, 1), (257, 2), (65_536, 2), (65_537, 4)] {
             let which = Which::of(0..limit, limit as usize);
             assert!(which.range(0..limit as usize + 1).eq(0..limit), "numbers below {limit}");

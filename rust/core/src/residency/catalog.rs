@@ -148,7 +148,7 @@ mod tests {
 
     /// Tiles of textures are added so: as if each had been named as a row.
     #[test]
-    fn singles_are_rows_of_one_asset() {
+    fn single_asset_units_form_catalog_rows() {
         let rows: [&[AssetId]; 3] = [&[0, 1], &[1], &[]];
         let mut added = Catalog::new(vec![10, 20], rows).expect("sound");
         added.push_singles(&[5, 0, 7]).expect("small");
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn singles_that_are_too_much_are_refused_and_leave_nothing_half_done() {
+    fn too_many_single_units_are_refused_atomically() {
         let mut catalog = Catalog::new(vec![u64::MAX - 10], [[0]]).expect("it fits");
         assert_eq!(catalog.push_singles(&[4, 7]), Err(CatalogError::Overflow));
         assert_eq!((catalog.unit_count(), catalog.asset_count()), (1, 1), "no asset was added");

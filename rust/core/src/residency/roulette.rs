@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn known_probabilities() {
+    fn roulette_probabilities_match_known_values() {
         // A load costs as much time as 1000 paths, which leave a variance of 100: p = sqrt(2 worth / 100).
         let p = |worth| probability(&stakes(0, worth), &PRICES, 0.0, 0.0);
         assert!((p(8.0) - 0.4).abs() < 1e-12, "0.28 would be best, but care is taken: {}", p(8.0));
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn accounts_raise_p_to_what_they_leave() {
+    fn the_variance_account_raises_the_survival_probability() {
         // Worth 8 is played for with 0.4, at 8 (1 / 0.4 - 1) = 12. A quarter of the load's 100 may be lost on its
         // unit.
         let p = |lost, spent, worth| probability(&stakes(0, worth), &PRICES, lost, spent);
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn no_more_is_spent_than_the_picture_may_lose() {
+    fn roulette_variance_stays_within_the_allowance() {
         // Its own variance is 2000, of which 250 may be spent: 31 times 2 (1 / 0.2 - 1), and once the 2 that are left.
         let prices = Prices { paths: 20_000.0, ..PRICES };
         let mut roulette = Roulette::new(3, 1000);
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_that_is_wanted_again_and_again_is_loaded() {
+    fn a_unit_demanded_repeatedly_is_loaded() {
         // Each time 2 (1 / 0.2 - 1) = 8 is lost of 25.
         let plays = |seed| {
             let mut roulette = Roulette::new(seed, 1);
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_make_up_for_what_ends() {
+    fn survivor_weights_are_unbiased() {
         let units = 20_000;
         let mut roulette = Roulette::new(3, units);
         let agreed = (0..20_000).filter(|&unit| roulette.judge(&stakes(unit, 2.0), &PRICES, 1)).count();
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_is_judged_once_until_it_was_there() {
+    fn a_verdict_holds_until_the_unit_was_resident() {
         let mut roulette = Roulette::new(1, 4);
         assert!(roulette.judge(&stakes(2, f64::INFINITY), &PRICES, 5), "worth it");
         assert!(roulette.judge(&stakes(2, 0.0), &PRICES, 6) && !roulette.has_verdicts(), "paid for");
@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_units_and_seeds_have_nothing_in_common() {
+    fn random_numbers_of_units_and_seeds_are_uncorrelated() {
         let mut sum = [0.0; 3];
         for unit in 0..4000 {
             let (mut a, mut b) = (vec![0; 4000], vec![0; 4000]);
@@ -353,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn seeds_are_stratified_by_load_and_not_by_pairs_of_loads() {
+    fn random_numbers_are_stratified_over_seeds_for_each_load() {
         let first = |seed, unit: UnitId| draw(seed, unit, &mut vec![0; unit as usize + 1]);
         let mut both = 0;
         for unit in 0..500 {

@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn arrays_count_once() {
+    fn shared_lent_arrays_are_counted_once() {
         let mut db = SceneDb::new();
         assert_eq!(db.lent(), Lent::default());
         let points = TypedArray::of(vec![[0.0_f32; 3]; 4]);

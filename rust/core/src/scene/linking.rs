@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn instances_are_told_apart_by_what_lights_name() {
+    fn instances_split_by_the_collections_that_lights_name() {
         let desc = instancer(&[&["a", "x"], &["b"], &["x"]], Some(vec![0, 1, 2, 0]), &[vec![0, 1, 2], vec![3, 2]]);
         let all = |set: &[&str]| set.iter().map(ToString::to_string).collect::<Vec<_>>();
         let expected = vec![
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn one_set_for_all_leaves_the_arrays_alone() {
+    fn one_category_set_for_all_instances_keeps_the_arrays() {
         let all = |set: &[&str]| set.iter().map(ToString::to_string).collect::<Vec<_>>();
         let desc = instancer(&[&["b", "a"]], None, &[vec![0, 1]]);
         assert_eq!(found(&desc, &["a", "b"]), [(all(&["a", "b"]), vec![None])], "no instance is named");
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn instances_without_a_set_are_in_none() {
+    fn instances_without_categories_are_in_no_set() {
         let all = |set: &[&str]| set.iter().map(ToString::to_string).collect::<Vec<_>>();
         let desc = instancer(&[&["a"]], Some(vec![0, 7]), &[vec![-1, 0, 1, 2, 9]]);
         let expected = vec![(all(&[]), vec![Some(vec![0, 2, 3, 4])]), (all(&["a"]), vec![Some(vec![1])])];
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn unions_keep_what_holds_all() {
+    fn the_union_of_category_sets_keeps_both() {
         let [a, ab, b]: [Categories; 3] = [&["a"][..], &["a", "b"], &["b"]].map(|set| names(set).into());
         assert!(Arc::ptr_eq(&union(&ab, &b), &ab), "nothing new");
         assert_eq!(union(&b, &a), ab, "sorted");

@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn the_like_of_many_prims_is_one_line() {
+    fn equal_warnings_of_many_prims_become_one_line() {
         let many: Vec<SceneWarning> = (3..19).map(|n| areas(&format!("/World/Proto_{n:02}"), 4)).collect();
         let line = "/World/Proto_03 and 15 more prims: bad data: 4 zero-area triangles (64 in all)";
         assert_eq!(summary(&many), [line], "the first, how many, and the sum");
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_few_are_told_one_by_one() {
+    fn few_warnings_are_listed_one_by_one() {
         let few: Vec<SceneWarning> = (0..4).map(|n| areas(&format!("/{n}"), n + 1)).collect();
         let lines = summary(&few);
         assert_eq!(lines.len(), 4, "{lines:?}");
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn other_texts_of_a_kind_are_not_taken_for_the_first() {
+    fn warnings_that_differ_beyond_the_path_are_grouped_as_similar() {
         let missing = |n: u32| note(&format!("/M{n}"), &format!("its material /Looks/{n} does not exist"));
         let lines = summary(&(0..7).map(missing).collect::<Vec<_>>());
         assert_eq!(lines, ["/M0: its material /Looks/0 does not exist; and the like for 6 more prims"], "its own path");
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn a_summary_has_an_end() {
+    fn the_number_of_summary_lines_is_bounded() {
         let word = |n: usize| note(&format!("/{n}"), &format!("word{n}"));
         let lines = summary(&(0..500).map(word).collect::<Vec<_>>());
         assert_eq!(lines.len(), MOST_LINES + 1, "bounded");

@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn the_book_says_who_may_set_what() {
+    fn the_book_lists_who_may_set_each_setting() {
         let users = include_str!("../../../book/src/settings.md");
         let developers = include_str!("../../../book/src/developer-settings.md");
         for row in TABLE {
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn files_folders_memory_and_devices_belong_to_the_machine() {
+    fn machine_settings_are_files_folders_memory_and_devices() {
         for row in TABLE {
             let named = ["File", "file", "Folder", "KiB", "MiB", "Device ", "EXR"];
             let is_of_machine = named.iter().any(|word| row.help.contains(word));

@@ -48,7 +48,7 @@ mod tests {
     }
 
     #[test]
-    fn the_curve_and_its_inverse() {
+    fn the_srgb_curve_and_its_inverse_round_trip() {
         for byte in 0..=255_u32 {
             let encoded = f64::from(byte) / 255.0;
             let back = srgb_from_linear(linear_from_srgb(encoded));

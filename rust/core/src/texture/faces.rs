@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_large_is_refused() {
+    fn oversized_ptex_layouts_are_refused() {
         assert_eq!(FaceLayout::new(Vec::new()), Err(LayoutError::NoFaces));
         assert_eq!(FaceLayout::new(vec![[3, MAX_FACE_LOG2 + 1]]), Err(LayoutError::Face(15)));
         assert_eq!(FaceLayout::new(vec![[14, 14]; 16]), Err(LayoutError::Texels));

@@ -47,7 +47,7 @@ mod tests {
     }
 
     #[test]
-    fn ellipses_that_are_known() {
+    fn known_footprint_ellipses() {
         near(along(DVec3::Z, DMat2::IDENTITY, [64, 64]), [64.0, 64.0]);
         near(along(DVec3::Z, DMat2::IDENTITY, [16, 64]), [64.0, 16.0]);
         near(along(DVec3::Z, DMat2::from_diagonal(DVec2::new(-8.0, 1.0)), [16, 64]), [128.0, 64.0]);
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn filters_are_as_wide_as_the_shorter_axis_up_to_a_ratio() {
+    fn filter_width_is_the_minor_axis_up_to_the_anisotropy_limit() {
         for (axes, width) in
             [([3.0, 3.0], 3.0), ([16.0, 1.0], 1.0), ([64.0, 1.0], 4.0), ([8.0, 0.0], 0.5), ([0.0; 2], 0.0)]
         {

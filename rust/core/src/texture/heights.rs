@@ -194,7 +194,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texels_are_as_fine_as_pieces() {
+    fn displacement_texels_match_the_dicing_rate() {
         let layout = Layout::new([1024, 512], 4).unwrap();
         let piece = |texels: f64| texels * texels / (1024.0 * 512.0);
         let levels = [0.1, 1.0, 1.99, 2.0, 4.5, 300.0, 1e9].map(|texels| level_for(&layout, piece(texels), 1));
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn members_of_sets_have_their_numbers() {
+    fn udim_tiles_have_their_numbers() {
         assert_eq!(member_at([0.5, 0.5]), (1001, [0.0, 0.0]));
         assert_eq!(member_at([9.5, 2.0]), (1030, [9.0, 2.0]));
         for st in [[10.0, 0.5], [-0.1, 0.5], [0.5, 10.0], [f64::NAN, 0.0], [f64::INFINITY, 0.0]] {

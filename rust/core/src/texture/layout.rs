@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_of_all_tiles_are_those_of_each() {
+    fn total_tile_bytes_are_the_sum_over_tiles() {
         for (width, height, texel) in [(1, 1, 1), (300, 257, 4), (128, 128, 8), (1000, 3, 2), (129, 640, 16)] {
             let layout = Layout::new([width, height], texel).expect("supported");
             let each: Vec<u64> = (0..layout.tile_count()).map(|tile| layout.tile_bytes(tile)).collect();
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_a_large_image() {
+    fn known_layout_of_a_large_image() {
         let layout = layout(16384, 16384);
         assert_eq!((layout.levels(), layout.tail()), (15, 8), "levels of 16384 down to 1, of 64 and less together");
         let tiles: u32 = (0..8).map(|level| (128_u32 >> level).pow(2)).sum();
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_have_one_level_and_no_shared_tile() {
+    fn row_layouts_have_one_level_and_unshared_tiles() {
         for (texels, bytes) in [(128, 4), (128 * 300, 1), (128 * 128, 8), (1 << 31, 4)] {
             let rows = Layout::of_rows(texels, bytes).expect("supported");
             let tiles = texels.div_ceil(128 * 128);
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_of_the_tail_begin_at_words() {
+    fn tail_levels_are_word_aligned() {
         let bytes = Layout::new([3, 1], 1).expect("supported");
         let offsets: Vec<u64> = bytes.pieces(0).iter().map(|piece| piece.offset).collect();
         assert_eq!((offsets, bytes.tile_bytes(0)), (vec![0, 4], 8), "three bytes and one, each in a word");

@@ -190,5 +190,4 @@ mod cells;
 use cells::{Hull, Level, Pair};
 
 #[cfg(test)]
-#[path = "opacity_mask_tests.rs"]
 mod tests;

@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn means_are_kept_at_every_size() {
+    fn pyramid_levels_keep_the_mean_at_every_size() {
         for size in [[8, 8], [7, 5], [1, 9], [13, 1], [3, 3], [64, 33], [31, 31]] {
             let texel = |x: u32, y: u32| ((x * 7 + y * 13) % 11) as f32;
             let mean = |values: &[f32]| values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64;
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn even_sides_give_the_bits_of_the_general_sum() {
+    fn the_even_size_path_matches_the_general_one_bit_for_bit() {
         for channels in 1..=4 {
             let row: Vec<f32> = (0..64 * channels).map(|k| ((k * k * 7919) % 1013) as f32 / 1013.0).collect();
             let coarse = (0..32).flat_map(|at| (0..channels).map(move |c| (at, c)));
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn known_texels() {
+    fn known_texels_of_coarser_levels() {
         let made = levels_of([4, 2], |x, y| (x + 10 * y) as f32);
         assert_eq!(made[1..], [vec![5.5, 7.5], vec![6.5]], "means of four, then of two");
         let made = levels_of([3, 1], |x, _| [0.0, 3.0, 9.0][x as usize]);

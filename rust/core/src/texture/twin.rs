@@ -144,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn packed_places_come_back() {
+    fn packed_ptex_coordinates_round_trip() {
         for (face, u, v) in [(0, 0.0, 0.0), (1, 1.0, 1.0), ((1 << 26) - 1, 0.3, 0.999), (12345, 0.5, 1e-9)] {
             let packed = pack_ptex(face, [u, v]);
             assert!(packed.iter().all(|v| v.is_normal()), "nothing on its way changes {packed:?}");
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_follow_the_width() {
+    fn mip_level_follows_the_filter_width() {
         assert_eq!(select_level(0.3, 5), (0, 0.0), "finer than the image");
         assert_eq!(select_level(1.0, 5), (0, 0.0), "a texel");
         assert_eq!(select_level(3.0, 5), (1, 0.5), "half way from 2 to 4");
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn wraps_of_a_row_of_four() {
+    fn wrap_modes_of_a_row_of_four_texels() {
         let row = |wrap: Wrap| {
             (-6..10).map(|x| wrapped(f64::from(x), 4, wrap)).map(|x| x.map_or(9, |x| x)).collect::<Vec<_>>()
         };

@@ -31,7 +31,7 @@ fn said(words: &[(f32, f32)], pixels: usize) -> Vec<VarianceEstimate> {
 
 proptest! {
     #[test]
-    fn every_sample_comes_once_and_none_too_many(
+    fn every_sample_index_is_issued_once_within_the_budget(
         width in 1_u32..40, height in 1_u32..30, samples in 1_u32..3000,
         words in prop::collection::vec((prop::num::f32::ANY, 0.0_f32..1e6), 2..60),
     ) {
@@ -64,7 +64,7 @@ proptest! {
     }
 
     #[test]
-    fn trace_order_meets_every_pixel_once(width in 1_u32..70, height in 1_u32..70) {
+    fn trace_order_visits_every_pixel_once(width in 1_u32..70, height in 1_u32..70) {
         let mut met = vec![false; (width * height) as usize];
         for index in 0..width * height {
             let [x, y] = pixel_position(index, [width, height]);
@@ -75,7 +75,7 @@ proptest! {
 }
 
 #[test]
-fn what_a_stream_says_decides_the_other_alone() {
+fn each_half_stream_steers_only_the_other() {
     let size = [24, 16];
     let said = |phase: u32| -> Vec<VarianceEstimate> {
         (0..24 * 16_u32)
@@ -175,7 +175,7 @@ fn adaptive_mean(seed: u32, naive: bool) -> f64 {
 }
 
 #[test]
-fn the_mean_is_right_and_that_of_a_naive_choice_is_not() {
+fn cross_steered_sampling_is_unbiased_and_naive_steering_is_not() {
     let sigmas = |naive| {
         let means: Vec<f64> = (0..200).map(|seed| adaptive_mean(seed, naive)).collect();
         let mean = means.iter().sum::<f64>() / 200.0;

@@ -87,7 +87,7 @@ fn stratified_samples_have_less_error_than_their_variance_says() {
 }
 
 #[test]
-fn fireflies_that_were_met_are_in_the_estimate() {
+fn fireflies_raise_the_error_estimate() {
     let value = |seed, pixel, n| {
         let u = uniform(seed, pixel, n, 1);
         0.3 * (0.5 + u[0]) + if u[1] < 1e-3 { 50.0 * u[2] } else { 0.0 }
@@ -98,7 +98,7 @@ fn fireflies_that_were_met_are_in_the_estimate() {
 }
 
 #[test]
-fn between_powers_of_two_both_ways_agree_where_they_meet() {
+fn the_estimate_is_continuous_at_powers_of_two() {
     let octaves = octaves(64, &|pixel, n| uniform(1, pixel, n, 0)[0], &|_| 0.5);
     let mut convergence = Convergence::default();
     let mut last = None;
@@ -114,7 +114,7 @@ fn between_powers_of_two_both_ways_agree_where_they_meet() {
 }
 
 #[test]
-fn what_is_no_number_is_no_estimate() {
+fn non_finite_sums_give_no_estimate() {
     let sums = ErrorSums { pixels: 4.0, s: f64::NAN, ..ErrorSums::default() };
     assert_eq!(Convergence::default().octave(3, &sums), None, "NaN");
     assert_eq!(Convergence::default().octave(3, &ErrorSums { s: f64::INFINITY, ..sums }), None, "infinity");

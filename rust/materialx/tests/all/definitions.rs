@@ -44,7 +44,7 @@ fn definitions_inherit_inputs_and_outputs() {
 }
 
 #[test]
-fn library_files_that_are_none_are_a_problem_each() {
+fn each_malformed_library_file_is_a_problem() {
     let files = [
         ("a", "<materialx"),
         ("b", "no"),
@@ -61,7 +61,7 @@ fn near(value: [f32; 4], expected: &[f32]) -> bool {
 
 /// What nodes give by the specification, worked out by hand at (u, v) = (0.3, 0.6).
 #[test]
-fn nodes_give_what_the_specification_says() {
+fn nodes_give_the_values_of_the_specification() {
     type Case<'a> = (&'a str, &'a [(&'a str, Value)], &'a [f32]);
     let cases: &[Case<'_>] = &[
         ("ND_add_color3FA", &[("in1", vector(0.1, 0.2, 0.3)), ("in2", number(0.5))], &[0.6, 0.7, 0.8]),
@@ -140,7 +140,7 @@ fn nodes_of_materialx_1_38_are_known() {
 }
 
 #[test]
-fn channels_that_are_none_are_a_problem() {
+fn unknown_channels_are_a_problem() {
     for (channels, says) in [("01q", true), ("a", true), ("rgbr", true), ("", true), ("rgb", false)] {
         let surface = node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1)]);
         let swizzle = node("ND_swizzle_color3_color3", &[("channels", text(channels))], &[]);
@@ -151,7 +151,7 @@ fn channels_that_are_none_are_a_problem() {
 }
 
 #[test]
-fn a_connection_to_what_is_not_there_gives_the_default() {
+fn a_dangling_connection_gives_the_default() {
     let surface = node("ND_open_pbr_surface_surfaceshader", &[], &[("base_metalness", 7)]);
     let translation = translated(vec![surface]);
     assert_eq!(source(&translation, Input::Metallic), oocpt_materialx::InputSource::Constant([0.0; 4]));
@@ -159,7 +159,7 @@ fn a_connection_to_what_is_not_there_gives_the_default() {
 
 /// Red, warm, nearly white; by the splines in f64.
 #[test]
-fn black_bodies_have_their_colours() {
+fn blackbody_nodes_give_the_planckian_colour() {
     for (kelvin, known) in [
         (1000.0, [2.96425, 0.52125, 0.00000]),
         (2000.0, [2.52230, 0.64648, 0.02005]),

@@ -36,7 +36,7 @@ fn value(found: &Displacement, surface: impl Fn(Geometry) -> [f32; 4]) -> [f32; 
 }
 
 #[test]
-fn what_is_constant_is_folded() {
+fn constant_displacement_is_folded() {
     for (nodes, expected) in [
         (vec![node(FLOAT, &[("displacement", number(0.5)), ("scale", number(3.0))], &[])], 1.5),
         (
@@ -60,7 +60,7 @@ fn what_is_constant_is_folded() {
 
 /// A field of everything that a vertex has, times a scale that varies, too.
 #[test]
-fn programs_are_their_fields() {
+fn displacement_programs_match_their_fields() {
     let found = sound(vec![
         node(FLOAT, &[], &[("displacement", 1), ("scale", 2)]),
         node("ND_dotproduct_vector3", &[], &[("in1", 3), ("in2", 4)]),
@@ -81,7 +81,7 @@ fn programs_are_their_fields() {
 }
 
 #[test]
-fn mixtures_are_mixed_and_numbers_go_along_the_normal() {
+fn mixed_displacements_interpolate_and_scalars_follow_the_normal() {
     let [a, b] = [("displacement", number(4.0)), ("displacement", number(8.0))];
     let sides = [("fg", 1), ("bg", 2)];
     let mix = |share: f32| node(MIX, &[("mix", number(share))], &sides);
@@ -111,7 +111,7 @@ fn mixtures_are_mixed_and_numbers_go_along_the_normal() {
 }
 
 #[test]
-fn what_vertices_do_not_know_is_said() {
+fn inputs_unknown_at_vertices_give_a_warning() {
     for (kind, values) in [
         ("ND_position_vector3", vec![("space", text("world"))]),
         ("ND_normal_vector3", vec![("space", text("world"))]),
@@ -141,7 +141,7 @@ fn what_vertices_do_not_know_is_said() {
 }
 
 #[test]
-fn what_is_no_displacement_is_one_problem() {
+fn an_invalid_displacement_is_one_problem() {
     for (nodes, wanted) in [
         (vec![node("ND_noise3d_float", &[], &[])], "displacement by nodes of kind `noise3d`"),
         (vec![node("ND_open_pbr_surface_surfaceshader", &[], &[])], "of kind `open_pbr_surface`"),
@@ -162,7 +162,7 @@ fn what_is_no_displacement_is_one_problem() {
 
 /// Each node is worked out once: a ladder of mixtures that all read the next one twice.
 #[test]
-fn ladders_are_climbed_once() {
+fn shared_displacement_nodes_are_evaluated_once() {
     let mut nodes: Vec<Node> =
         (0..15).map(|at| node(MIX, &[("mix", number(0.5))], &[("fg", at + 1), ("bg", at + 1)])).collect();
     nodes.push(node(FLOAT, &[("displacement", number(2.0))], &[]));
@@ -178,7 +178,7 @@ fn ladders_are_climbed_once() {
 
 /// Surfaces and displacements do not share what they may read.
 #[test]
-fn limits_of_surfaces_are_not_shared() {
+fn surface_and_displacement_have_separate_limits() {
     let names = ["a", "b"];
     let mut nodes =
         vec![node(FLOAT, &[], &[("displacement", 1)]), node("ND_add_float", &[], &[("in1", 2), ("in2", 3)])];
@@ -196,7 +196,7 @@ fn limits_of_surfaces_are_not_shared() {
 }
 
 #[test]
-fn channels_are_those_that_count() {
+fn only_read_channels_of_displacement_textures_are_kept() {
     let image = |kind: &str| node(kind, &[("file", file("a.png"))], &[]);
     for (nodes, expected) in [
         (vec![node(FLOAT, &[], &[("displacement", 1)]), image("ND_image_float")], vec![1]),

@@ -41,7 +41,7 @@ fn of_melanin(concentration: f64, redness: f64) -> [f64; 3] {
 }
 
 #[test]
-fn helpers_are_their_formulas() {
+fn hair_helper_nodes_match_their_formulas() {
     for step in 0..24_u8 {
         let (a, b) = (f32::from(step) / 20.0 - 0.05, f32::from(step * 7 % 24) / 22.0);
         let (x, y) = (f64::from(a), f64::from(b));
@@ -71,7 +71,7 @@ fn constant(source: InputSource) -> [f32; 4] {
 }
 
 #[test]
-fn a_fibre_is_its_numbers() {
+fn hair_inputs_map_to_fibre_parameters() {
     let outputs = [
         ("roughness_R", 2, "roughness_R"),
         ("roughness_TT", 2, "roughness_TT"),
@@ -100,7 +100,7 @@ fn a_fibre_is_its_numbers() {
 
 /// Absorption of a colour that varies is a program; a texture of a tint is none.
 #[test]
-fn a_fibre_may_have_a_program() {
+fn hair_inputs_may_come_from_a_program() {
     let more = vec![
         node("ND_chiang_hair_absorption_from_color", &[("azimuthal_roughness", number(0.4))], &[("color", 3)]),
         node("ND_position_vector3", &[], &[]),
@@ -112,7 +112,7 @@ fn a_fibre_may_have_a_program() {
 }
 
 #[test]
-fn fibres_mix_with_fibres_only() {
+fn hair_mixes_only_with_hair() {
     let mut nodes = vec![
         node("ND_surface", &[], &[("bsdf", 1)]),
         node("ND_mix_bsdf", &[("mix", number(0.25))], &[("bg", 2), ("fg", 3)]),

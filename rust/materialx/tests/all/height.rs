@@ -53,7 +53,7 @@ fn normal_at(translation: &Translation, [u, v]: [f32; 2]) -> [f32; 4] {
 }
 
 #[test]
-fn bumps_lean_as_their_height_rises() {
+fn bump_normals_follow_the_height_gradient() {
     let surface = || node(OPEN_PBR, &[], &[("geometry_normal", 1)]);
     let bump = sound(
         [vec![surface(), node("ND_bump_vector3", &[("scale", number(3.0))], &[("height", 2)])], field(2)].concat(),
@@ -76,7 +76,7 @@ fn bumps_lean_as_their_height_rises() {
 
 /// A file is looked up at four places, through the map of its coordinates; its red counts.
 #[test]
-fn a_file_leans_as_its_texels_rise() {
+fn a_height_texture_gives_normals_by_finite_differences() {
     let translation = sound(vec![
         node(OPEN_PBR, &[], &[("geometry_normal", 1)]),
         node("ND_bump_vector3", &[("scale", number(8.0))], &[("height", 2)]),
@@ -109,7 +109,7 @@ fn a_file_leans_as_its_texels_rise() {
 
 /// Along tangent and bitangent, by lengths.
 #[test]
-fn a_height_of_points_leans_along_the_surface() {
+fn a_height_of_position_gives_normals_in_the_tangent_frame() {
     let translation = sound(vec![
         node(OPEN_PBR, &[], &[("geometry_normal", 1)]),
         node("ND_bump_vector3", &[("scale", number(4.0))], &[("height", 2)]),
@@ -131,7 +131,7 @@ fn a_height_of_points_leans_along_the_surface() {
 
 /// What is the same everywhere is flat and costs nothing; as a colour a slope is that of a normal map.
 #[test]
-fn a_flat_height_costs_nothing() {
+fn a_constant_height_adds_no_instructions() {
     let flat = sound(vec![
         node(OPEN_PBR, &[], &[("geometry_normal", 1)]),
         node("ND_bump_vector3", &[("height", number(0.7))], &[]),

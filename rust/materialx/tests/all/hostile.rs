@@ -224,7 +224,7 @@ proptest! {
 }
 
 #[test]
-fn a_circle_is_one_problem() {
+fn a_cyclic_network_is_one_problem() {
     let translation = translated(vec![
         node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1)]),
         node("ND_add_color3", &[], &[("in1", 2)]),
@@ -246,7 +246,7 @@ fn a_chain_that_is_too_long_is_a_problem() {
 
 /// More values at a time than there are registers: their middles stand for them.
 #[test]
-fn more_than_a_program_may_have_is_a_problem() {
+fn exceeding_program_limits_is_a_problem() {
     let mut nodes =
         vec![node("ND_open_pbr_surface_surfaceshader", &[("base_weight", number(1.0))], &[("base_color", 1)])];
     for at in 0..40_usize {
@@ -266,7 +266,7 @@ fn more_than_a_program_may_have_is_a_problem() {
 
 /// A path keeps a bit for each lookup of a material: textures of inputs and of the program are fifteen together.
 #[test]
-fn textures_of_inputs_leave_fewer_to_the_program() {
+fn input_textures_count_against_the_program_limit() {
     let inputs = ["specular_roughness", "base_metalness", "coat_weight", "coat_roughness", "fuzz_roughness"];
     let mut connections = vec![("base_color", 1)];
     connections.extend(inputs.iter().enumerate().map(|(k, name)| (*name, 2 + k)));
@@ -290,7 +290,7 @@ fn textures_of_inputs_leave_fewer_to_the_program() {
 
 /// Nodes whose inputs both read the next node: work that doubles with each would never end.
 #[test]
-fn ladders_are_climbed_once() {
+fn shared_nodes_are_translated_once() {
     let emission = |kind| ("ND_surface", kind, "edf", ["bg", "fg"], "ND_uniform_edf");
     let reflection = |kind, inputs| ("ND_surface", kind, "bsdf", inputs, "ND_oren_nayar_diffuse_bsdf");
     for (surface, kind, input, [a, b], last) in [

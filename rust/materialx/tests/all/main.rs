@@ -2,7 +2,7 @@
 //! Networks translated: against what `MaterialX` says they are, and against hostile ones.
 
 #[cfg(test)]
-mod custom;
+mod custom_definitions;
 #[cfg(test)]
 mod definitions;
 #[cfg(test)]
@@ -18,8 +18,12 @@ mod mixtures;
 #[cfg(test)]
 mod nodes;
 #[cfg(test)]
-mod older;
+mod noise_and_color;
+#[cfg(test)]
+mod operations;
 #[cfg(test)]
 mod support;
 #[cfg(test)]
 mod surfaces;
+#[cfg(test)]
+mod v1_38;

@@ -69,7 +69,7 @@ fn metals_of_two_roughnesses_are_chosen_by_their_share() {
 
 /// Colours and shares are what a slab is linear in: bits of such materials stay what they are.
 #[test]
-fn what_one_slab_is_is_not_chosen() {
+fn linearly_mixable_slabs_are_not_chosen_stochastically() {
     let of = |translation: &_, input| match source(translation, input) {
         InputSource::Constant(value) => value,
         other => panic!("{input:?} is {other:?}"),
@@ -101,7 +101,7 @@ fn what_one_slab_is_is_not_chosen() {
 }
 
 #[test]
-fn shares_of_none_or_all_and_equal_slabs_are_no_choice() {
+fn mix_weights_of_zero_or_one_and_equal_slabs_need_no_choice() {
     let of = |translation: &Translation| match source(translation, Input::Roughness) {
         InputSource::Constant(value) => value[0],
         other => panic!("{other:?}"),
@@ -128,7 +128,7 @@ fn shares_of_none_or_all_and_equal_slabs_are_no_choice() {
 
 /// A mask of 0.25, from a texture: the front below it. Diffuse and metal share a colour, so they cannot be one slab.
 #[test]
-fn a_mask_is_a_probability() {
+fn a_mix_mask_is_the_selection_probability() {
     let mut nodes = mixed(0.0, diffuse([0.8, 0.1, 0.1]), metal(0.3, [0.9, 0.7, 0.2]));
     nodes[1] = node("ND_mix_bsdf", &[], &[("bg", 2), ("fg", 3), ("mix", 4)]);
     nodes.push(node("ND_image_float", &[("file", file("mask.png"))], &[]));
@@ -142,7 +142,7 @@ fn a_mask_is_a_probability() {
 
 /// The means of what is chosen are those of the mixture, however deep; each choice has a random number of its own.
 #[test]
-fn nested_choices_are_independent() {
+fn nested_mixtures_use_independent_random_numbers() {
     let mut nodes = mixed(0.25, metal(0.1, [0.1; 3]), metal(0.2, [0.2; 3]));
     nodes[1] = node("ND_mix_bsdf", &[("mix", number(0.5))], &[("bg", 4), ("fg", 5)]);
     nodes.push(node("ND_mix_bsdf", &[("mix", number(0.25))], &[("bg", 2), ("fg", 3)]));
@@ -159,7 +159,7 @@ fn nested_choices_are_independent() {
 }
 
 #[test]
-fn more_than_four_slabs_are_said_once() {
+fn more_than_four_slabs_give_one_warning() {
     let mut nodes = vec![node("ND_surface", &[], &[("bsdf", 1)])];
     for at in 0..5_usize {
         let next = if at < 4 { 2 * at + 3 } else { 2 * at + 2 };
@@ -207,7 +207,7 @@ fn emission_and_opacity_are_not_chosen() {
 
 /// What is there of the front is its share times its opacity: where a surface is met, that of what is there.
 #[test]
-fn what_is_not_there_is_not_chosen() {
+fn selection_weights_include_opacity() {
     let rough = |roughness: f32, opacity: f32, light: f32| {
         [
             ("specular_roughness", number(roughness)),
@@ -230,7 +230,7 @@ fn what_is_not_there_is_not_chosen() {
 
 /// a + b: each by its part of the weights, and so much brighter.
 #[test]
-fn sums_are_chosen_by_their_weights() {
+fn added_slabs_are_selected_by_weight() {
     let weighed = |weights: [f32; 2]| {
         let mut nodes = mixed(0.0, metal(0.1, [0.5; 3]), metal(0.6, [0.9, 0.6, 0.3]));
         nodes[1] = node("ND_add_bsdf", &[], &[("in1", 2), ("in2", 4)]);
@@ -249,7 +249,7 @@ fn sums_are_chosen_by_their_weights() {
 }
 
 #[test]
-fn a_thin_wall_and_solid_glass_are_said_once() {
+fn mixing_thin_and_solid_glass_gives_one_warning() {
     let thin = [("geometry_thin_walled", number(1.0)), ("transmission_weight", number(1.0))];
     let problems = translated(vec![
         node("ND_mix_surfaceshader", &[("mix", number(0.5))], &[("bg", 1), ("fg", 2)]),

@@ -38,7 +38,7 @@ fn a_standard_surface_is_its_constants() {
 
 /// F0 = weight ((n - 1) / (n + 1))^2, as an index without transmission and as a colour with a tint.
 #[test]
-fn the_weight_of_a_reflection_is_its_reflectance() {
+fn the_specular_weight_scales_reflectance() {
     let weighed = sound(vec![node(OPEN_PBR, &[("specular_weight", number(0.5))], &[])]);
     let ior = constant(source(&weighed, Input::Ior))[0];
     let reflectance = ((ior - 1.0) / (ior + 1.0)).powi(2);
@@ -49,7 +49,7 @@ fn the_weight_of_a_reflection_is_its_reflectance() {
 }
 
 #[test]
-fn images_are_textures_of_the_surface_itself() {
+fn directly_connected_images_stay_textures() {
     let translation = sound(vec![
         node(STANDARD, &[("base", number(1.0))], &[("base_color", 1), ("specular_roughness", 2), ("normal", 4)]),
         node("ND_image_color3", &[("file", file("color.png"))], &[]),
@@ -93,7 +93,7 @@ fn patterns_become_a_program() {
 
 /// A product of two textures is a program with two lookups that know their places.
 #[test]
-fn products_of_textures_are_worked_out() {
+fn a_product_of_textures_becomes_a_program() {
     let translation = sound(vec![
         node(OPEN_PBR, &[("base_weight", number(1.0))], &[("base_color", 1)]),
         node("ND_multiply_color3", &[], &[("in1", 2), ("in2", 3)]),
@@ -110,7 +110,7 @@ fn products_of_textures_are_worked_out() {
 
 /// A place that a texture distorts is an operand of the lookup.
 #[test]
-fn a_place_that_another_texture_moves_is_worked_out() {
+fn distorted_texture_coordinates_become_a_program() {
     let translation = sound(vec![
         node(OPEN_PBR, &[("base_weight", number(1.0))], &[("base_color", 1)]),
         node("ND_image_color3", &[("file", file("a.png"))], &[("texcoord", 2)]),
@@ -171,7 +171,7 @@ fn every_model_is_a_surface() {
 
 /// surface(layer(dielectric over diffuse)) is plastic; mixed with a conductor, half of it is metal.
 #[test]
-fn closures_reduce_to_a_slab() {
+fn layered_closures_reduce_to_one_slab() {
     let plastic = || {
         vec![
             node("ND_surface", &[], &[("bsdf", 1)]),
@@ -197,7 +197,7 @@ fn closures_reduce_to_a_slab() {
 }
 
 #[test]
-fn what_is_left_out_is_said_once_with_the_prim() {
+fn unsupported_inputs_give_one_warning_with_the_prim() {
     let translation = translated(vec![node(
         STANDARD,
         &[("transmission_extra_roughness", number(0.5)), ("transmission_scatter", vector(0.5, 0.5, 0.5))],
@@ -222,7 +222,7 @@ fn a_node_without_a_kind_is_named_by_its_path() {
 
 /// 1 / the Abbe number, as each model has it.
 #[test]
-fn dispersion_is_one_by_the_abbe_number() {
+fn dispersion_is_the_inverse_abbe_number() {
     let dispersion = |kind: &str, values: &[(&str, f32)]| {
         let values: Vec<_> = values.iter().map(|(name, value)| (*name, number(*value))).collect();
         let translation = sound(vec![node(kind, &values, &[])]);
@@ -241,7 +241,7 @@ fn dispersion_is_one_by_the_abbe_number() {
 /// The alphas that a model says are those of the roughness and the ratio that the BSDF takes:
 /// r^2 (2 / (1 + q^2))^(1/2), and q times it.
 #[test]
-fn anisotropy_keeps_the_alphas_of_its_model() {
+fn anisotropic_alphas_follow_each_model() {
     let alphas = |kind: &str, values: &[(&str, f32)]| {
         let values: Vec<_> = values.iter().map(|(name, value)| (*name, number(*value))).collect();
         let translation = sound(vec![node(kind, &values, &[])]);
@@ -264,7 +264,7 @@ fn anisotropy_keeps_the_alphas_of_its_model() {
 
 /// Light that goes the depth inside keeps the colour; without a depth the interface has it.
 #[test]
-fn a_depth_is_absorption() {
+fn transmission_depth_becomes_absorption() {
     let of = |depth: f32| {
         let values = [("transmission_color", vector(0.5, 0.25, 1.0)), ("transmission_depth", number(depth))];
         let translation = sound(vec![node(OPEN_PBR, &values, &[])]);
@@ -280,7 +280,7 @@ fn a_depth_is_absorption() {
 
 /// Thicknesses of films are in nanometres for the BSDF; `OpenPBR` has micrometres.
 #[test]
-fn films_and_walls_are_those_of_the_model() {
+fn thin_film_and_thin_walls_follow_the_model() {
     let open = sound(vec![node(
         OPEN_PBR,
         &[("thin_film_weight", number(0.5)), ("thin_film_ior", number(1.3)), ("geometry_thin_walled", number(1.0))],
@@ -296,7 +296,7 @@ fn films_and_walls_are_those_of_the_model() {
 
 /// The opacity has a program of its own, of few lookups; with more the surface is there.
 #[test]
-fn opacity_is_worked_out_apart() {
+fn opacity_has_its_own_program() {
     let images = |count: usize| {
         let mut nodes = vec![node(OPEN_PBR, &[], &[("geometry_opacity", 1), ("specular_roughness", 1)])];
         for k in 0..count {
@@ -319,7 +319,7 @@ fn opacity_is_worked_out_apart() {
 
 /// Each model's own roughness of its diffuse lobe; none of what is scattered below the surface.
 #[test]
-fn diffuse_roughness_is_that_of_its_model() {
+fn diffuse_roughness_follows_each_model() {
     let rough = |nodes| constant(source(&sound(nodes), Input::DiffuseRoughness))[0];
     assert_eq!(rough(vec![node(OPEN_PBR, &[("base_diffuse_roughness", number(0.4))], &[])]), 0.4);
     assert_eq!(rough(vec![node(STANDARD, &[("diffuse_roughness", number(0.3))], &[])]), 0.3);

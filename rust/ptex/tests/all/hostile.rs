@@ -175,7 +175,7 @@ fn resident_peak_kib() -> Option<u64> {
 }
 
 #[test]
-fn changed_files_never_panic_and_cost_little() {
+fn mutated_files_never_panic_and_use_little_memory() {
     let names =
         ["quad_u8_3.ptx", "quad_u16_4_alpha.ptx", "quad_f16_1.ptx", "quad_u8_5_alpha0.ptx", "triangle_u8_4.ptx"];
     let mut good: Vec<Vec<u8>> = names.into_iter().map(fixture).collect();
@@ -207,7 +207,7 @@ fn changed_files_never_panic_and_cost_little() {
 }
 
 #[test]
-fn large_faces_of_changed_files_cost_what_they_hold() {
+fn mutated_large_faces_use_memory_for_their_texels_only() {
     // Only the faces that the test above leaves out, and only those that are not a constant: all must be refused before
     // memory is taken, unless constant tiles make them up.
     let good = Raw::new(&fixture("quad_u8_3.ptx"));

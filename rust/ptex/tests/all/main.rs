@@ -2,13 +2,13 @@
 //! Tests of the reader and the writer: files of the reference writer, files of ours, and files that lie.
 
 #[cfg(test)]
-mod extremes;
-#[cfg(test)]
 mod hostile;
+#[cfg(test)]
+mod invalid_fields;
 #[cfg(test)]
 mod raw;
 #[cfg(test)]
-mod reference;
+mod reference_files;
 #[cfg(test)]
 mod round_trip;
 #[cfg(test)]

@@ -9,7 +9,7 @@ use crate::support::{Format, open, read, texels};
 const DATA_TYPES: [DataType; 4] = [DataType::U8, DataType::U16, DataType::F16, DataType::F32];
 
 #[test]
-fn what_is_written_is_read() {
+fn written_files_read_back_equal() {
     let kinds = [([3, 2], Varied), ([0, 0], Varied), ([1, 5], Quarter), ([4, 4], Constant), ([10, 7], Quarter)];
     for data_type in DATA_TYPES {
         for channels in [1, 2, 3, 4, 5, 64] {
@@ -35,7 +35,7 @@ fn what_is_written_is_read() {
 }
 
 #[test]
-fn faces_keep_what_is_said_of_them() {
+fn face_flags_and_adjacency_round_trip() {
     let faces = [
         Face { adjacent: [Some((1, 3)), None, Some((0, 2)), Some((1, 0))], is_subface: true, ..Face::new([1, 2]) },
         Face { adjacent: [None, Some((0, 1)), None, None], is_constant: true, ..Face::new([5, 3]) },
@@ -62,7 +62,7 @@ fn triangles_have_three_edges() {
 }
 
 #[test]
-fn neighbours_that_are_none_are_none() {
+fn missing_neighbours_are_none() {
     let face = Face { adjacent: [Some((1, 0)), Some((0, 0)), Some((u32::MAX - 1, 0)), None], ..Face::new([0, 0]) };
     let mut writer = PtexWriter::new(Vec::new(), MeshType::Quad, DataType::U8, 1, None, 1).unwrap();
     writer.push_face(&face, &[1]).unwrap();
@@ -71,7 +71,7 @@ fn neighbours_that_are_none_are_none() {
 }
 
 #[test]
-fn callers_of_the_writer_are_told_what_is_wrong() {
+fn writer_misuse_gives_a_specific_error() {
     let new = |mesh, channels, alpha, faces| {
         PtexWriter::new(Vec::new(), mesh, DataType::U16, channels, alpha, faces).map_err(|error| error.to_string())
     };

@@ -43,7 +43,7 @@ fn read_tiled(block: &[u8]) -> Result<Vec<u8>, PtexError> {
 }
 
 #[test]
-fn tiles_go_where_they_belong() {
+fn tiles_are_assembled_in_place() {
     let expected = [7, 7, 1, 2, 7, 7, 3, 4, 10, 11, 9, 9, 10, 12, 9, 9];
     assert_eq!(read_tiled(&tiled([1, 1], &four_tiles())).unwrap(), expected, "2 x 2 tiles of 2 x 2 texels");
     let rows: Vec<_> = (0..4).map(|v| (ZIPPED, zipped(&[v, 10 + v, 20 + v, 30 + v]))).collect();
@@ -64,7 +64,7 @@ fn one_tile_and_a_constant_block_are_faces_too() {
 }
 
 #[test]
-fn tiles_that_cannot_be_are_errors() {
+fn invalid_tiles_are_errors() {
     let fails = |block: &[u8]| read_tiled(block).unwrap_err().to_string();
     let good = tiled([1, 1], &four_tiles());
     for length in 0..good.len() {
@@ -85,7 +85,7 @@ fn tiles_that_cannot_be_are_errors() {
 }
 
 #[test]
-fn a_few_bytes_do_not_ask_for_many_tiles() {
+fn tile_counts_are_bounded_by_the_file_size() {
     let mut raw = Raw::new(&one_face(TILED, &tiled([0, 0], &four_tiles())));
     put(&mut raw.faces, 0, &[14, 14]);
     let file = open(raw.build()).unwrap();

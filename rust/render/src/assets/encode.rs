@@ -237,7 +237,7 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn writers_that_share_too_small_a_ring_all_come_to_their_end() {
+    fn encoders_sharing_a_small_staging_ring_do_not_deadlock() {
         let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
         let gpu = Gpu::open(&OpenOptions { selector, ..OpenOptions::default() }).expect("a device to test on");
         let ring = Arc::new(StagingRing::new(&gpu, 3 << 20).expect("staging memory"));

@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn assets_fit_beside_the_holes_at_the_ends_of_pieces() {
+    fn host_heap_fits_assets_beside_block_end_gaps() {
         let mib = 1 << 20;
         for (largest, count) in [(10 * mib, 80_u64), (32 * mib, 5), (22 * mib, 7), (1, 100), (63 * mib, 3)] {
             let limit = bytes_with_holes(largest * count, largest);

@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fits_is_kept_and_what_came_first_stays() {
+    fn kept_encodings_stay_within_the_limit_first_come_first_kept() {
         let kept = Kept::default();
         kept.offer(AssetKey::Chunk(0), encoded(1));
         assert!(kept.get(&AssetKey::Chunk(0)).is_none(), "nothing is kept without a limit");
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn what_an_edit_replaces_goes_and_makes_room() {
+    fn replaced_encodings_are_dropped() {
         let kept = Kept::default();
         kept.limit(100);
         (1..3).for_each(|key| kept.offer(AssetKey::Chunk(key), encoded(40)));

@@ -321,7 +321,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn groups_are_large_enough_and_leave_nothing_out() {
+    fn load_groups_cover_all_assets_and_reach_the_minimum_size() {
         let of = |sizes: &[u64]| groups(sizes.iter().copied());
         assert_eq!(of(&[]), []);
         assert_eq!(of(&[0, 0]), [], "no part for nothing");

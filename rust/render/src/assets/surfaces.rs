@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn inputs_and_flags_are_those_of_the_shaders() {
+    fn input_and_flag_codes_match_the_shaders() {
         assert_eq!(abi::MATERIAL_INPUTS, oocpt_core::material::INPUTS);
         assert_eq!((abi::NO_MATERIAL, abi::NAME_PTEX), (NO_MATERIAL, PTEX_SET_ID));
         assert_eq!((abi::NAME_POSITION, abi::NAME_NORMAL), (POSITION_ID, NORMAL_ID));

@@ -375,7 +375,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn runs_hold_every_place_and_fit_a_command() {
+    fn dirty_ranges_cover_every_changed_row_within_command_limits() {
         assert!(runs(&[]).is_empty(), "nothing changed");
         assert_eq!(runs(&[3, 5, 5, 4000, 4001]), [3..6, 4000..4002], "what is near goes together");
         let dense: Vec<usize> = (0..3 * MOST_PAGES).step_by(2).collect();

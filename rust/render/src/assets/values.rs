@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_table_of_nothing_is_empty_and_columns_follow_each_other() {
+    fn value_columns_are_contiguous_and_an_empty_table_is_empty() {
         assert_eq!(ValueLayout::new(&[], 100).bytes, 0);
         let columns = [InstanceColumn { id: 0, width: 3 }, InstanceColumn { id: 7, width: 1 }];
         let layout = ValueLayout::new(&columns, 3);

@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_right_between_its_nodes_too() {
+    fn the_table_is_accurate_between_its_nodes() {
         let floats: Vec<f64> = bytes().as_chunks::<4>().0.iter().map(|x| f64::from(f32::from_le_bytes(*x))).collect();
         assert!(floats.iter().all(|x| (0.0..=1.000_001).contains(x)), "all in 0..=1");
         let cell = |place: f64, count: usize| {
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn albedos_are_those_known() {
+    fn albedos_match_known_values() {
         // Seen from above with roughness 1: D = 3 sin(t / 2) / (2 pi) and 1 / 4 instead of masking, so E is the
         // integral of 3 / 4 sin(t / 2) cos t sin t over t = 0..pi/2, which with s = sin(t / 2) is that of 3 s^2 (1 - 2
         // s^2) over 0..sqrt(1/2) = sqrt(2) / 10.

@@ -277,7 +277,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_have_every_round_once() {
+    fn submission_parts_cover_every_round_once() {
         for last in 0..40 {
             let parts = parts(last);
             let rounds: Vec<u32> = parts.iter().cloned().flatten().collect();

@@ -64,7 +64,7 @@ fn messages(shared: &Shared) -> Vec<String> {
 }
 
 #[test]
-fn entries_come_back_in_this_process_and_in_the_next() {
+fn stored_entries_are_found_in_this_and_later_processes() {
     let folder = Folder::new("back");
     let (first, shared) = folder.open(true, u64::MAX);
     let stored = add(&first, 7, 1, 1 << 20);
@@ -81,7 +81,7 @@ fn entries_come_back_in_this_process_and_in_the_next() {
 }
 
 #[test]
-fn what_does_not_last_leaves_nothing_behind() {
+fn a_scratch_store_leaves_no_files() {
     let folder = Folder::new("scratch");
     let (files, _) = folder.open(false, u64::MAX);
     let stored = add(&files, 7, 1, 1000);
@@ -91,7 +91,7 @@ fn what_does_not_last_leaves_nothing_behind() {
 }
 
 #[test]
-fn a_file_that_breaks_off_anywhere_gives_what_is_whole() {
+fn a_truncated_file_gives_its_complete_entries() {
     let folder = Folder::new("cut");
     let (files, _) = folder.open(true, u64::MAX);
     for key in 1..6 {
@@ -112,7 +112,7 @@ fn a_file_that_breaks_off_anywhere_gives_what_is_whole() {
 }
 
 #[test]
-fn any_other_byte_is_met_and_told_once() {
+fn any_corrupt_byte_is_detected_and_reported_once() {
     let folder = Folder::new("damaged");
     let (files, _) = folder.open(true, u64::MAX);
     add(&files, 1, 9, 100);
@@ -161,7 +161,7 @@ fn hostile_headers_allocate_nothing() {
 }
 
 #[test]
-fn the_oldest_files_of_others_make_room() {
+fn the_oldest_foreign_files_are_evicted() {
     let folder = Folder::new("limit");
     let age = |path: &PathBuf, hours: u64| {
         let then = SystemTime::now() - Duration::from_secs(3600 * hours);
@@ -189,7 +189,7 @@ fn the_oldest_files_of_others_make_room() {
 }
 
 #[test]
-fn a_folder_that_cannot_be_written_is_one_complaint() {
+fn an_unwritable_folder_gives_one_warning() {
     let folder = Folder::new("file");
     let file = folder.0.join("file");
     fs::write(&file, b"no folder").expect("written");

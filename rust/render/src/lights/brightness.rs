@@ -49,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_there_is_neither_nothing_nor_endless() {
+    fn brightness_of_present_lights_is_positive_and_finite() {
         let nothing = Brightness::default().put(Lighting::default(), false, None);
         let all = [nothing.local_brightness, nothing.mesh_brightness, nothing.dome_irradiance];
         assert!(all.iter().all(|value| value.to_bits() == 0), "no lights: {all:?}");

@@ -268,7 +268,7 @@ mod tests {
     const WHOLE: [[f64; 2]; 3] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
 
     #[test]
-    fn a_triangle_has_the_mean_of_the_cells_under_it() {
+    fn triangle_emission_is_the_mean_of_covered_cells() {
         // Bright in the left half of 256 x 256 cells.
         let cells = (0..256 * 256).map(|at| if at % 256 < 128 { 1.0 } else { 0.0 }).collect();
         let map = map([256, 256], cells, Wrap::Black);
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn outside_is_continued_as_the_texture_says() {
+    fn emission_outside_the_image_follows_the_wrap_mode() {
         let cells = vec![1.0, 0.0];
         for (wrap, outside) in [(Wrap::Repeat, 1.0), (Wrap::Mirror, 0.0), (Wrap::Clamp, 0.0), (Wrap::Black, 0.0)] {
             let map = map([2, 1], cells.clone(), wrap);
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_scale_and_bias_count_and_nothing_is_negative() {
+    fn emission_applies_channel_scale_and_bias_and_clamps_at_zero() {
         let finish = Finish { channel: None, scale: [2.0, 1.0, 1.0, 1.0], bias: [0.0, -1.0, 0.5, 0.0] };
         assert_eq!(finish.color([1.0, 0.5, 0.25, 1.0], true), [2.0, 0.0, 0.75], "each channel for itself");
         assert_eq!(finish.color([1.0, 0.5, 0.25, 1.0], false), [1.0, 0.5, 0.25], "a fallback stays as it is");

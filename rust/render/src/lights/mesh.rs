@@ -357,3 +357,6 @@ pub(super) fn in_world(
         power: finite_power(scale * inside.power * growth),
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests;

@@ -90,3 +90,6 @@ pub(super) fn swept(inside: &LightBounds, placement: &MeshPlacement, error: f64,
     let (min, max) = (min.map(|low| low - error), max.map(|high| high + error));
     LightBounds { min, max, spread, power: finite_power(power), ..all }
 }
+
+#[cfg(test)]
+mod tests;

@@ -16,10 +16,6 @@ mod files;
 mod local;
 mod mesh;
 mod mesh_motion;
-#[cfg(test)]
-mod mesh_motion_tests;
-#[cfg(test)]
-mod mesh_tests;
 mod picture;
 mod program;
 mod read;

@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cell_weighs_what_the_interpolated_picture_shines_in_it() {
+    fn cell_weights_integrate_the_interpolated_picture() {
         const STEPS: u32 = 48;
         let picture = LightPicture {
             width: 5,

@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn faces_are_weighed_by_what_the_program_gives_there() {
+    fn face_weights_follow_the_emission_program() {
         let found = weights(&above_one(Geometry::Primvar0, 0.0)).expect("it emits");
         for (found, known) in found.iter().zip([0.05 * 0.5, 0.95 + 0.05 * 0.5]) {
             assert!((found - known).abs() < 1e-6, "{found}, not {known}");
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn what_reads_the_normal_or_too_many_textures_is_left_to_rays() {
+    fn programs_reading_normals_or_many_textures_are_not_sampled() {
         let mut by_normal = above_one(Geometry::Primvar0, 0.0);
         by_normal.primvars[0].id = NORMAL_ID;
         assert!(made(&by_normal).is_none(), "the normal in the mesh's frame");
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn work_is_bounded() {
+    fn emission_program_evaluations_are_bounded() {
         let program = made(&above_one(Geometry::Primvar0, 0.0)).expect("light can be asked for it");
         assert_eq!(program.steps(1), LATTICE);
         assert!((1..LATTICE).contains(&program.steps(MOST_WORK / 64)), "fewer points for many triangles");

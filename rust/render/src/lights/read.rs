@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_are_decoded_unless_the_file_says_otherwise() {
+    fn light_pictures_of_bytes_are_srgb_decoded_by_default() {
         let picture = LightPicture::of_image(&ramp([2, 1], None)).expect("read");
         let wanted = narrow(linear_from_srgb(7.0 / 255.0));
         assert_eq!(picture.texels[0][2].to_bits(), wanted.to_bits(), "sRGB by the rule for 8 bits and 3 channels");

@@ -68,7 +68,7 @@ fn the_tree_holds_every_light_once_at_a_bounded_depth() {
 }
 
 #[test]
-fn lights_at_one_place_and_on_a_spiral_stay_in_depth() {
+fn coincident_and_spiral_lights_keep_bounded_tree_depth() {
     let same = LightBounds { min: [1.0; 3], max: [1.0; 3], ..light(3) };
     let spiral = |i: u32| {
         let x = 2.0_f64.powi(-i32::try_from(i).expect("small"));
@@ -83,7 +83,7 @@ fn lights_at_one_place_and_on_a_spiral_stay_in_depth() {
 }
 
 #[test]
-fn a_distribution_gives_back_its_probabilities_and_guides_to_them() {
+fn piecewise_distributions_sample_their_probabilities() {
     let weights: Vec<f64> = (0..1000).map(|i| f64::from(i * i % 97) + if i == 3 { 1e4 } else { 0.0 }).collect();
     let total: f64 = weights.iter().sum();
     let entries = piecewise(&weights);
@@ -274,7 +274,7 @@ pub(super) mod probe {
     }
 
     #[test]
-    fn probabilities_add_up_and_rays_see_what_was_chosen() {
+    fn light_probabilities_sum_to_one_and_match_hit_pdfs() {
         for count in [1, 2, 100, 5000] {
             let [sums, samples] = probed(count);
             let mut met = 0;

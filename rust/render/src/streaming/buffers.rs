@@ -366,7 +366,7 @@ mod tests {
     use oocpt_gpu::OpenOptions;
 
     #[test]
-    fn a_slot_takes_what_is_counted_ahead() {
+    fn slot_buffers_take_the_bytes_estimated_before() {
         let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
         let gpu = Gpu::open(&OpenOptions { selector, ..OpenOptions::default() }).expect("a device");
         for bits in 0..32_u32 {

@@ -50,7 +50,7 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn time_goes_where_it_belongs() {
+    fn step_time_is_attributed_to_its_phase() {
         let start = Instant::now();
         let at = |secs| start + Duration::from_secs(secs);
         let mut clock = Clock::new(start);

@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_pictures_go_on_without_streaming() {
+    fn long_renders_leave_streaming() {
         for (has_tiles, fewest) in [(false, 20_000_000), (true, 7_058_823)] {
             let leave = Leave::new(true, has_tiles, 1 << 22, false);
             assert!(leave.pays(fewest + 1) && !leave.pays(fewest), "short ones do not");
@@ -100,21 +100,21 @@ mod tests {
     }
 
     #[test]
-    fn shorter_ones_do_where_few_paths_are_in_flight() {
+    fn short_renders_leave_streaming_when_few_paths_are_in_flight() {
         let leave = Leave::new(true, false, 1 << 18, false);
         assert!(leave.pays(2_400_000) && !leave.pays(2_300_000));
         assert!(Leave::new(true, false, 0, false).pays(1 << 20), "none is as few as there may be");
     }
 
     #[test]
-    fn tiles_have_room() {
+    fn leaving_streaming_requires_room_for_tiles() {
         let leave = Leave::new(true, true, 1 << 20, false);
         assert!(leave.is_roomy(ROOM_FOR_TILES) && !leave.is_roomy(ROOM_FOR_TILES - 1));
         assert!(Leave::new(true, false, 1 << 20, false).is_roomy(0), "there are none");
     }
 
     #[test]
-    fn more_is_brought_for_more_paths() {
+    fn more_remaining_paths_justify_a_larger_upload() {
         let leave = Leave::new(true, false, 1 << 22, false);
         assert!(leave.brings(3 << 30, 28_000_000), "64 samples");
         assert!(!leave.brings(30 << 30, 56_000_000) && leave.brings(30 << 30, 450_000_000), "1024 samples");

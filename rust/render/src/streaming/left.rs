@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_is_a_moment_for_each_share_and_now_and_then() {
+    fn progress_moments_are_recorded_at_each_share() {
         let mut left = Left::of(1000);
         for (step, paths_left) in [1000, 999, 998, 501, 500, 499, 120, 90, 11, 10, 9, 1, 0, 0].into_iter().enumerate() {
             let seconds = 0.001 * f64::from(u32::try_from(step).expect("few"));

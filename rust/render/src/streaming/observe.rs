@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn every_part_is_read_from_its_place() {
+    fn feedback_sections_are_read_from_their_offsets() {
         let mut seen = Observation::default();
         seen.read(3, &bytes(&[[6, 10, 20], [2, 0, 21]], 2), EXTENTS);
         assert!(seen.worth.is_empty(), "nobody plays");
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn demand_is_that_of_the_last_step_alone() {
+    fn demand_comes_from_the_last_step_only() {
         let mut seen = Observation::default();
         seen.read(1, &bytes(&[[6, 10, 20], [2, 1, 0], [8, 1, 1]], 3), EXTENTS);
         seen.read(2, &bytes(&[[2, 0, 4]], 1), EXTENTS);
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_count_past_the_end_and_units_that_are_not_there_are_left_out() {
+    fn out_of_range_feedback_is_ignored() {
         let mut seen = Observation::default();
         seen.read(1, &bytes(&[[0, 1, 2], [9, 3, 3], [5, 1, 0]], 4_000_000_000), EXTENTS);
         assert_eq!(seen.asked, [0, 5], "unit 9 of 9 is none, a fourth entry was not kept");

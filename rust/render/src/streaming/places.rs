@@ -85,7 +85,7 @@ mod tests {
     const MANY: Bounds = Bounds { total: 1 << 40, host_bytes: 1 << 40 };
 
     #[test]
-    fn places_are_bounded_by_the_paths_and_by_the_driver() {
+    fn deferred_places_are_bounded_by_paths_and_driver_limits() {
         let on_device = |capacity, total| per_slot(capacity, Bounds { total, ..MANY }, Usage::Device, NVIDIA);
         assert_eq!(on_device(1 << 22, 1 << 40), 8, "eight for each slot when there is room");
         assert_eq!(on_device(1 << 25, 1 << 40), 7, "one piece of memory");
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn host_memory_has_more_of_them() {
+    fn more_deferred_places_fit_in_host_memory() {
         let on_host = |capacity, bounds| per_slot(capacity, bounds, Usage::Readback, NVIDIA);
         assert_eq!(on_host(1 << 19, MANY), 64, "many");
         assert_eq!(on_host(1 << 22, MANY), 16, "2^26");
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn where_host_memory_runs_out_there_are_fewer() {
+    fn fewer_deferred_places_when_host_memory_runs_out() {
         let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
         let gpu = Gpu::open(&OpenOptions { selector, ..OpenOptions::default() }).expect("a device");
         let made = |usage, times| {

@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_chunk_is_there_when_all_that_it_needs_is() {
+    fn a_chunk_is_reachable_when_all_its_assets_are_resident() {
         let mut reach = Reach::new(3);
         reach.expect(0, &[7, 8]);
         reach.expect(2, &[8]);
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_waits_for_what_comes() {
+    fn units_in_flight_are_removed_from_demand() {
         let mut reach = Reach::new(3);
         reach.expect(1, &[5]);
         let demand = Demand { waiting: &[1, 2, 3, 4], asked: Some(&[0, 1, 3]), active: 9, ..Demand::default() };
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn visits_are_those_of_the_last_step() {
+    fn visit_counts_come_from_the_last_step() {
         let mut reach = Reach::new(2);
         reach.count(&[5, u32::MAX]);
         reach.count(&[7, 3]);

@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rays_that_join_do_not_wait_for_rounds_on_a_gpu() {
+    fn joining_rays_limit_steps_to_one_round_on_a_gpu() {
         assert_eq!(most(false, true), 1);
         assert_eq!(most(false, false), 16, "none join");
         assert_eq!(most(true, true), 16, "a processor is busy with few");
@@ -64,14 +64,14 @@ mod tests {
     }
 
     #[test]
-    fn short_steps_grow_as_long_as_they_have_rays() {
+    fn short_steps_get_more_rounds_while_rays_remain() {
         assert_eq!(settled(u32::MAX, 1e-5), [16; 10], "all there are");
         assert_eq!(settled(u32::MAX, 0.02), [1; 10], "one is long enough");
         assert_eq!(settled(u32::MAX, 1.0), [1; 10], "one is too long");
     }
 
     #[test]
-    fn rounds_without_rays_are_left_out() {
+    fn rounds_without_rays_are_skipped() {
         assert_eq!(settled(4, 1e-5), [5; 10], "one more than have rays: whether that is enough has to be seen");
         assert_eq!(settled(0, 1e-5), [1; 10], "nothing to trace");
         assert!(
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_planned_before_does_not_raise_what_one_after_it_lowered() {
+    fn an_earlier_step_does_not_raise_a_lowered_round_count() {
         assert_eq!(next(4, Done { rounds: 8, busy: 7, secs: 1e-4 }), 4, "two are under way");
         assert_eq!(next(4, Done { rounds: 8, busy: 8, secs: 1e-4 }), 4, "likewise");
     }

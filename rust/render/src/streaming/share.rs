@@ -71,20 +71,20 @@ mod tests {
     };
 
     #[test]
-    fn paths_get_half_of_what_does_not_hold_all_units() {
+    fn paths_get_half_of_a_budget_too_small_for_all_units() {
         assert_eq!(ROOM.slots(), 1 << 21, "512 MiB");
         assert_eq!(Room { bytes: (1 << 30) - 1, ..ROOM }.slots(), 1 << 20, "a power of two, never more than the share");
         assert_eq!(Room { wanted: 1 << 16, ..ROOM }.slots(), 1 << 16, "no more than the render has");
     }
 
     #[test]
-    fn paths_get_all_that_units_leave() {
+    fn paths_get_all_memory_that_units_leave() {
         assert_eq!(Room { units: 1 << 28, ..ROOM }.slots(), 1 << 21, "768 MiB beside them");
         assert_eq!(Room { units: 0, ..ROOM }.slots(), 1 << 22, "no unit");
     }
 
     #[test]
-    fn where_little_is_missing_paths_get_what_fills_a_device() {
+    fn a_nearly_fitting_scene_still_fills_the_device_with_paths() {
         let large = Room { bytes: 16 << 30, slot_bytes: 256, ..ROOM };
         assert_eq!(Room { units: 64 << 30, ..large }.slots(), 1 << 25, "half of the room");
         assert_eq!(Room { units: 17 << 30, ..large }.slots(), 1 << 23, "a gigabyte is missing");
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_units_keep_their_room() {
+    fn room_for_the_largest_units_is_reserved() {
         assert_eq!(Room { largest_unit: 192 << 20, ..ROOM }.slots(), 1 << 20, "256 MiB beside four of them");
         assert_eq!(Room { largest_unit: 1 << 30, ..ROOM }.slots(), 1 << 12, "the fewest");
         assert_eq!(Room { bytes: 0, ..ROOM }.slots(), 1 << 12, "allocating tells");

@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn only_dear_loads_of_an_idle_device_are_played_for() {
+    fn roulette_applies_only_to_expensive_loads_on_an_idle_device() {
         assert!(agreed(&seen(3, WORTH_ONE), true) < 30, "one in sixteen");
         assert_eq!(agreed(&seen(3, WORTH_ONE), false), 100, "the device has work");
         assert_eq!(agreed(&seen(MANY_RAYS, WORTH_ONE), true), 100, "many rays wait");
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_that_have_the_chunk_further_down_pay_their_share() {
+    fn rays_with_the_chunk_further_along_share_the_load_cost() {
         // A load costs 1000 paths, so one ray has p = 0.1; with 24 others to come it pays for 40 of them: p = 0.5, and
         // with more it is not played.
         let prices = Prices { secs_per_byte: 1e-6, secs_per_path: 1e-3, variance: 0.2, paths: 1e9 };
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn a_byte_costs_what_the_picture_waits_for_it() {
+    fn the_price_of_a_byte_is_measured_waiting_time() {
         let mut price = Price::default();
         let at = |secs, loads, waits| Moment { secs, loads, bytes_loaded: 10 * loads, waits };
         price.note(at(5.0, 100, true));
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_is_no_number() {
+    fn unknown_prices_are_none() {
         let stragglers = Stragglers::new(1, 2);
         let spent = |variance| Spent { secs: 1.0, paths: 10, all_paths: 20, variance };
         let of_paths = |variance| Observation {
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn stragglers_are_few() {
+    fn stragglers_are_at_most_one_path_in_64() {
         let stragglers = Stragglers::new(1, 2);
         assert!(stragglers.are_few(1000, 64_000) && !stragglers.are_few(1001, 64_000), "one in 64");
         let faults = crate::faults::Faults { roulette_per_mille: Some(500), ..Default::default() };
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn verdicts_are_a_table_by_chunk() {
+    fn verdicts_are_encoded_per_chunk() {
         let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9 };
         let mut stragglers = Stragglers::new(7, 200);
         let many = Observation { waiting: vec![1; 200], worth: vec![1; 200], ..Observation::default() };

@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_committed_leaves_nothing() {
+    fn uncommitted_entries_leave_no_file() {
         let cache = cache("dropped", 1 << 20);
         let mut pending = cache.begin(description("a")).expect("begun");
         pending.tile(6, [0, 0], [1, 1], &[1]).expect("written");
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn the_oldest_go_first() {
+    fn the_oldest_entries_are_evicted_first() {
         let one = add(&cache("one", 0), "0", 1).bytes();
         let cache = cache("limit", 3 * one);
         let age = |key: &str, hours: u64| {
@@ -387,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_cannot_be_made_is_one_complaint() {
+    fn an_uncreatable_folder_gives_one_warning() {
         let file = std::env::temp_dir().join(format!("oocpt-cache-file-{}", std::process::id()));
         fs::write(&file, b"no folder").expect("written");
         let cache = DiskCache::new(file.join("below"), 1 << 20);

@@ -120,7 +120,7 @@ mod tests {
     use oocpt_core::texture::expand;
 
     #[test]
-    fn channels_are_those_of_the_device() {
+    fn height_channels_expand_as_on_the_device() {
         let texel = [0.1_f32, 0.2, 0.3, 0.4];
         for count in 1..=4 {
             let wide: Vec<f64> = texel[..count].iter().map(|v| f64::from(*v)).collect();

@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_come_back_and_values_between_go_to_the_nearest() {
+    fn encoded_texels_round_to_nearest() {
         for channels in 1..=4 {
             for is_srgb in [false, true] {
                 let texels = texels(channels, TexelFormat::U8, is_srgb);
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn alpha_does_not_go_through_the_curve() {
+    fn alpha_is_not_srgb_decoded() {
         for (channels, alpha) in [(2, 1), (4, 3)] {
             for format in [TexelFormat::U8, TexelFormat::F16, TexelFormat::F32] {
                 let texels = texels(channels, format, true);
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn three_channels_become_four() {
+    fn three_channel_texels_widen_to_four() {
         let texels = texels(3, TexelFormat::U8, false);
         let mut out = [0; 8];
         texels.widen(&[1, 2, 3, 4, 5, 6], &mut out);

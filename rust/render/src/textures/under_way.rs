@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_is_unfinished_is_removed() {
+    fn only_unfinished_files_are_removed() {
         let file = |name: &str| std::env::temp_dir().join(format!("oocpt-under-way-{name}-{}", std::process::id()));
         let [done, open] = ["done", "open"].map(file);
         for file in [&done, &open] {

@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_counted_ahead_is_what_is_made() {
+    fn path_buffers_have_the_estimated_size() {
         let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
         let gpu = Gpu::open(&OpenOptions { selector, ..OpenOptions::default() }).expect("a device");
         for bits in 0..32_u32 {
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn no_shadow_rays_no_memory_for_them() {
+    fn without_shadow_rays_no_shadow_buffers_are_allocated() {
         let without = PathNeeds::default();
         let with = PathNeeds { shadows: true, ..without };
         assert_eq!(with.bytes_a_path(1) - without.bytes_a_path(1), 68, "64 bytes, and 4 of the queue");

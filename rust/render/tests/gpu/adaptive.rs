@@ -2,7 +2,7 @@
 //! Adaptive sampling: what it gains at equal samples, that it has no bias (and that a biased one is noticed), that it
 //! tells its error, and that its bits are the same everywhere.
 
-use crate::convergence::{gloss, mirror, view, window};
+use crate::error_estimate::{gloss, mirror, view, window};
 use crate::scenes::{constant, dome, features, nested, prim, square};
 use crate::support::{perspective, read, render, seeds, settings};
 use glam::{DMat4, DVec3};
@@ -55,7 +55,7 @@ fn average(pictures: &[Vec<f32>]) -> Vec<f64> {
 
 /// Most pixels are easy: a caustic that few paths find, and the edge of a shadow.
 #[test]
-fn the_error_falls_at_equal_samples() {
+fn adaptive_sampling_lowers_error_at_equal_samples() {
     let view = view([48, 32]);
     type Case = (&'static str, fn(&mut SceneDb), f64);
     let cases: [Case; 2] = [("mirror", mirror, 0.65), ("window", window, 0.75)];
@@ -153,7 +153,7 @@ fn the_mean_of_many_pictures_is_that_of_brute_force() {
 }
 
 #[test]
-fn same_bits_at_every_budget_and_cut() {
+fn bits_do_not_depend_on_budget_or_wave_cuts() {
     let view = view([40, 30]);
     for (build, samples) in [(nested as fn(&mut SceneDb), 72), (features, 32), (nested, 5)] {
         let told = |options: SessionOptions, settings: Settings| {
@@ -176,7 +176,7 @@ fn same_bits_at_every_budget_and_cut() {
 
 /// Estimates are those of two halves that share no sample.
 #[test]
-fn the_interval_holds_the_true_error() {
+fn the_confidence_interval_holds_the_true_error() {
     let view = view([20, 14]);
     let (mut inside, mut ratios) = (0, Vec::new());
     let number = seeds([16, 32]);

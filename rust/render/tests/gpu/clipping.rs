@@ -136,7 +136,7 @@ fn a_card_in_focus_is_cut_sharply_by_an_oblique_plane() {
 }
 
 #[test]
-fn planes_go_with_a_camera_that_moves() {
+fn clipping_planes_follow_a_moving_camera() {
     let mut camera = perspective(DVec3::Z * 10.0, DVec3::ZERO, 0.4, [16, 8]);
     let at = |z: f64| DMat4::from_translation(DVec3::Z * z);
     camera.motion =
@@ -152,7 +152,7 @@ fn planes_go_with_a_camera_that_moves() {
 }
 
 #[test]
-fn what_is_cut_off_still_casts_its_shadow_and_the_sky_is_not_cut() {
+fn clipped_geometry_still_casts_shadows_and_the_dome_is_not_clipped() {
     let from_above = |planes: &[DVec4]| {
         let mut camera = orthographic(DVec3::new(0.0, 10.0, 0.0), DVec3::Z * 1e-9, 4.0, [16, 16]);
         camera.clip_planes = planes.to_vec();
@@ -192,7 +192,7 @@ fn what_is_cut_off_still_casts_its_shadow_and_the_sky_is_not_cut() {
 }
 
 #[test]
-fn lamps_are_cut_as_surfaces_are() {
+fn visible_lights_are_clipped_as_surfaces() {
     let lamp = |db: &mut SceneDb| {
         let template = sun(1.0, 1.0, DMat4::IDENTITY);
         db.upsert_light(LightDesc {
@@ -218,7 +218,7 @@ fn lamps_are_cut_as_surfaces_are() {
 }
 
 #[test]
-fn the_same_bits_in_core_and_while_streaming() {
+fn clipping_has_the_same_bits_in_core_and_streaming() {
     let scene = &SCENES[1];
     let mut camera = perspective(scene.eye, scene.target, 0.8, [48, 32]);
     camera.clip_planes = vec![DVec4::new(0.1, 0.0, -1.0, -14.0), DVec4::new(0.0, 0.2, 1.0, 19.0)];

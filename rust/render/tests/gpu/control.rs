@@ -26,7 +26,7 @@ fn long_render() -> Session {
 }
 
 #[test]
-fn stop_converges_with_what_there_is() {
+fn stop_converges_with_the_samples_so_far() {
     let session = long_render();
     assert!(!session.is_converged(), "a million samples take longer than that");
     session.stop(true);
@@ -142,7 +142,7 @@ fn scene_lights_can_be_switched_off() {
 }
 
 #[test]
-fn only_depth_traces_no_paths() {
+fn a_request_for_depth_alone_traces_no_paths() {
     let session = session(settings(1 << 20, 3));
     session.with_scene(nested);
     let mut request = view([16, 12]);
@@ -155,7 +155,7 @@ fn only_depth_traces_no_paths() {
 
 /// After another render: memory of a device is not zero when it is used again.
 #[test]
-fn no_images_converge_at_once() {
+fn a_request_without_images_converges_at_once() {
     for force_streaming in [false, true] {
         let options = SessionOptions { validation: true, force_streaming, ..SessionOptions::default() };
         let other = Session::with_options(settings(4, 1), options);

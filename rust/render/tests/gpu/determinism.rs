@@ -36,7 +36,7 @@ fn a_restart_gives_the_same_bits_although_waves_have_grown_meanwhile() {
 }
 
 #[test]
-fn the_number_of_paths_in_flight_does_not_matter() {
+fn bits_do_not_depend_on_paths_in_flight() {
     let request = view([160, 120]);
     let of = |in_flight| {
         let options = SessionOptions { validation: true, in_flight: Some(in_flight), ..SessionOptions::default() };
@@ -51,7 +51,7 @@ fn the_number_of_paths_in_flight_does_not_matter() {
 }
 
 #[test]
-fn fewer_samples_are_the_beginning_of_more() {
+fn fewer_samples_are_a_prefix_of_more() {
     // Sample s of a pixel does not depend on how many there are: 4 samples then 4 more average to 8.
     let request = view([32, 24]);
     let pictures: Vec<Vec<f32>> = [4, 8]

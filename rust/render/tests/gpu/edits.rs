@@ -34,7 +34,7 @@ fn edit_equals_fresh(edit: fn(&mut SceneDb)) {
 }
 
 #[test]
-fn moving_a_mesh() {
+fn moving_a_mesh_equals_a_fresh_render() {
     edit_equals_fresh(|db| {
         let down = DMat4::from_translation(DVec3::Y * -0.5) * DMat4::from_scale(DVec3::splat(6.0));
         db.upsert_mesh(square(prim("/ground", down), 1, 0.5));
@@ -42,12 +42,12 @@ fn moving_a_mesh() {
 }
 
 #[test]
-fn other_points() {
+fn editing_points_equals_a_fresh_render() {
     edit_equals_fresh(|db| db.upsert_mesh(sphere(prim("/ground", DMat4::from_scale(DVec3::splat(0.8))), 1, 6, 0.5)));
 }
 
 #[test]
-fn other_instances() {
+fn editing_instances_equals_a_fresh_render() {
     edit_equals_fresh(|db| {
         let places = [(DVec3::new(0.5, 0.2, 0.4), DQuat::from_rotation_y(0.3), DVec3::splat(1.3))];
         db.upsert_instancer(instancer(prim("/outer", DMat4::IDENTITY), "/outer/clump", &places));
@@ -55,17 +55,17 @@ fn other_instances() {
 }
 
 #[test]
-fn another_light() {
+fn editing_a_light_equals_a_fresh_render() {
     edit_equals_fresh(|db| db.upsert_light(sun(0.5, 10.0, DMat4::from_rotation_x(-0.4))));
 }
 
 #[test]
-fn a_light_removed() {
+fn removing_a_light_equals_a_fresh_render() {
     edit_equals_fresh(|db| db.remove("/sun"));
 }
 
 #[test]
-fn visibility() {
+fn hiding_a_prim_equals_a_fresh_render() {
     edit_equals_fresh(|db| {
         let mut hidden = prim("/ground", DMat4::from_scale(DVec3::splat(6.0)));
         hidden.visible = false;
@@ -74,7 +74,7 @@ fn visibility() {
 }
 
 #[test]
-fn another_colour() {
+fn editing_a_colour_equals_a_fresh_render() {
     edit_equals_fresh(|db| {
         let mut ground = square(prim("/ground", DMat4::from_scale(DVec3::splat(6.0))), 1, 0.5);
         ground.display_color = constant([0.9_f32, 0.1, 0.1]);
@@ -83,7 +83,7 @@ fn another_colour() {
 }
 
 #[test]
-fn everything_removed() {
+fn removing_everything_equals_a_fresh_render() {
     edit_equals_fresh(|db| {
         db.remove("/outer");
         db.remove("/ground");

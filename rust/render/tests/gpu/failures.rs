@@ -95,7 +95,7 @@ fn losing(devices: u32, after: u32, streams: bool, budget: u32) -> Session {
 }
 
 #[test]
-fn a_picture_whose_device_is_lost_is_rendered_again_once() {
+fn a_render_is_retried_once_after_device_loss() {
     let view = view([24, 16]);
     for streams in [false, true] {
         let whole = losing(0, 0, streams, 700);
@@ -116,7 +116,7 @@ fn a_picture_whose_device_is_lost_is_rendered_again_once() {
 }
 
 #[test]
-fn a_second_loss_ends_it() {
+fn a_second_device_loss_ends_the_render() {
     let view = view([24, 16]);
     let session = losing(2, 5, false, 702);
     let messages = render_with_messages(&session, &view);
@@ -161,7 +161,7 @@ impl MeshFiles for Abyss {
 }
 
 #[test]
-fn a_mesh_that_cannot_be_had_is_left_out_and_named() {
+fn a_mesh_that_cannot_be_loaded_is_omitted_with_a_warning() {
     let view = view([24, 16]);
     for streams in [false, true] {
         // Half of a megabyte is for meshes: the ball has more.

@@ -113,7 +113,7 @@ fn check(rows: &[Row]) {
 }
 
 #[test]
-fn a_bare_scene_carries_nothing() {
+fn a_minimal_scene_enables_no_feature() {
     let (inventory, picture) = render(&BARE, "");
     every_feature_has_a_row(&inventory);
     let [features, _, _, primvars] = made(&inventory);
@@ -124,27 +124,27 @@ fn a_bare_scene_carries_nothing() {
 }
 
 #[test]
-fn geometry_carries_what_it_needs_and_nothing_else() {
+fn geometry_enables_exactly_its_features() {
     check(rows::GEOMETRY);
 }
 
 #[test]
-fn lights_carry_what_they_need_and_nothing_else() {
+fn lights_enable_exactly_their_features() {
     check(rows::LIGHTS);
 }
 
 #[test]
-fn materials_carry_what_they_need_and_nothing_else() {
+fn materials_enable_exactly_their_features() {
     check(rows::MATERIALS);
 }
 
 #[test]
-fn textures_carry_what_they_need_and_nothing_else() {
+fn textures_enable_exactly_their_features() {
     check(rows::TEXTURES);
 }
 
 #[test]
-fn streaming_carries_what_it_needs_and_nothing_else() {
+fn streaming_enables_exactly_its_features() {
     check(rows::STREAMING);
 }
 
@@ -212,7 +212,7 @@ fn what_is_carried_along_does_not_change_the_picture(row: &Row, lean: &Inventory
 }
 
 #[test]
-fn what_is_no_feature_is_one_warning() {
+fn an_unknown_feature_name_gives_one_warning() {
     let session = support::session(Settings { carry: "COAT nonsense".into(), ..settings(1, 0) });
     session.with_scene(shown);
     let messages = support::render_with_messages(&session, &request(orthographic(DVec3::Z, DVec3::ZERO, 2.0, [4, 4])));

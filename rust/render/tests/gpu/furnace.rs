@@ -34,7 +34,7 @@ fn colors(session: &Session, request: &RenderRequest) -> Vec<[f32; 4]> {
 }
 
 #[test]
-fn a_white_sphere_in_a_white_dome_disappears() {
+fn a_white_sphere_in_a_white_furnace_disappears() {
     let session = session(settings(64, 100));
     session.with_scene(|db| {
         db.upsert_mesh(sphere(prim("/ball", DMat4::IDENTITY), 1, 12, 1.0));

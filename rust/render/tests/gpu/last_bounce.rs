@@ -86,7 +86,7 @@ fn a_mirror_at_the_last_bounce_shows_every_light() {
 
 /// Shadow rays alone, and the balance heuristic with a bounce: as much.
 #[test]
-fn a_rough_metal_gets_as_much_from_a_lamp_at_the_last_bounce_as_before() {
+fn a_rough_metal_gets_the_same_lamp_light_at_the_last_bounce() {
     let given = [0, 1].map(|bounces| {
         shown(bounces, 1024, &|db| {
             floor(db, 0.4);

@@ -72,7 +72,7 @@ fn differences(a: &[f64], b: &[f64]) -> (f64, f64) {
 }
 
 #[test]
-fn a_card_that_moves_leaves_a_streak_of_known_coverage() {
+fn a_moving_card_leaves_a_streak_of_known_coverage() {
     let size = [48, 16];
     // Half a unit wide, from -1 to 1.5; at rest for the first quarter of the shutter.
     let place = |x: f64| DMat4::from_translation(DVec3::X * x) * DMat4::from_scale(DVec3::splat(0.25));
@@ -88,7 +88,7 @@ fn a_card_that_moves_leaves_a_streak_of_known_coverage() {
 }
 
 #[test]
-fn a_rod_that_turns_covers_what_its_integral_says() {
+fn a_turning_rod_matches_its_coverage_integral() {
     let size = [40, 40];
     let rod = DMat4::from_scale(DVec3::new(0.8, 0.04, 1.0));
     let turned = |angle: f64| DMat4::from_rotation_z(angle) * rod;
@@ -105,7 +105,7 @@ fn a_rod_that_turns_covers_what_its_integral_says() {
 }
 
 #[test]
-fn a_camera_that_moves_blurs_what_is_at_rest() {
+fn a_moving_camera_blurs_static_objects() {
     let size = [48, 16];
     let card = || card("/card", DMat4::from_scale(DVec3::splat(0.25)));
     let mut camera = front(1.5, size);
@@ -148,7 +148,7 @@ pub(crate) fn falling(db: &mut SceneDb) {
 }
 
 #[test]
-fn velocities_move_instances_as_their_arrays_say() {
+fn velocities_move_instances_by_their_arrays() {
     let size = [48, 32];
     let met = coverage(falling, front(2.0, size), SAMPLES);
     // A parabola in four pieces.
@@ -214,7 +214,7 @@ fn rmse(a: &[f64], b: &[f64]) -> f64 {
 }
 
 #[test]
-fn a_moving_scene_is_the_mean_of_still_ones() {
+fn a_moving_scene_equals_the_mean_of_static_renders() {
     const STILLS: u32 = 64;
     let still = |k: u32| {
         let time = (f64::from(k) + 0.5) / f64::from(STILLS);
@@ -234,12 +234,12 @@ fn a_moving_scene_is_the_mean_of_still_ones() {
 }
 
 #[test]
-fn chunks_of_moving_things_are_the_same_at_every_budget() {
+fn moving_chunks_have_the_same_bits_at_every_budget() {
     crate::streaming::same_bits(&MOVING);
 }
 
 #[test]
-fn images_through_pixel_centres_are_those_of_the_middle_of_the_shutter() {
+fn pixel_centre_aovs_are_taken_at_mid_shutter() {
     let images = |open: f64, close: f64| {
         let session = session(settings(1, 0));
         session.with_scene(|db| mill(db, open, close));

@@ -125,7 +125,7 @@ fn lookers() -> [(&'static str, Camera); 2] {
 }
 
 #[test]
-fn placements_move_as_their_closed_forms_say() {
+fn motion_vectors_of_placements_match_closed_forms() {
     for (what, camera) in lookers() {
         let moved = agree(what, (&camera, &camera), &|_| camera.world_from_view, cards, &placed);
         assert!(moved[1] > 100 && moved[2] > 100 && moved[0] == 0, "{what}: {moved:?}");
@@ -136,7 +136,7 @@ fn placements_move_as_their_closed_forms_say() {
 }
 
 #[test]
-fn a_camera_that_goes_and_turns_moves_what_is_at_rest_and_what_is_not() {
+fn camera_motion_gives_vectors_to_static_and_moving_objects() {
     for (what, looker) in lookers() {
         let base = looker.world_from_view;
         let at = |time: f64| {
@@ -194,7 +194,7 @@ fn points_that_move_take_surfaces_and_balls_along() {
 }
 
 #[test]
-fn what_comes_from_behind_the_camera_has_no_vector_and_what_rests_is_nothing() {
+fn motion_vectors_are_zero_for_static_points_and_absent_behind_the_camera() {
     let (_, camera) = &lookers()[0];
     let back = camera.world_from_view.z_axis.truncate();
     let path = move |_: i32, p: DVec3, time: f64| p + back * 16.0 * (time - 0.5);
@@ -219,7 +219,7 @@ fn what_comes_from_behind_the_camera_has_no_vector_and_what_rests_is_nothing() {
 }
 
 #[test]
-fn far_from_the_origin_vectors_are_as_good() {
+fn motion_vectors_are_accurate_far_from_the_origin() {
     // A tenth of a unit at 10^6: a quarter of it would be lost in single precision.
     let way = DVec3::new(1e6, -2e6, 1e6);
     let far = DMat4::from_translation(way);

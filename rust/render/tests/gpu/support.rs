@@ -13,11 +13,14 @@ use std::time::Duration;
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(300);
 
 /// Settings of the tests: few samples, one seed, rays walked by the shaders, which are what is tested, or by the host
-/// where `OOCPT_TEST_TRAVERSAL` says so: any test must pass with either.
+/// where `OOCPT_TEST_TRAVERSAL` says so: any test must pass with either. The device is the one that
+/// `OOCPT_TEST_DEVICE` names.
 pub(crate) fn settings(samples: u32, bounces: u32) -> Settings {
     let said = std::env::var("OOCPT_TEST_TRAVERSAL").ok();
     let traversal = said.and_then(|name| TraversalKind::named(&name)).unwrap_or(TraversalKind::Compute);
-    Settings { samples_per_pixel: samples, max_bounces: bounces, interactive: false, traversal, ..Settings::default() }
+    let device = std::env::var("OOCPT_TEST_DEVICE").unwrap_or_default();
+    let defaults = Settings { device, traversal, ..Settings::default() };
+    Settings { samples_per_pixel: samples, max_bounces: bounces, interactive: false, ..defaults }
 }
 
 /// How many seeds a test counts over: a few, or, by `cargo xtask test --full`, many.

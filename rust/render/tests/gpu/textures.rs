@@ -2,15 +2,15 @@
 //! Textures in renders: colours that are known, warnings, what is left out; and the same bits at every budget, of
 //! textured surfaces and of thousands of leaves with holes.
 
-mod demand;
 mod filter;
-mod images;
-mod masks;
-mod native;
+mod leaving_streaming;
+mod native_cutouts;
+mod opacity_masks;
 mod programs;
-mod split;
+mod test_images;
+mod tile_demand;
 
-use self::images::{Library, Noise, hash};
+use self::test_images::{Library, Noise, hash};
 use crate::scenes::{constant, dome, instanced, instancer, mesh, prim, square, sun};
 use crate::support::{self, orthographic, perspective, read, read_all, render_with_messages, request, settings};
 use glam::{DMat4, DQuat, DVec3};
@@ -88,7 +88,7 @@ fn front() -> RenderRequest {
 }
 
 #[test]
-fn texels_are_seen_where_they_are() {
+fn texels_appear_at_their_texture_coordinates() {
     let session = session(settings(1, 1), options(), |db| board(db, "32x32x3"));
     support::render(&session, &front());
     let albedo: Vec<[f32; 3]> = read(&session, &front(), AovKind::Albedo);
@@ -117,7 +117,7 @@ fn a_missing_image_is_one_warning_and_its_fallback() {
 
 /// Scale and bias are the picture's, not the fallback's; its channels are told apart.
 #[test]
-fn a_fallback_is_what_it_says_in_every_channel() {
+fn the_fallback_applies_to_every_channel() {
     for (output, expected) in [("rgb", [0.25, 0.5, 0.75]), ("r", [0.25; 3]), ("g", [0.5; 3]), ("b", [0.75; 3])] {
         let session = Session::with_options(settings(1, 1), options()).with_images(Arc::new(Library));
         session.with_scene(|db| {
@@ -135,7 +135,7 @@ fn a_fallback_is_what_it_says_in_every_channel() {
 }
 
 #[test]
-fn what_cannot_be_read_is_one_warning_and_the_fallback() {
+fn an_unreadable_texture_gives_one_warning_and_the_fallback() {
     let seen = |budget: Option<u32>| {
         let settings = Settings { geometry_budget_kib: budget.unwrap_or(0), ..settings(1, 1) };
         let streams = SessionOptions { force_streaming: budget.is_some(), ..options() };
@@ -278,7 +278,7 @@ fn same_bits(build: fn(&mut SceneDb)) {
 }
 
 #[test]
-fn textures_that_come_and_go_leave_no_trace_in_the_picture() {
+fn texture_streaming_changes_no_bit() {
     same_bits(squares);
 }
 
@@ -311,13 +311,13 @@ fn swinging_signs(db: &mut SceneDb) {
 }
 
 #[test]
-fn emission_of_lights_that_waits_for_its_tiles_leaves_no_trace_in_the_picture() {
+fn streaming_emission_textures_changes_no_bit() {
     same_bits(signs);
     same_bits(swinging_signs);
 }
 
 #[test]
-fn cutouts_that_wait_for_their_tiles_leave_no_trace_in_the_picture() {
+fn streaming_cutout_textures_changes_no_bit() {
     same_bits(leaves);
 }
 

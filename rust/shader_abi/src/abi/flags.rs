@@ -195,7 +195,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_ray_waits_for_comes_back() {
+    fn packed_wait_counts_round_trip() {
         for (count, more) in (0..8).flat_map(|count| [(count, false), (count, true)]) {
             let flags = pack_waiting(count, more);
             assert_eq!(waiting_count(flags), count);

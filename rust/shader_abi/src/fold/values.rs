@@ -87,3 +87,54 @@ impl Values {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each operation by its number in the SPIR-V specification, at values that tell it from its neighbours.
+    #[test]
+    fn every_operation_gives_its_known_result() {
+        let mut values = Values::default();
+        for (id, value) in [(1, 0), (2, 1), (3, 6), (4, 3)] {
+            values.note(id, Some(value));
+        }
+        let [no, yes, six, three, unknown] = [1, 2, 3, 4, 5];
+        for (operation, operands, expected) in [
+            (164, vec![yes, yes], Some(1)),
+            (164, vec![yes, no], Some(0)),
+            (165, vec![yes, no], Some(1)),
+            (166, vec![no, yes], Some(1)),
+            (166, vec![unknown, yes], Some(1)),
+            (166, vec![no, no], Some(0)),
+            (166, vec![unknown, no], None),
+            (167, vec![yes, yes], Some(1)),
+            (167, vec![unknown, no], Some(0)),
+            (167, vec![unknown, yes], None),
+            (168, vec![no], Some(1)),
+            (168, vec![yes], Some(0)),
+            (169, vec![yes, six, three], Some(6)),
+            (169, vec![no, six, three], Some(3)),
+            (169, vec![yes, six, unknown], Some(6)),
+            (169, vec![unknown, six, six], None),
+            (170, vec![six, six], Some(1)),
+            (171, vec![six, three], Some(1)),
+            (172, vec![six, three], Some(1)),
+            (172, vec![six, six], Some(0)),
+            (174, vec![six, six], Some(1)),
+            (176, vec![three, six], Some(1)),
+            (176, vec![six, six], Some(0)),
+            (178, vec![six, six], Some(1)),
+            (128, vec![six, three], Some(9)),
+            (130, vec![three, six], Some(u32::MAX - 2)),
+            (132, vec![six, three], Some(18)),
+            (197, vec![six, three], Some(7)),
+            (198, vec![six, three], Some(5)),
+            (199, vec![six, three], Some(2)),
+            (199, vec![six, unknown], None),
+            (999, vec![six, three], None),
+        ] {
+            assert_eq!(values.result(operation, &operands), expected, "operation {operation} of {operands:?}");
+        }
+    }
+}

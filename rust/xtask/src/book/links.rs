@@ -107,14 +107,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_there_passes() {
+    fn existing_links_and_paths_pass() {
         let text = "[b](b.md#some-heading) ![p](../../../tests/x.jpg) [w](https://example.com/no)\n\n\
                     `rust/book` `tests/*.jpg` `src/unknown.rs` `a / b` `and/or` `tests/NAME.rs`\n";
         assert_eq!(findings(text), Vec::<String>::new(), "links, a picture, paths, other code");
     }
 
     #[test]
-    fn what_is_not_there_is_named() {
+    fn missing_links_and_paths_are_named() {
         let text = "[c](c.md)\n\n[b](b.md#other)\n\n![p](../../tests/x.jpg)\n\nsee `rust/book/none.md`\n\n`tests/*.png`\n\n\
              ```sh\npytest tests/x.jpg tests/none.py\n```\n";
         let expected = [

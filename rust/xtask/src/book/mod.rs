@@ -10,6 +10,7 @@ mod links;
 mod markdown;
 mod names;
 mod tables;
+mod test_table;
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -59,7 +60,8 @@ pub(crate) fn make(places: &Places) -> Result<()> {
     Ok(())
 }
 
-/// Judges the documents: tables are those of their sources, links and paths lead somewhere, the README is short.
+/// Judges the documents: tables are those of their sources, links and paths lead somewhere, the README is short, the
+/// table of tests is complete.
 ///
 /// # Errors
 /// Names everything that is wrong.
@@ -88,10 +90,22 @@ pub(crate) fn check(places: &Places) -> Result<()> {
         findings
             .push(format!("{decisions} decisions, more than {MOST_DECISIONS}: fold one into a chapter of the book"));
     }
+    findings.extend(untold_tests(places, &files, &documents)?);
     if !findings.is_empty() {
         bail!("\n  {}", findings.join("\n  "));
     }
     Ok(())
+}
+
+/// Files of tests that the table of tests does not lead to.
+fn untold_tests(places: &Places, files: &[String], documents: &[(String, String)]) -> Result<Vec<String>> {
+    let read = |file: &String| {
+        let text = fs::read_to_string(places.repo.join(file)).with_context(|| format!("cannot read {file}"))?;
+        Ok((file.clone(), text))
+    };
+    let tests = files.iter().filter(|file| test_table::may_hold_tests(file)).map(read).collect::<Result<Vec<_>>>()?;
+    let table = documents.iter().find(|(file, _)| file == test_table::DOCUMENT);
+    Ok(test_table::findings(table.map_or("", |(_, text)| text), &tests))
 }
 
 /// A README of more than a few screens, or a decision of more than a page before its first appendix, or without a

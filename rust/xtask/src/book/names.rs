@@ -32,7 +32,7 @@ const OURS: &[&str] = &["HdOocPT", "HdOocpt"];
 const ENDINGS: &[&str] = &["comp", "cpp", "glsl", "h", "md", "py", "rs"];
 /// Names that no source holds, and why a document has them all the same.
 const ALLOWED: &[(&str, &str)] = &[
-    ("--no-capture", "a flag of cargo nextest"),
+    ("--no-capture", "a flag of Rust test programs"),
     ("PtexWriter::edit", "of the Ptex library, whose files the tests have"),
     ("VmRSS", "a line of Linux's /proc/self/status"),
     ("energy_compensation", "an input of MaterialX that changes nothing here"),
@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn an_unknown_crate_is_found() {
-        let line = "`cargo nextest run -p oocpt-cores`";
+        let line = "`cargo test -p oocpt-cores`";
         assert_eq!(finding(line), format!("README.md:1: {line}: there is no crate oocpt-cores"), "a package of cargo");
     }
 

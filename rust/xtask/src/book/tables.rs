@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_replaces_what_stood_there() {
+    fn a_generated_table_replaces_the_old_one() {
         let made = filled("before\n<!-- table: t -->\nold\n<!-- end of table -->\nafter\n", &tables()).unwrap();
         let table =
             "\n| a | b |\n| --- | --- |\n| x | 1.5 |\n| y | 2 |\n\na GPU, 2026-11-22. Command: `oocpt bench`.\n\n";
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_found() {
+    fn malformed_tables_are_reported() {
         assert!(filled("\n<!-- table: u -->\n<!-- end of table -->", &tables()).is_err(), "a table that is not there");
         assert!(filled("\n<!-- table: t -->\n| a |", &tables()).is_err(), "no end");
         assert!(filled("    <!-- table: u -->\n", &tables()).is_ok(), "an example");

@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn circles_are_found_however_long() {
+    fn module_cycles_of_any_length_are_found() {
         let line = arrows(&[("a", &["b", "c"]), ("b", &["c"]), ("c", &[])]);
         assert!(circles(&line).is_empty(), "a line has none");
         let circle = arrows(&[("a", &["b"]), ("b", &["c"]), ("c", &["a", "d"]), ("d", &[]), ("e", &["a"])]);
@@ -157,14 +157,14 @@ mod tests {
     }
 
     #[test]
-    fn groups_and_what_is_above_count() {
+    fn grouped_and_super_paths_count() {
         let text = "use crate::{\n    film::{Film, job::Job},\n    lights,\n};\nuse super::super::wave::Wave;\n\
                     use super::near;\nfn f(x: super::super::measure::Row) { super::super::super::none() }\n";
         assert_eq!(used(text, &["engine", "feed"], &BTreeMap::new()), names(&["film", "lights", "wave", "measure"]));
     }
 
     #[test]
-    fn what_the_top_passes_on_is_its_modules() {
+    fn reexports_of_the_crate_root_count_for_their_module() {
         let top = passed_on("mod a;\npub use a::{One, two};\npub use b::below::Three;\npub use c::Four;\n");
         let text = "use crate::{One, Three};\nfn f() { crate::two(); crate::Four::new() }\n";
         assert_eq!(used(text, &["d"], &top), names(&["a", "b", "c"]));

@@ -22,28 +22,30 @@ const WITH_DEVICE: [&str; 7] = ["bridge", "cli", "extreme", "gpu", "judge", "ren
 /// Groups that ask whether the order in which threads of the device get on shows. In all others Mesa's software driver
 /// works on the thread that submits, which spares it waking its threads for each of hundreds of passes over few paths.
 const THREADED: [&str; 10] = [
-    "gpu device",
+    "gpu all",
     "gpu growth",
     "gpu unit",
     "render control",
-    "render counts",
     "render determinism",
     "render edits",
     "render failures",
     "render passes",
+    "render sample_counts",
     "render streaming",
 ];
 /// Groups of a minute or more.
-const LONG: [&str; 9] = [
+const LONG: [&str; 11] = [
     "extreme table",
-    "materialx all",
     "ptex all",
     "render bsdf",
     "render features",
     "render lights",
     "render materials",
     "render streaming",
+    "render textures",
     "render unit",
+    "shader_abi all",
+    "traverse all",
 ];
 
 /// A program of tests.

@@ -52,7 +52,7 @@ fn a_tree_finds_what_trying_all_finds() {
 }
 
 #[test]
-fn distances_are_those_of_planes() {
+fn distances_match_planes() {
     let tracer = Tracer::new(square(10.0, 0.0, 1.0));
     let eye = Eye::at(DVec3::new(0.0, 3.0, 4.0), DVec3::ZERO, 0.5, [8, 8]);
     for (x, y) in [(0.5, 0.5), (4.0, 4.0), (7.0, 2.0)] {

@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn trouble_is_one_message_and_leaves_no_file() {
+    fn a_failed_write_gives_one_message_and_leaves_no_file() {
         let (folder, failing) = tool("fails", "printf x > \"$4\"; echo 'disk is full' >&2; exit 1");
         let error = format!("{:#}", failing.files(&folder, Kind::Png, 8, 1).expect_err("it fails"));
         assert!(error.contains("failed: disk is full"), "{error}");

@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_program_used_is_its_own() {
+    fn processor_time_is_that_of_the_child_alone() {
         let idle = shell("sleep 0.3", 60.0).expect("it runs");
         assert!(idle.is_success && idle.secs >= 0.3 && idle.cpu_secs < 0.2, "waiting is no work: {idle:?}");
         let busy = shell("i=0; while [ $i -lt 200000 ]; do i=$((i+1)); done; exit 3", 60.0).expect("it runs");

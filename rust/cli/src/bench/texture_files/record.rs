@@ -141,7 +141,7 @@ mod tests {
     const USAGE: &str = r#"{"usage":{"secondsTotal":1.5,"gpuPeakBytes":7,"driverPeakBytes":0,"hostBytes":0,"inCore":true,"sceneBytes":0,"textureSceneBytes":9,"textureBytes":0,"textureLoads":0,"textureBytesPaged":0}}"#;
 
     #[test]
-    fn a_run_brings_back_what_was_used_and_the_picture() {
+    fn a_run_returns_its_usage_and_the_picture() {
         let script = format!(
             "[ \"$OOCPT_TEXTURE_CACHE $OOCPT_SAMPLES_PER_PIXEL\" = '/the/cache 3' ] || exit 9\n\
              cp texture.exr \"$last\"; printf '%s\\n' '{HEADER}' '{USAGE}' > \"$OOCPT_REPORT\"; echo 'Warning: in F \
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_measurement_is_an_error() {
+    fn a_run_without_a_valid_report_is_an_error() {
         let report = format!("printf '%s\\n' '{HEADER}' '{USAGE}' > \"$OOCPT_REPORT\"");
         for (name, script, reason) in [
             ("fails", "echo no device >&2; exit 1".to_owned(), "usdrecord failed: no device"),

@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn members_lie_as_their_numbers_say() {
+    fn udim_tiles_are_placed_by_their_numbers() {
         assert_eq!(numbers(1), [1001], "one file");
         assert_eq!(numbers(5), [1001, 1002, 1003, 1011, 1012], "three columns");
         let forty = numbers(40);

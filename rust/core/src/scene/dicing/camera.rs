@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_at_distance_ten_has_the_pixels_that_the_projection_gives_it() {
+    fn projected_size_of_a_unit_length_matches_the_projection() {
         // 90 degrees from side to side: 100 pixels from the axis to the side at distance 1.
         let columns = |x: f64, y: f64, z: DVec4, w: DVec4| DMat4::from_cols(DVec4::X * x, DVec4::Y * y, z, w);
         let perspective = columns(1.0, 1.0, DVec4::new(0.0, 0.0, -1.0, -1.0), DVec4::Z * -0.2);
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_cuts_nothing() {
+    fn a_non_finite_camera_disables_dicing() {
         let nowhere = Camera { world_from_view: DMat4::ZERO, ..camera(DMat4::IDENTITY) };
         assert_eq!(DicingCamera::new(&nowhere, 2.0), DicingCamera::default());
         assert_eq!(DicingCamera::new(&camera(DMat4::IDENTITY), 0.0), DicingCamera::default(), "switched off");

@@ -4,8 +4,8 @@
 use oocpt_materialx::library::Library;
 
 use super::bounds::{Bound, left_out};
-use super::ours::{Way, value_of};
 use super::table::{Block, Row};
+use super::translation::{Way, value_of};
 
 /// What a comparison found.
 #[derive(Clone, Debug, Default)]

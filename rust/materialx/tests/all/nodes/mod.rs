@@ -4,8 +4,8 @@
 
 mod bounds;
 mod compare;
-mod ours;
 mod table;
+mod translation;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -22,12 +22,12 @@ use table::{Row, Table};
 const ROWS: usize = 6;
 
 fn fixture() -> Table {
-    table::read(include_str!("../../nodes.csv"))
+    table::read(include_str!("../../data/nodes.csv"))
 }
 
 /// Definitions whose outputs are numbers are in the table or said not to be.
 #[test]
-fn every_definition_has_rows() {
+fn every_node_definition_has_reference_rows() {
     let table = fixture();
     let mut rows: BTreeMap<(&str, &str), (usize, usize)> = BTreeMap::new();
     for block in &table.blocks {
@@ -54,7 +54,7 @@ fn every_definition_has_rows() {
 }
 
 #[test]
-fn values_are_those_of_materialx() {
+fn node_values_match_materialx_glsl() {
     let mut wrong = Vec::new();
     for block in &fixture().blocks {
         for way in ways(block) {
@@ -67,7 +67,7 @@ fn values_are_those_of_materialx() {
 /// The comparison itself: a number that is off by more than its bound, and a component that is another's.
 #[test]
 #[expect(clippy::cast_possible_truncation, reason = "rounding does not matter")]
-fn other_values_are_found() {
+fn the_comparison_finds_planted_differences() {
     let table = fixture();
     for name in
         ["ND_add_float", "ND_noise3d_float", "ND_sin_float", "ND_mix_color3", "ND_srgb_texture_to_lin_rec709_color3"]
@@ -78,14 +78,14 @@ fn other_values_are_found() {
             let scale = given.iter().chain(&*expected).fold(1.0_f32, |most, x| most.max(x.abs()));
             expected[0] += scale * (2.0 * most).max(1.0e-6);
         }
-        assert_eq!(compare(&block, ours::Way::Read, library()).wrong, ROWS, "{name}");
+        assert_eq!(compare(&block, translation::Way::Read, library()).wrong, ROWS, "{name}");
     }
     let cross = table.blocks.iter().find(|block| block.category == "crossproduct");
     let mut swapped = cross.expect("in the table").clone();
     for row in &mut swapped.rows {
         row.expected.swap(0, 1);
     }
-    assert!(compare(&swapped, ours::Way::Said, library()).wrong > 0, "swapped");
+    assert!(compare(&swapped, translation::Way::Said, library()).wrong > 0, "swapped");
 }
 
 fn four(x: f32, y: f32, z: f32, w: f32) -> Value {
@@ -94,7 +94,7 @@ fn four(x: f32, y: f32, z: f32, w: f32) -> Value {
 
 /// Cases that rows meet seldom; each was wrong once.
 #[test]
-fn rare_cases_are_those_of_materialx() {
+fn rare_cases_match_materialx_glsl() {
     let is = |name: &str, values: &[(&str, Value)], expected: &[f32]| {
         assert_eq!(&of_node(name, values)[..expected.len()], expected, "{name}");
     };
@@ -117,7 +117,7 @@ fn rare_cases_are_those_of_materialx() {
 
 /// A ramp of two colours ends with the second, whatever the third is.
 #[test]
-fn ramps_have_as_many_colours_as_they_say() {
+fn ramps_use_their_number_of_colours() {
     let values = [
         ("num_intervals", number(2.0)),
         ("interval2", number(0.25)),
@@ -131,7 +131,7 @@ fn ramps_have_as_many_colours_as_they_say() {
 
 /// What is connected decides at run time, where it is no constant.
 #[test]
-fn switches_of_nodes_can_be_connected() {
+fn switch_inputs_of_nodes_can_be_connected() {
     let at = |kind: &str, name: &str, truth: f32, values: &[(&str, Value)]| {
         let translation = sound(vec![
             node("ND_open_pbr_surface_surfaceshader", &[("base_weight", number(1.0))], &[("base_color", 1)]),
@@ -158,7 +158,7 @@ fn switches_of_nodes_can_be_connected() {
 
 /// Programs have no matrices: a line says so.
 #[test]
-fn a_matrix_of_nodes_is_a_line() {
+fn matrix_nodes_are_rejected_with_one_line() {
     let unit = Value::Matrix(std::array::from_fn(|row| std::array::from_fn(|k| f32::from(u8::from(row == k)))));
     let translation = translated(vec![
         node("ND_open_pbr_surface_surfaceshader", &[("base_weight", number(1.0))], &[("base_color", 1)]),

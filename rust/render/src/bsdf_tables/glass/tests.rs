@@ -28,7 +28,7 @@ fn places(count: usize) -> Vec<(f64, f64, usize, f64)> {
 }
 
 #[test]
-fn the_table_is_right_between_its_nodes_too() {
+fn the_table_is_accurate_between_its_nodes() {
     use rayon::prelude::*;
     let (table, normals) = (Losses::of(bytes()), Normals::new(1 << 15));
     let errors: Vec<(f64, (f64, f64, usize, f64))> = places(3000)
@@ -45,7 +45,7 @@ fn the_table_is_right_between_its_nodes_too() {
 }
 
 #[test]
-fn averages_are_those_of_what_is_looked_up() {
+fn average_albedos_match_the_interpolated_table() {
     let table = Losses::of(bytes());
     let float = |at: usize| f64::from(f32::from_le_bytes(std::array::from_fn(|i| bytes()[4 * at + i])));
     for (alpha, ior, side, _) in places(40) {
@@ -67,7 +67,7 @@ fn averages_are_those_of_what_is_looked_up() {
 }
 
 #[test]
-fn losses_are_those_known() {
+fn energy_losses_match_known_values() {
     let normals = Normals::new(1 << 15);
     // An interface that bends nothing and reflects nothing loses what the way out masks: 1 - G1 at the viewer's cosine.
     for (cosine, alpha) in [(0.05, 0.3), (0.3, 1.0), (0.9, 0.5)] {

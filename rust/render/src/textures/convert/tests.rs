@@ -110,7 +110,7 @@ impl Image for Wild {
 
 /// Bytes by the way of floats, texel by texel.
 #[test]
-fn halved_bytes_have_the_bits_of_the_pyramid() {
+fn downsampled_bytes_match_the_pyramid_bit_for_bit() {
     for (channels, is_srgb) in [(1, false), (1, true), (2, true), (3, true), (4, true), (4, false)] {
         let info = ImageInfo {
             levels: vec![[16, 2]],
@@ -142,7 +142,7 @@ fn halved_bytes_have_the_bits_of_the_pyramid() {
 }
 
 #[test]
-fn texels_that_are_no_numbers_spoil_no_level() {
+fn nan_texels_do_not_spread_to_coarser_levels() {
     let layout = Layout::new([4, 4], 4).expect("supported");
     let texels = Texels::new(&Wild.info(), false);
     let mut kept = Kept::default();
@@ -165,7 +165,7 @@ fn coarser_levels_alone_are_the_same() {
 }
 
 #[test]
-fn what_ends_early_or_has_too_many_rows_is_an_error() {
+fn images_with_wrong_row_counts_are_errors() {
     for rows in [0, 1, 100, 258, 260, 300] {
         // What the decoder gives is not what it said.
         let image = Rows { size: [300, 259], rows: rows.min(259) };

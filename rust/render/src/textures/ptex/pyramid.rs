@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_go_round_counterclockwise() {
+    fn ptex_edges_are_counterclockwise() {
         let values: Vec<f32> = (0..8).map(|k| k as f32).collect();
         let edges = FacePyramid::new([2, 1], values, 1).edges(1);
         let strip = |edge: u8| (0..edges.count(0, edge, 1)).map(|i| edges.at(0, edge, i, 1)[0]).collect::<Vec<_>>();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Images that give whole levels through [`Image::read`], and libraries that know neither identities nor colour spaces.
 
-use super::bench::{Procedural, encoded, image, noise};
+use super::harness::{Procedural, encoded, image, noise};
 use crate::textures::{BAND_BYTES, Image, ImageError, ImageLibrary};
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::TexelFormat;
@@ -19,7 +19,7 @@ fn bands(image: &Procedural, level: u32) -> Vec<(u32, Vec<u8>)> {
 }
 
 #[test]
-fn a_level_comes_whole_from_the_top_down() {
+fn a_level_is_decoded_from_the_top_down() {
     // More than one band, the last of which is not full.
     let size = [1500, 1201];
     let image = image(size, 3, TexelFormat::U8);
@@ -43,7 +43,7 @@ fn a_level_comes_whole_from_the_top_down() {
 }
 
 #[test]
-fn rows_longer_than_a_band_come_one_by_one() {
+fn rows_longer_than_a_band_are_read_singly() {
     let image = image([1 << 19, 2], 4, TexelFormat::F32);
     let tops: Vec<(u32, usize)> = bands(&image, 0).iter().map(|(top, rows)| (*top, rows.len())).collect();
     assert_eq!(tops, [(0, 16 << 19), (1, 16 << 19)], "a row each");

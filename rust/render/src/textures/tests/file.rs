@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Files one by one: what is said of them, and filling the cache.
 
-use super::bench::{Procedural, image};
+use super::harness::{Procedural, image};
 use crate::textures::{FileReport, Image, ImageError, ImageInfo, ImageLibrary, TextureFile};
 use oocpt_core::scene::AssetRef;
 use oocpt_core::settings::Settings;
@@ -71,7 +71,7 @@ impl Drop for Bench {
 }
 
 #[test]
-fn filling_makes_the_entry_that_renders_look_for() {
+fn prefilled_entries_are_found_by_renders() {
     let bench = Bench::new("fill", image([300, 200], 3, TexelFormat::U8));
     let before = bench.ask(false, "a", ColorSpace::Auto).expect("it is there");
     assert_eq!((before.size, before.levels, before.channels, before.format), ([300, 200], 1, 3, "u8"), "what it is");
@@ -90,7 +90,7 @@ fn filling_makes_the_entry_that_renders_look_for() {
 }
 
 #[test]
-fn what_cannot_be_kept_is_an_error() {
+fn textures_that_cannot_be_cached_are_errors() {
     let mut bench = Bench::new("errors", image([70, 70], 1, TexelFormat::F16));
     let error = |bench: &Bench, is_filled, name| {
         bench.ask(is_filled, name, ColorSpace::Auto).expect_err("it cannot be").to_string()

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What cones cover of textures, by the shaders, against singular values in f64: random ellipses, and such as are none.
 
-use super::bench::{open, unit};
+use super::harness::{open, unit};
 use crate::assets::is_even;
 use bytemuck::Zeroable;
 use glam::{DMat2, DVec2, DVec3};
@@ -98,7 +98,7 @@ fn random(i: u32) -> Query {
 }
 
 #[test]
-fn widths_agree_with_singular_values_in_double_precision() {
+fn filter_widths_match_singular_values_in_f64() {
     let queries: Vec<Query> = (0..20_000).map(random).collect();
     let answers = ask(&queries);
     let (mut packed, mut flat, mut thin) = (0.0_f64, 0, 0);
@@ -120,7 +120,7 @@ fn widths_agree_with_singular_values_in_double_precision() {
 }
 
 #[test]
-fn what_is_no_ellipse_has_a_width_all_the_same() {
+fn a_degenerate_footprint_keeps_a_finite_width() {
     let with = |k: usize, vector: [f32; 3]| {
         let mut q = FRONT;
         q.vectors[k] = vector;
@@ -161,7 +161,7 @@ fn what_is_no_ellipse_has_a_width_all_the_same() {
 /// A texture that is stretched in st as its image is, so that its texels are squares: what is thin in st is round in
 /// texels, and must not have lost its shorter axis when it was packed.
 #[test]
-fn strips_keep_their_shorter_axis() {
+fn stretched_textures_keep_the_minor_axis() {
     let strip = |i: u32, size: [u32; 2]| {
         let angle = unit(i) * 7.0;
         let axis =
@@ -179,7 +179,7 @@ fn strips_keep_their_shorter_axis() {
 
 /// Masks allow for 1/256; `GpuCutout::is_even` says for which maps they are asked.
 #[test]
-fn masks_are_asked_with_nearly_the_width() {
+fn mask_queries_use_the_filter_width_within_tolerance() {
     let queries: Vec<Query> = (0..40_000).map(random).collect();
     let (mut told, mut usual, mut worst) = (0, 0, 0.0_f32);
     for (q, (_, width, near)) in queries.iter().zip(ask(&queries)) {
@@ -204,7 +204,7 @@ fn masks_are_asked_with_nearly_the_width() {
 }
 
 #[test]
-fn masks_are_not_asked_with_a_width_of_what_is_no_ellipse() {
+fn degenerate_footprints_skip_the_mask() {
     let (nan, inf) = (f32::NAN, f32::INFINITY);
     let with = |k: usize, vector: [f32; 3]| {
         let mut q = FRONT;

@@ -3,7 +3,7 @@
 
 use super::super::image::{Image, ImageError, ImageLibrary};
 use super::super::set::TextureCache;
-use super::bench::{Answer, Bench, Query, number_of};
+use super::harness::{Answer, Bench, Query, hash, number_of};
 use super::{DONE, FALLBACK};
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{
@@ -212,7 +212,7 @@ fn faces_of_one_size_agree_along_edges_and_at_corners() {
 }
 
 #[test]
-fn faces_of_other_sizes_and_subfaces_show_what_is_beyond() {
+fn borders_of_faces_of_other_sizes_show_their_neighbours() {
     // Linear along the edge, so that a mean of texels is the texel of their middle: here each face is one colour.
     let mesh = prism();
     let sizes = |number: u32| [[3, 3], [2, 2], [4, 3], [3, 5]][number as usize % 4];
@@ -245,7 +245,7 @@ fn faces_of_other_sizes_and_subfaces_show_what_is_beyond() {
 }
 
 #[test]
-fn lookups_are_those_of_the_filter() {
+fn ptex_lookups_match_the_filter_in_f64() {
     let sizes = |number: u32| [[7, 7], [5, 6], [0, 0], [8, 3]][number as usize % 4];
     let faces = ptex_faces(&torus(6, 5), sizes);
     for (data_type, channels, space) in [
@@ -263,11 +263,11 @@ fn lookups_are_those_of_the_filter() {
         let sampler = PtexSampler { layout: &layout, texel: |at: u32| texels[at as usize] };
         let mut queries = Vec::new();
         for i in 0..3000_u32 {
-            let unit = |salt: u32| f64::from(super::hash(i * 7 + salt) >> 8) / f64::from(1 << 24);
+            let unit = |salt: u32| f64::from(hash(i * 7 + salt) >> 8) / f64::from(1 << 24);
             let edge = [0.0, 1.0, 0.5];
             let uv = if i % 10 == 0 { [edge[i as usize % 3], unit(2)] } else { [unit(1), unit(2)] };
             let width = if i % 4 == 0 { 0.0 } else { (300.0 * unit(3) * unit(4)) as f32 };
-            queries.push((super::hash(i) % 30, Query { texture: 1, st: pack_ptex(super::hash(i) % 30, uv), width }));
+            queries.push((hash(i) % 30, Query { texture: 1, st: pack_ptex(hash(i) % 30, uv), width }));
         }
         let answers = bench.ask(&queries.iter().map(|(_, query)| *query).collect::<Vec<_>>());
         for ((face, query), (value, said, _)) in queries.iter().zip(answers) {
@@ -281,7 +281,7 @@ fn lookups_are_those_of_the_filter() {
 }
 
 #[test]
-fn faces_that_are_not_there_and_files_that_are_none_give_the_fallback() {
+fn missing_faces_and_invalid_files_give_the_fallback() {
     let faces = ptex_faces(&cube(), |_| [1, 1]);
     let triangles = PtexWriter::new(Vec::new(), MeshType::Triangle, DataType::U8, 1, None, 1).and_then(|mut writer| {
         writer.push_face(&Face::new([1, 1]), &[1, 2, 3, 4])?;
@@ -299,13 +299,13 @@ fn faces_that_are_not_there_and_files_that_are_none_give_the_fallback() {
 }
 
 #[test]
-fn a_lookup_goes_on_where_a_tile_was_absent() {
+fn a_deferred_lookup_resumes_at_the_missing_tile() {
     let faces = ptex_faces(&torus(3, 3), |_| [8, 8]);
     let bench = bench(vec![ptex_file(&faces, DataType::U8, 4, random)], &ColorSpace::Raw);
     assert!(bench.addresses.len() > 30, "faces of several tiles: {}", bench.addresses.len());
     let queries: Vec<Query> = (0..400_u32)
         .map(|i| {
-            let unit = |salt: u32| f64::from(super::hash(i * 5 + salt) >> 8) / f64::from(1 << 24);
+            let unit = |salt: u32| f64::from(hash(i * 5 + salt) >> 8) / f64::from(1 << 24);
             Query { texture: 0, st: pack_ptex(i % 9, [unit(0), unit(1)]), width: (40.0 * unit(2)) as f32 }
         })
         .collect();
@@ -339,10 +339,10 @@ fn a_lookup_goes_on_where_a_tile_was_absent() {
 
 /// Files that lie: neighbours at random, bytes changed, ends cut off. An error or tiles, in time, whatever they say.
 #[test]
-fn hostile_files_end() {
+fn hostile_ptex_files_terminate() {
     let mut state = 7_u32;
     let mut next = move |below: u32| {
-        state = super::hash(state);
+        state = hash(state);
         state % below
     };
     let (mut refused, mut made) = (0, 0);

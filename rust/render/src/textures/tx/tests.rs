@@ -69,7 +69,7 @@ fn write(path: &PathBuf, description: &Description) {
 }
 
 #[test]
-fn every_tile_comes_back() {
+fn every_tile_round_trips() {
     let folder = Folder::new("back");
     for size in [[1, 1], [300, 260], [16384, 1], [128, 128], [129, 3]] {
         for (channels, format) in
@@ -99,7 +99,7 @@ fn every_tile_comes_back() {
 }
 
 #[test]
-fn a_file_that_was_not_finished_is_none() {
+fn an_unfinished_file_is_not_found() {
     let folder = Folder::new("half");
     let description = Description::new("key", &info([300, 260], 4, TexelFormat::U8), false, 0);
     let path = folder.0.join("a.tx");

@@ -40,7 +40,7 @@ fn albedo(r: f64, cosine: f64) -> f64 {
 }
 
 #[test]
-fn values_are_those_of_the_definition() {
+fn eon_values_match_the_f64_definition() {
     let device = Device::new(ROUGH);
     let mut random = Random(61);
     let cases: Vec<Case> = (0..60)
@@ -90,7 +90,7 @@ fn a_white_rough_surface_in_a_white_furnace_disappears() {
 }
 
 #[test]
-fn no_roughness_is_lambert_bit_for_bit() {
+fn zero_roughness_is_lambert_bit_for_bit() {
     let mut random = Random(62);
     let cases: Vec<Case> = (0..4000).map(|k| if k % 2 == 0 { random.case() } else { tilted(&mut random) }).collect();
     let [without, with] = [ALL.union(Features::OPEN_PBR), LAYERED].map(|features| {
@@ -140,7 +140,7 @@ fn samples_of_rough_diffuse_surfaces_follow_the_density() {
 }
 
 #[test]
-fn strange_roughness_gives_numbers() {
+fn out_of_range_roughness_gives_finite_values() {
     let device = Device::new(LAYERED);
     let mut random = Random(64);
     let odd = [0.0, 1.0, -1.0, 1e-30, 1e30, f64::NAN, f64::INFINITY];

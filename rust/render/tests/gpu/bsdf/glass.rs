@@ -127,7 +127,7 @@ fn reference(case: &Case) -> [f64; 4] {
 }
 
 #[test]
-fn values_are_those_of_the_definition() {
+fn rough_glass_values_match_the_f64_definition() {
     let device = Device::new(ALL);
     let mut random = Random(21);
     let mut made = Vec::new();
@@ -294,7 +294,7 @@ fn glass_in_a_white_furnace_disappears() {
 
 /// The specular workflow has no compensation: it may lose, and must not win.
 #[test]
-fn glass_of_the_specular_workflow_wins_nothing() {
+fn specular_workflow_glass_gains_no_energy() {
     let device = Device::new(ALL);
     for f0 in [0.0, 0.04, 0.3, 1.0] {
         for side in [1.0, -1.0] {
@@ -360,7 +360,7 @@ fn samples_of_nearly_smooth_glass_follow_the_density() {
 /// With less and less roughness it is Snell's and Fresnel's glass, and without any the passes need nothing of the rough
 /// one.
 #[test]
-fn less_and_less_rough_glass_is_smooth_glass() {
+fn rough_glass_converges_to_smooth_glass() {
     let device = Device::new(ALL);
     let sharp = Device::new(SHARP_GLASS);
     for ior in [0.6, 1.33, 1.5, 2.4] {

@@ -106,7 +106,7 @@ fn any(random: &mut Random) -> Hair {
 
 /// Values and densities; half of the directions are where a narrow lobe is.
 #[test]
-fn values_are_those_of_the_equations() {
+fn hair_values_match_the_f64_reference() {
     let device = Device::new(HAIR);
     let mut random = Random(31);
     let mut cases: Vec<Case> = (0..1500)
@@ -215,7 +215,7 @@ fn samples_of_hair_follow_the_density() {
 
 /// Of the narrowest lobes alone: R is the mirror direction, TT through the middle goes straight on.
 #[test]
-fn narrow_lobes_go_where_rays_do() {
+fn narrow_hair_lobes_follow_specular_directions() {
     let device = Device::new(HAIR);
     let mut random = Random(5);
     let narrow = Hair { variance: DVec3::splat(0.001), spread: DVec3::splat(0.001), ..Hair::default() };
@@ -268,7 +268,7 @@ fn the_reflection_is_reciprocal_but_for_fresnel() {
 }
 
 #[test]
-fn strange_hair_gives_numbers() {
+fn out_of_range_hair_gives_finite_values() {
     let device = Device::new(HAIR);
     let mut random = Random(77);
     let odd = [0.0, 1.0, 0.5, -1.0, 1e-30, 1e30, f64::NAN, f64::INFINITY];

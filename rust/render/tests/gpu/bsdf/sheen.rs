@@ -46,7 +46,7 @@ fn albedo(roughness: f64, o: DVec3) -> f64 {
 }
 
 #[test]
-fn values_are_those_of_the_definition() {
+fn sheen_values_match_the_f64_definition() {
     let device = Device::new(PLAIN | Features::SHEEN);
     let mut random = Random(41);
     for roughness in ROUGHNESS {
@@ -179,7 +179,7 @@ fn samples_follow_the_density() {
 
 /// Weights have a bound, so samples are good also where the lobe is narrow.
 #[test]
-fn weights_are_bounded() {
+fn sheen_sample_weights_are_bounded() {
     let device = Device::new(PLAIN | Features::SHEEN);
     let mut random = Random(44);
     let cases: Vec<Case> = (0..50_000)
@@ -203,7 +203,7 @@ fn weights_are_bounded() {
 /// Without the bit the pass has no table of it (its address is 0) and gives, to the bit, what it gives without colour
 /// of sheen.
 #[test]
-fn without_its_bit_there_is_nothing_of_it() {
+fn without_the_feature_bit_sheen_is_absent() {
     let without = Device::new(ALL);
     let with = Device::new(ALL | Features::SHEEN);
     let mut random = Random(45);

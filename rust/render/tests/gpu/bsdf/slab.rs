@@ -38,7 +38,7 @@ fn lobe(roughness: f64, ratio: f64, turn: f64, o: DVec3, i: DVec3) -> f64 {
 
 /// What differs from the isotropic lobe of the same roughness is the lobe itself: all else has its tables.
 #[test]
-fn anisotropic_lobes_are_those_of_the_definition() {
+fn anisotropic_lobes_match_the_f64_definition() {
     let device = Device::new(ANISOTROPIC);
     let mut random = Random(51);
     let cases: Vec<Case> = (0..4000)
@@ -166,7 +166,7 @@ fn airy(film: DVec3, f0: f64, cosine: f64) -> DVec3 {
 }
 
 #[test]
-fn films_are_those_of_the_definition() {
+fn thin_films_match_the_f64_definition() {
     let device = Device::new(FILMS);
     let mut random = Random(53);
     let mut worst: f64 = 0.0;
@@ -194,7 +194,7 @@ fn films_are_those_of_the_definition() {
 
 /// Light that a sheet does not reflect goes straight on, and none is lost of a sharp one.
 #[test]
-fn thin_walls_bend_nothing() {
+fn thin_walls_do_not_refract() {
     let device = Device::new(WALLS);
     let mut random = Random(54);
     let wall = |random: &mut Random| {
@@ -241,7 +241,7 @@ fn thin_walls_bend_nothing() {
 
 /// Without the bits, and with them where nothing asks, the same numbers to the bit.
 #[test]
-fn without_their_bits_there_is_nothing_of_slabs() {
+fn without_feature_bits_slab_lobes_are_absent() {
     let without = Device::new(ALL | Features::OPEN_PBR);
     let with = Device::new(WALLS | Features::ANISOTROPY);
     let mut random = Random(55);

@@ -16,7 +16,7 @@ fn far(a: DVec3, b: DVec3) -> f64 {
 }
 
 #[test]
-fn values_are_those_of_the_definition() {
+fn bsdf_values_match_the_f64_definition() {
     let device = Device::new(ALL);
     let mut random = Random(1);
     let mut cases: Vec<Case> = (0..160).map(|_| Case { opacity: 1.0, ..random.case() }).collect();
@@ -259,7 +259,7 @@ fn without_reflection_it_is_lambert() {
 }
 
 #[test]
-fn strange_input_gives_finite_numbers() {
+fn out_of_range_input_gives_finite_values() {
     let device = Device::new(ALL);
     let mut random = Random(6);
     let unit = [0.0, 1.0, 1e-8, 1e-4, 0.01, 0.009_999, 0.5, 0.999_999, f64::NAN, f64::INFINITY, -1.0, 2.0];

@@ -22,7 +22,7 @@ fn direction(x: u32, y: u32) -> DVec3 {
 }
 
 #[test]
-fn an_even_picture_is_a_constant_dome() {
+fn a_uniform_dome_picture_equals_a_constant_dome() {
     for place in [DMat4::IDENTITY, DMat4::from_rotation_x(0.7) * DMat4::from_scale(DVec3::splat(3.0))] {
         expect("even picture", 256, 0.5 * PI, 3e-3, &|db| db.upsert_light(dome("grey", place)));
     }

@@ -43,7 +43,7 @@ pub(super) fn corners(transform: DMat4) -> Vec<DVec3> {
 
 /// Squares that lie, stand, lean, are stretched, sheared and mirrored; seen from either side.
 #[test]
-fn a_square_gives_what_lamberts_formula_says() {
+fn a_square_mesh_light_matches_lamberts_formula() {
     let shear = DMat4::from_cols(glam::DVec4::X, glam::DVec4::new(1.5, 1.0, 0.0, 0.0), glam::DVec4::Z, glam::DVec4::W);
     let at = |x: f64, y: f64, z: f64| DMat4::from_translation(DVec3::new(x, y, z));
     let cases = [
@@ -111,7 +111,7 @@ fn a_sphere_of_faces_gives_the_sum_of_its_faces() {
 
 /// Two colours on one mesh, a dim light and a mesh whose other faces are dark.
 #[test]
-fn subsets_of_other_emission_count_for_themselves() {
+fn subsets_emit_their_own_emission() {
     let transform = downwards(DVec3::new(0.0, 1.0, -0.5));
     let points =
         vec![[-1.0, -1.0, 0.0], [0.0, -1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
@@ -162,7 +162,7 @@ pub(super) fn small(i: u32, half: f64) -> f64 {
 
 /// Few as prims of their own with colours and powers of their own, many as instances.
 #[test]
-fn many_small_ones_agree_with_their_sum() {
+fn many_small_mesh_lights_match_their_sum() {
     for count in [1_u32, 100] {
         let power = |i: u32| f32::from(u8::try_from(1 + i % 9).expect("small")).powi(2);
         let sum: f64 = (1..=count).map(|i| f64::from(power(i)) * small(i, 0.03)).sum();
@@ -203,7 +203,7 @@ fn a_hundred_thousand_instances_agree_with_their_sum() {
 
 /// With a light of another kind beside it, a sky, and far from the world's origin.
 #[test]
-fn meshes_and_lights_add_up() {
+fn mesh_lights_and_other_lights_add_up() {
     let quad_at = downwards(DVec3::new(0.0, 1.0, -0.5));
     let rect_at = downwards(DVec3::new(3.0, 2.0, 1.5));
     let rect_corners: Vec<DVec3> = corners(rect_at * DMat4::from_scale(DVec3::new(0.25, 0.5, 1.0)));

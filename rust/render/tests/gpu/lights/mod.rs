@@ -5,21 +5,21 @@
 //! shadow rays and BSDF rays share it by the balance heuristic.
 
 mod dome;
-mod emission;
-mod files;
-mod groups;
-mod many;
+mod light_tree;
+mod links_and_shadows;
+mod local_and_infinite;
 mod mesh;
+mod mesh_programs;
+mod mesh_textures;
 mod moving;
 mod moving_extremes;
 mod moving_meshes;
-mod programs;
 mod shapes;
 mod shaping;
-mod switches;
+mod test_files;
 
-pub(crate) use files::TestFiles;
-pub(crate) use programs::stripes;
+pub(crate) use mesh_programs::stripes;
+pub(crate) use test_files::TestFiles;
 
 use crate::scenes::{prim, square};
 use crate::support::{color_request, orthographic, read, render, session, settings};

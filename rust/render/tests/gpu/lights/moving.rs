@@ -35,7 +35,7 @@ fn line(from: DVec3, to: DVec3) -> impl Fn(f64) -> DVec3 {
 }
 
 #[test]
-fn a_rectangle_that_goes_and_turns() {
+fn a_moving_turning_rect_light_matches_its_closed_form() {
     let at = line(DVec3::new(-2.0, 1.5, 0.3), DVec3::new(1.0, 2.0, 0.0));
     let place = |time: f64| {
         let turn = DMat4::from_axis_angle(DVec3::new(0.3, 0.2, 1.0).normalize(), 1.5 * (time - 0.6));
@@ -55,7 +55,7 @@ fn a_rectangle_that_goes_and_turns() {
 }
 
 #[test]
-fn round_lamps_that_pass_by() {
+fn passing_sphere_lights_match_their_closed_form() {
     let at = line(DVec3::new(-3.0, 1.5, 0.3), DVec3::new(2.0, 2.5, -1.0));
     let place = |time: f64| DMat4::from_translation(at(time));
     // A sphere above the horizon: pi (r / d)^2 cos.
@@ -75,7 +75,7 @@ fn round_lamps_that_pass_by() {
 }
 
 #[test]
-fn lamps_of_prototypes_go_along_with_their_instances() {
+fn prototype_lights_move_with_their_instances() {
     // Two balls of radius 0.8 that velocities and a turn of their instancer move.
     let turn = |time: f64| DMat4::from_rotation_y(1.2 * (time - 0.5));
     let base = [DVec3::new(0.0, 1.8, 0.6), DVec3::new(-1.0, 2.2, -1.5)];
@@ -97,7 +97,7 @@ fn lamps_of_prototypes_go_along_with_their_instances() {
 }
 
 #[test]
-fn suns_that_set() {
+fn moving_distant_lights_match_their_closed_form() {
     // From 20 degrees beside the zenith to 70: full angles, the largest of a sun that just touches the horizon.
     let place = |time: f64| {
         let angle = (20.0 + 50.0 * time).to_radians();
@@ -131,7 +131,7 @@ fn against_stills(what: &str, desc: &dyn Fn() -> LightDesc, place: &dyn Fn(f64) 
 }
 
 #[test]
-fn what_has_a_direction_takes_it_along() {
+fn moving_shaped_lights_turn_their_cone() {
     // A spot that sweeps over the floor, from one side to the other.
     let sweep = |time: f64| downwards(DVec3::new(0.3, 2.0, 0.0)) * DMat4::from_rotation_y(1.6 * (time - 0.4));
     let spot = || LightDesc {
@@ -195,7 +195,7 @@ fn rmse(a: &[f64], b: &[f64]) -> f64 {
 }
 
 #[test]
-fn moving_lamps_are_the_mean_of_still_ones() {
+fn moving_lights_equal_the_mean_of_static_ones() {
     const STILLS: u32 = 64;
     let mut mean = vec![0.0; 48 * 32];
     for k in 0..STILLS {
@@ -212,6 +212,6 @@ fn moving_lamps_are_the_mean_of_still_ones() {
 }
 
 #[test]
-fn moving_lamps_are_the_same_at_every_budget() {
+fn moving_lights_have_the_same_bits_at_every_budget() {
     crate::streaming::same_bits(&MOVING_LAMPS);
 }

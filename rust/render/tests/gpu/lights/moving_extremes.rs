@@ -85,7 +85,7 @@ fn far_away_emitters_that_move_do_not_shadow_themselves() {
 /// Neither NaN nor a lost device, whatever is asked for; and light where there is some, but by what gets so small or
 /// large that it is left to chance, or so far away.
 #[test]
-fn motion_that_no_one_would_author_is_survived() {
+fn extreme_light_motion_stays_finite() {
     let base = downwards(DVec3::new(0.0, 1.0, -0.8)) * scaled(0.3, 0.3);
     let moved = |x: f64| at(x, 0.0, 0.0) * base;
     let nan = DMat4::from_cols(DVec4::NAN, DVec4::Y, DVec4::Z, DVec4::W);

@@ -2,10 +2,10 @@
 //! Meshes that emit light and whose placement moves: closed forms, averaged over the shutter in f64, with shadow rays
 //! alone and with both strategies; how noisy they are; what is left to chance; and motion that no one would author.
 
-use super::emission::{by_texture, screen_that, textured};
 use super::mesh::{convex, corners, glow, glowing, noise, place, quad, turn};
+use super::mesh_programs::stripes;
+use super::mesh_textures::{by_texture, screen_that, textured};
 use super::moving::mean;
-use super::programs::stripes;
 use super::shapes::polygon;
 use super::{ALBEDO, downwards, expect};
 use crate::scenes::{deforming, instanced, instancer, prim, sphere, square};
@@ -116,7 +116,7 @@ fn wheel(db: &mut SceneDb, own: Map<'_>) -> impl Fn(usize, f64) -> DMat4 + use<>
 }
 
 #[test]
-fn squares_of_prototypes_go_along_with_all_that_they_are_in() {
+fn prototype_mesh_lights_follow_all_enclosing_motion() {
     let own = |time: f64| DMat4::from_rotation_x(0.9 * time - PI / 2.0) * scaled(0.5, 0.3);
     let still = |_: f64| downwards(DVec3::new(0.1, 0.0, 0.0)) * scaled(0.5, 0.3);
     let ways: [(&str, Map<'_>); 2] = [("three motions", &own), ("two", &still)];
@@ -131,7 +131,7 @@ fn squares_of_prototypes_go_along_with_all_that_they_are_in() {
 }
 
 #[test]
-fn what_turns_in_an_uneven_frame_at_rest_is_exact() {
+fn a_mesh_light_turning_in_a_nonuniform_scale_is_exact() {
     // Two such frames, the outer one at rest, which stretches what turns inside.
     let outer = [(DVec3::new(0.2, 0.4, -1.5), DQuat::from_rotation_z(0.3), DVec3::new(1.5, 0.8, 0.4))];
     let hub = |time: f64| DMat4::from_axis_angle(DVec3::new(0.2, 1.0, 0.1).normalize(), 2.0 * time);
@@ -156,7 +156,7 @@ fn what_turns_in_an_uneven_frame_at_rest_is_exact() {
 
 /// Many, of which most are below the floor's plane in the middle of the shutter: the tree has to know better.
 #[test]
-fn many_that_move_agree_with_their_sum() {
+fn many_moving_mesh_lights_match_their_sum() {
     const COUNT: u32 = 100;
     let half = 0.03;
     let map = |i: u32, time: f64| {
@@ -185,7 +185,7 @@ fn many_that_move_agree_with_their_sum() {
 
 /// At equal samples: nearly as good as at rest, and far better than by chance.
 #[test]
-fn a_small_one_that_moves_is_little_noisier_than_at_rest() {
+fn a_small_moving_mesh_light_is_little_noisier_than_a_static_one() {
     let map = |time: f64| downwards(DVec3::new(0.3 * time, 1.0, -0.5 - 0.1 * time)) * scaled(0.1, 0.1);
     let spun = |time: f64| map(time) * DMat4::from_rotation_z(time);
     let known = mean(|time| polygon(&corners(spun(time))));
@@ -212,7 +212,7 @@ fn a_small_one_that_moves_is_little_noisier_than_at_rest() {
 
 /// What shadow rays see of a texture or a program on what moves is what rays see that come by chance.
 #[test]
-fn what_varies_over_a_mesh_that_moves_is_looked_up_alike() {
+fn varying_emission_of_moving_meshes_agrees_for_shadow_and_hit_rays() {
     let lean = |time: f64| {
         at(-0.5 + 0.6 * time, 1.0, -0.9) * DMat4::from_rotation_x(-1.1 - 0.5 * time) * scaled(1.0 + 0.3 * time, 0.7)
     };
@@ -243,7 +243,7 @@ fn what_varies_over_a_mesh_that_moves_is_looked_up_alike() {
 
 /// What is sampled is not warned of, and what is at rest needs none of it.
 #[test]
-fn only_points_that_move_are_left_to_chance() {
+fn only_deforming_mesh_lights_are_not_sampled() {
     let told = |build: &dyn Fn(&mut SceneDb)| {
         let session = session(settings(1, 1));
         session.with_scene(|db| {
@@ -276,6 +276,6 @@ fn only_points_that_move_are_left_to_chance() {
 }
 
 #[test]
-fn moving_bulbs_are_the_same_at_every_budget() {
+fn moving_mesh_lights_have_the_same_bits_at_every_budget() {
     crate::streaming::same_bits(&MOVING_BULBS);
 }

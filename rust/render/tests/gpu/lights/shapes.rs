@@ -58,7 +58,7 @@ fn ellipsoid_reference(m: &DMat3, at: DVec3) -> f64 {
 }
 
 #[test]
-fn a_sphere_is_pi_r_squared_over_d_squared_times_the_cosine() {
+fn sphere_light_irradiance_matches_its_closed_form() {
     for (at, radius) in
         [(DVec3::new(0.0, 2.0, 0.0), 0.5), (DVec3::new(1.0, 2.0, -0.5), 0.75), (DVec3::new(0.0, 50.0, 0.0), 0.01)]
     {
@@ -70,7 +70,7 @@ fn a_sphere_is_pi_r_squared_over_d_squared_times_the_cosine() {
 }
 
 #[test]
-fn a_disk_on_its_axis_is_pi_sine_squared() {
+fn disk_light_irradiance_matches_its_closed_form() {
     for (height, radius) in [(2.0, 0.5), (0.5, 1.0), (1.0, 8.0)] {
         let expected = PI * radius * radius / (radius * radius + height * height);
         #[expect(clippy::cast_possible_truncation, reason = "small numbers")]
@@ -80,7 +80,7 @@ fn a_disk_on_its_axis_is_pi_sine_squared() {
 }
 
 #[test]
-fn rects_and_their_affine_images_are_polygons() {
+fn rect_lights_match_polygon_irradiance_under_any_affine_map() {
     let shear =
         DMat4::from_cols_array(&[1.0, 0.2, 0.1, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
     let stretch = DMat4::from_scale(DVec3::new(2.0, 0.5, -3.0));
@@ -193,7 +193,7 @@ fn lights_far_from_the_origin_stay_exact() {
 /// Where rays meet a light decides what shadows it: a black wall inside of a ball is behind its surface from
 /// everywhere.
 #[test]
-fn a_wall_inside_a_ball_takes_nothing() {
+fn a_wall_inside_a_sphere_light_casts_no_shadow() {
     let (distance, expected) = (1.5, PI / (1.5 * 1.5));
     expect("a ball with a wall in it", 256, expected, 5e-3, &|db| {
         db.upsert_light(light(sphere(1.0), DMat4::from_translation(DVec3::Y * distance)));

@@ -67,7 +67,7 @@ fn shown_with(desc: &MaterialDesc, samples: u32) -> (Session, RenderRequest) {
 }
 
 #[test]
-fn a_mask_is_where_its_program_says() {
+fn opacity_masks_follow_their_program() {
     let desc = gltf(MASK, 0.5);
     let (session, request) = shown_with(&desc, 1);
     let ids: Vec<i32> = read(&session, &request, AovKind::PrimId);
@@ -122,7 +122,7 @@ fn an_opacity_is_a_probability() {
 
 /// A program knows the normal of a candidate, the view, its point: a board that is turned away is not there.
 #[test]
-fn what_is_turned_away_is_not_there() {
+fn opacity_programs_know_the_view_direction() {
     let world = ("space", ParamValue::Text("world".into()));
     let facing = |cutoff: f32| {
         let params = [("alpha_mode", ParamValue::Int(MASK)), ("alpha_cutoff", float(cutoff))];

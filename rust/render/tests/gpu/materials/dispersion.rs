@@ -76,7 +76,7 @@ fn seen(n: f64) -> f64 {
 }
 
 #[test]
-fn a_prism_bends_each_channel_as_snell_says() {
+fn a_prism_refracts_each_channel_by_snells_law() {
     let session = session(settings(1024, 2));
     session.with_scene(|db| {
         db.upsert_material(glass(0.0));
@@ -97,7 +97,7 @@ fn a_prism_bends_each_channel_as_snell_says() {
 
 /// Clear glass under a white sky stays white, whatever it bends.
 #[test]
-fn white_stays_white() {
+fn dispersive_glass_in_a_white_furnace_stays_white() {
     for roughness in [0.0, 0.4] {
         let session = session(settings(256, 24));
         session.with_scene(|db| {
@@ -120,7 +120,7 @@ fn white_stays_white() {
 
 /// What two prisms and an absorbing one show in front of lights, when the scene streams and when it does not.
 #[test]
-fn streaming_gives_the_same_bits() {
+fn dispersion_streams_with_the_same_bits() {
     let request = front();
     let images = [false, true].map(|force_streaming| {
         let options = SessionOptions { validation: true, force_streaming, ..SessionOptions::default() };

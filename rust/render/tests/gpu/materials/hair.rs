@@ -186,7 +186,7 @@ pub(crate) fn lock(db: &mut SceneDb) {
 }
 
 #[test]
-fn a_lock_of_hair_streams_with_the_same_bits() {
+fn hair_streams_with_the_same_bits() {
     let request = front();
     let images = [false, true].map(|force_streaming| {
         let options = SessionOptions { validation: true, force_streaming, ..SessionOptions::default() };
@@ -203,7 +203,7 @@ fn a_lock_of_hair_streams_with_the_same_bits() {
 
 /// Hair on a mesh is shaded by its normals, and one line says so.
 #[test]
-fn hair_on_a_mesh_is_told() {
+fn hair_on_a_mesh_gives_a_warning() {
     let session = session(settings(1, 1));
     session.with_scene(|db| {
         db.upsert_material(hair_of("/material", &[]));

@@ -56,7 +56,7 @@ fn st(desc: MeshDesc) -> MeshDesc {
 
 /// The albedo at each pixel is what the program gives on the host, at the pixel's coordinates and point.
 #[test]
-fn a_program_gives_what_its_twin_does() {
+fn device_programs_match_the_host_evaluator() {
     let desc = noisy("/noise");
     let (session, request) = shown(
         |db| {
@@ -89,7 +89,7 @@ fn a_program_gives_what_its_twin_does() {
 }
 
 #[test]
-fn a_lookup_looks_where_another_says() {
+fn dependent_texture_lookups_use_the_computed_coordinates() {
     let (session, request) = shown(
         |db| {
             db.upsert_material(distorted("/m"));
@@ -136,7 +136,7 @@ fn a_lookup_looks_where_another_says() {
 
 /// An `open_pbr_surface` and the `UsdPreviewSurface` that says the same are the same picture, bit for bit.
 #[test]
-fn one_surface_in_two_models_is_one_picture() {
+fn equal_surfaces_in_two_models_give_equal_pictures() {
     let pictures = [
         material(
             "/m",
@@ -182,7 +182,7 @@ fn one_surface_in_two_models_is_one_picture() {
 
 /// Under a white sky what takes nothing away is white: glass that is clear, fuzz that is white over white.
 #[test]
-fn white_stays_white() {
+fn materialx_glass_and_fuzz_in_a_white_furnace_stay_white() {
     let cases = [
         ("glass", vec![("transmission_weight", float(1.0)), ("specular_roughness", float(0.5))], 0.01),
         (
@@ -210,7 +210,7 @@ fn white_stays_white() {
 /// Over black it is the fuzz alone that is seen, in its colour. Seen from the front it reflects 4 %, which the bound of
 /// white fuzz over white lets pass.
 #[test]
-fn fuzz_has_its_colour() {
+fn fuzz_color_tints_the_fuzz_lobe() {
     let params = [
         ("base_weight", float(0.0)),
         ("specular_weight", float(0.0)),
@@ -233,7 +233,7 @@ fn fuzz_has_its_colour() {
 
 /// What goes through a sharp interface of tinted glass has its colour once.
 #[test]
-fn glass_tints_what_goes_through() {
+fn glass_tints_transmitted_light() {
     let params = [
         ("base_weight", float(0.0)),
         ("specular_roughness", float(0.0)),
@@ -257,7 +257,7 @@ fn glass_tints_what_goes_through() {
 }
 
 #[test]
-fn streaming_gives_the_same_bits() {
+fn materialx_materials_stream_with_the_same_bits() {
     let request = front();
     let images = [false, true].map(|force_streaming| {
         let options = SessionOptions { validation: true, force_streaming, ..SessionOptions::default() };

@@ -79,7 +79,7 @@ fn off(mixture: [[f64; 2]; 3], [back, front]: [[[f64; 2]; 3]; 2], share: f64) ->
 
 /// w A + (1 - w) B, rendered apart: two metals, two kinds of rough glass. A weight that is squared is seen.
 #[test]
-fn a_mixture_is_its_parts_in_the_mean() {
+fn a_mixture_equals_the_weighted_mean_of_its_parts() {
     let alone = |part: NodeDesc| material("/m", vec![node("ND_surface", &[], &[("bsdf", 1)]), part]);
     let metals = PARTS.map(|(roughness, albedo)| metal(roughness, albedo));
     for (what, parts) in [("metals", metals), ("glass", [glass(0.6), glass(0.1)])] {
@@ -97,7 +97,7 @@ fn a_mixture_is_its_parts_in_the_mean() {
 
 /// Glass of two roughnesses takes nothing away: a ball of it is white under a white sky.
 #[test]
-fn white_glass_stays_white() {
+fn mixed_glass_in_a_white_furnace_stays_white() {
     let session = session(settings(64, 24));
     session.with_scene(|db| {
         db.upsert_material(mixture("/glass", 0.5, [glass(0.5), glass(0.1)]));
@@ -116,7 +116,7 @@ fn white_glass_stays_white() {
 
 /// Images through pixel centres have the number 0.5: the front from there on, whatever the pixel.
 #[test]
-fn images_through_pixel_centres_have_no_chance_in_them() {
+fn pixel_centre_aovs_of_mixtures_are_not_stochastic() {
     for (share, [_, expected]) in [(0.25, PARTS[0]), (0.75, PARTS[1])].map(|(share, part)| (share, [part.1; 2])) {
         let (session, request) = shown(
             |db| {
@@ -135,7 +135,7 @@ fn images_through_pixel_centres_have_no_chance_in_them() {
 
 /// A mask of a texture between a texture and a metal: paths that wait for tiles come back to what they had chosen.
 #[test]
-fn streaming_gives_the_same_bits() {
+fn mixtures_stream_with_the_same_bits() {
     let request = front();
     let images = [false, true].map(|force_streaming| {
         let options = SessionOptions { validation: true, force_streaming, ..SessionOptions::default() };

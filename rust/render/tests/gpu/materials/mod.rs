@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Materials with known answers; and the same bits when the scene streams.
 
+pub(super) mod absorption;
 pub(super) mod cutouts;
 mod dispersion;
-mod glow;
+mod emission_programs;
 pub(super) mod hair;
-mod inputs;
-pub(super) mod inside;
-mod instances;
+mod instance_primvars;
 pub(super) mod materialx;
 pub(super) mod mixtures;
 mod patterns;
-mod pictures;
+mod preview_surface;
+mod preview_surface_textures;
 mod primvars;
-mod sameness;
+mod streaming_and_edits;
 
 use crate::scenes::{constant, dome, instanced, instancer, mesh, prim};
 use crate::support::{orthographic, read, read_all, render, request, session, settings};

@@ -99,7 +99,7 @@ fn error(case: &Case, result: [f32; 4], twin: [f32; 4]) -> f64 {
 }
 
 #[test]
-fn every_operation_is_its_twin() {
+fn every_device_operation_matches_its_host_twin() {
     let cases: Vec<Case> = ops().flat_map(|op| (0..1000).map(move |seed| ordinary(op, seed))).collect();
     let results = run(&cases);
     let mut wrong = Vec::new();
@@ -161,7 +161,7 @@ fn shader_name(prefix: &str, name: &str) -> String {
 }
 
 #[test]
-fn shaders_have_the_numbers_of_the_twin() {
+fn shader_operation_codes_match_the_host_twin() {
     let ops: Vec<_> = Op::ALL.iter().map(|op| (shader_name("PATTERN_", &format!("{op:?}")), *op as u32)).collect();
     let shader: Vec<_> = PATTERN_OPS.iter().map(|&(name, number)| (name.to_owned(), number)).collect();
     assert_eq!(ops, shader, "operations");

@@ -2,18 +2,18 @@
 //! The passes by themselves, with chunks that come and go without any loader: the same bits as with everything
 //! resident.
 
+mod handmade_scene;
+mod pass_runner;
 mod roulette;
-mod stream;
-mod tracer;
-mod world;
+mod streamed;
 
 use glam::DVec3;
+use handmade_scene::{FAR, Scene};
 use oocpt_gpu::{Gpu, OpenOptions};
 use oocpt_shader_abi::{Counters, FAULT_ALL, Features, FilmPixel};
+use pass_runner::{Images, PATHS, Tracer};
 use std::sync::Arc;
-use stream::Totals;
-use tracer::{Images, PATHS, Tracer};
-use world::{FAR, Scene};
+use streamed::Totals;
 
 const IN_CORE: Features = Features::DOME
     .union(Features::DISTANT)
@@ -51,7 +51,7 @@ fn check(totals: &Totals, wave: &Counters) {
 }
 
 #[test]
-fn chunks_that_come_and_go_leave_no_trace_in_the_picture() {
+fn loading_and_evicting_chunks_changes_no_bit() {
     let gpu = open();
     let scene = Scene::new(&gpu, 1, FAR);
     let (expected, wave) = in_core(&gpu, &scene);
@@ -66,7 +66,7 @@ fn chunks_that_come_and_go_leave_no_trace_in_the_picture() {
 }
 
 #[test]
-fn threads_that_take_one_ray_after_the_other_leave_no_trace_in_the_picture() {
+fn persistent_threads_change_no_bit() {
     let gpu = open();
     let scene = Scene::new(&gpu, 1, FAR);
     let (expected, wave) = in_core(&gpu, &scene);
@@ -87,7 +87,7 @@ fn threads_that_take_one_ray_after_the_other_leave_no_trace_in_the_picture() {
 }
 
 #[test]
-fn lists_of_demand_that_are_too_short_leave_no_trace_in_the_picture() {
+fn overflowing_demand_lists_change_no_bit() {
     let gpu = open();
     let scene = Scene::new(&gpu, 1, FAR);
     let (expected, wave) = in_core(&gpu, &scene);
@@ -101,7 +101,7 @@ fn lists_of_demand_that_are_too_short_leave_no_trace_in_the_picture() {
 }
 
 #[test]
-fn a_chunk_that_is_skipped_shows() {
+fn a_skipped_chunk_is_noticed() {
     let gpu = open();
     let scene = Scene::new(&gpu, 1, FAR);
     let (expected, _) = in_core(&gpu, &scene);
@@ -114,7 +114,7 @@ fn a_chunk_that_is_skipped_shows() {
 }
 
 #[test]
-fn a_world_far_away_looks_as_it_does_here() {
+fn a_scene_far_from_the_origin_looks_the_same() {
     let gpu = open();
     let [here, there] = [DVec3::ZERO, FAR].map(|at| in_core(&gpu, &Scene::new(&gpu, 1, at)).0);
     let differ = |a: &[u8], b: &[u8]| a.chunks_exact(4).zip(b.chunks_exact(4)).filter(|(a, b)| a != b).count();

@@ -155,7 +155,7 @@ fn assert_worth(worth: &[u32], expected: &[(u32, f64)]) {
 }
 
 #[test]
-fn rays_of_one_pixel_count_by_the_square_of_their_sum() {
+fn waiting_rays_of_a_pixel_add_before_squaring() {
     let gpu = open();
     let mut waiting = Waiting::nobody();
     for i in 0..SAMPLES {
@@ -173,7 +173,7 @@ fn rays_of_one_pixel_count_by_the_square_of_their_sum() {
 }
 
 #[test]
-fn what_a_closest_ray_brings_is_its_throughput_times_what_paths_bring() {
+fn worth_of_a_closest_hit_ray_is_throughput_times_mean_radiance() {
     let gpu = open();
     let mut waiting = Waiting::nobody();
     waiting.roulette.second_moment = 3.0;
@@ -195,7 +195,7 @@ fn what_a_closest_ray_brings_is_its_throughput_times_what_paths_bring() {
 }
 
 #[test]
-fn camera_rays_and_what_is_far_too_bright_must_be_traced() {
+fn camera_rays_and_very_bright_rays_are_never_dropped() {
     let gpu = open();
     let mut waiting = Waiting::nobody();
     waiting.closest(1, 5, 0, (0, 1.0));
@@ -209,7 +209,7 @@ fn camera_rays_and_what_is_far_too_bright_must_be_traced() {
 }
 
 #[test]
-fn levels_and_variance_are_those_of_the_paths() {
+fn radiance_levels_and_variance_match_the_paths() {
     let gpu = open();
     let mut paths = Waiting::nobody();
     paths.roulette = Roulette::default();

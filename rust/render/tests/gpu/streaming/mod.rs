@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The central promise: the same bits whatever the budget, under every policy; the budget is never exceeded.
 
-mod faults;
-mod host;
-mod mapped;
-mod memory;
-mod moving;
+mod device_memory;
+mod host_mapped;
+mod host_memory;
+mod moving_scenes;
+mod planted_faults;
 mod roulette;
 mod scenes;
 
 use crate::lights::TestFiles;
 use crate::support::{self, perspective, read_all, render_with_messages, request, settings};
-pub(crate) use mapped::MOST_PICTURES;
-pub(crate) use moving::{DEFORMING, MOVING, MOVING_BULBS, MOVING_LAMPS};
+pub(crate) use host_mapped::MOST_PICTURES;
+pub(crate) use moving_scenes::{DEFORMING, MOVING, MOVING_BULBS, MOVING_LAMPS};
 use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_core::stats::StreamingStats;
@@ -101,17 +101,17 @@ pub(crate) fn same_bits(scene: &Scene) {
 }
 
 #[test]
-fn flat() {
+fn flat_scene_same_bits_at_every_budget() {
     same_bits(&SCENES[0]);
 }
 
 #[test]
-fn lamps_under_a_sky() {
+fn lights_and_dome_same_bits_at_every_budget() {
     same_bits(&SCENES[6]);
 }
 
 #[test]
-fn bulbs() {
+fn mesh_lights_same_bits_at_every_budget() {
     same_bits(&SCENES[8]);
 }
 
@@ -121,38 +121,38 @@ fn curves_and_points_are_the_same_at_every_budget() {
 }
 
 #[test]
-fn coloured_instances() {
+fn instance_colours_same_bits_at_every_budget() {
     same_bits(&SCENES[7]);
 }
 
 #[test]
-fn nested() {
+fn nested_instances_same_bits_at_every_budget() {
     same_bits(&SCENES[1]);
 }
 
 #[test]
-fn overlapping_chunks() {
+fn overlapping_chunks_same_bits_at_every_budget() {
     same_bits(&SCENES[2]);
 }
 
 #[test]
-fn one_huge_mesh() {
+fn one_huge_mesh_same_bits_at_every_budget() {
     same_bits(&SCENES[3]);
 }
 
 #[test]
-fn camera_inside_chunks() {
+fn camera_inside_chunks_same_bits_at_every_budget() {
     same_bits(&SCENES[4]);
 }
 
 #[test]
-fn thin_shadow_casters() {
+fn thin_shadow_casters_same_bits_at_every_budget() {
     same_bits(&SCENES[5]);
 }
 
 /// Encoded anew, or copied from what the host keeps of it: what comes again is the same.
 #[test]
-fn what_the_host_keeps_changes_no_bit() {
+fn kept_encodings_change_no_bit() {
     let whole = render(&BEACH, Settings { chunk_size_kib: 256, ..settings(2, 2) }, options());
     for host_memory_budget_mib in [8, 16, 1 << 20] {
         let few = Settings { chunk_size_kib: 256, memory_budget_mib: 5, host_memory_budget_mib, ..settings(2, 2) };
@@ -181,7 +181,7 @@ fn the_budget_of_all_memory_holds_and_the_picture_is_the_same() {
 
 /// Many more paths than are in flight at a time on any device the tests run on, or nearly so on a large one.
 #[test]
-fn paths_that_end_make_room_for_others() {
+fn ended_paths_free_their_slots() {
     let scene = &SCENES[5];
     let many = Settings { samples_per_pixel: 40, ..small_chunks() };
     let whole = render(scene, many.clone(), options());

@@ -203,17 +203,17 @@ fn has_no_bias(scene: &Scene) {
 }
 
 #[test]
-fn no_region_changes_its_mean() {
+fn roulette_is_unbiased_in_every_region() {
     has_no_bias(&SCENES[0]);
 }
 
 #[test]
-fn nor_with_materials_and_lamps() {
+fn roulette_is_unbiased_with_materials_and_lights() {
     has_no_bias(&SCENES[6]);
 }
 
 #[test]
-fn rays_that_are_not_weighted_are_noticed() {
+fn unweighted_survivors_are_noticed() {
     let mut without = Renderer::new(&SCENES[0], small_chunks(), options());
     let (regions, totals, said) = differing(&SCENES[0], &mut without, 10, unweighted());
     println!("{said}; {totals:?}");
@@ -229,7 +229,7 @@ fn adaptive() -> Settings {
 /// samples that they count. It is played in the last epoch alone: the counts are those without it, pixel by pixel, and
 /// so is the mean.
 #[test]
-fn no_region_changes_its_mean_with_adaptive_sampling() {
+fn roulette_is_unbiased_with_adaptive_sampling() {
     let scene = &SCENES[0];
     let mut without = Renderer::new(scene, adaptive(), options());
     let (regions, totals, said) = differing(scene, &mut without, 10, played());
@@ -239,7 +239,7 @@ fn no_region_changes_its_mean_with_adaptive_sampling() {
 }
 
 #[test]
-fn rays_that_are_not_weighted_are_noticed_with_adaptive_sampling() {
+fn unweighted_survivors_are_noticed_with_adaptive_sampling() {
     let mut without = Renderer::new(&SCENES[0], adaptive(), options());
     let (regions, totals, said) = differing(&SCENES[0], &mut without, 10, unweighted());
     println!("{said}; {totals:?}");
@@ -247,7 +247,7 @@ fn rays_that_are_not_weighted_are_noticed_with_adaptive_sampling() {
 }
 
 #[test]
-fn roulette_on_samples_that_decide_is_noticed() {
+fn roulette_on_steering_samples_is_noticed() {
     let scene = &SCENES[0];
     let mut without = Renderer::new(scene, adaptive(), options());
     let budget_kib = smallest_budget(scene);
@@ -265,7 +265,7 @@ fn roulette_on_samples_that_decide_is_noticed() {
 /// By what loads really cost: a scene so small has no load that is not worth it, or few; what is asked for is that
 /// nothing hangs.
 #[test]
-fn with_true_prices_all_paths_come_back() {
+fn with_measured_prices_all_paths_finish() {
     for scene in &SCENES {
         let budget = smallest_budget(scene);
         let settings = Settings { geometry_budget_kib: budget, straggler_roulette: true, ..small_chunks() };
@@ -283,7 +283,7 @@ fn of_production() -> Faults {
 }
 
 #[test]
-fn no_region_changes_its_mean_by_production_prices() {
+fn roulette_is_unbiased_at_production_prices() {
     for scene in [&SCENES[0], &SCENES[6]] {
         let mut without = Renderer::new(scene, small_chunks(), options());
         let (regions, totals, said) = differing(scene, &mut without, 10, of_production());
@@ -297,7 +297,7 @@ fn no_region_changes_its_mean_by_production_prices() {
 }
 
 #[test]
-fn rays_that_are_not_weighted_are_noticed_by_production_prices() {
+fn unweighted_survivors_are_noticed_at_production_prices() {
     let mut without = Renderer::new(&SCENES[0], small_chunks(), options());
     let faults = Faults { unweighted_roulette: true, ..of_production() };
     let (regions, _, said) = differing(&SCENES[0], &mut without, 10, faults);
@@ -306,7 +306,7 @@ fn rays_that_are_not_weighted_are_noticed_by_production_prices() {
 }
 
 #[test]
-fn limits_are_those_of_students_distribution() {
+fn significance_limits_match_students_t() {
     // Two-sided quantiles at 1.59e-6, by numerical integration of the density.
     for (seeds, expected) in [(32, 5.91), (64, 5.30), (1024, 4.83)] {
         assert!((limit(seeds) - expected).abs() < 0.03, "{seeds}: {}", limit(seeds));

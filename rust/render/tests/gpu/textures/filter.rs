@@ -2,7 +2,7 @@
 //! How coarsely textures are looked up: levels that are known, and a ground seen at a grazing angle against the same
 //! picture without a filter, worked out in f64.
 
-use super::images::{CHECKS, Library, check};
+use super::test_images::{CHECKS, Library, check};
 use super::{node, options, text, textured};
 use crate::scenes::{constant, dome, mesh, prim, sun};
 use crate::support::{self, color_request, orthographic, perspective, read, request, settings};
@@ -111,7 +111,7 @@ fn color(session: &Session, request: &RenderRequest) -> Vec<f64> {
 
 /// Color has many samples in a pixel, and a filter of half its width for each: one level finer than what has one.
 #[test]
-fn color_is_looked_up_a_level_finer_than_what_has_one_sample() {
+fn colour_lookups_use_a_finer_level_than_single_sample_ones() {
     let material = steps(vec![("diffuseColor", ParamValue::Vec3([0.0; 3]))], "emissiveColor");
     let session = session(settings(1, 0), material, |db| board(db, slant(2.0)));
     for level in color(&session, &color_request(front())).iter().map(|value| value * 255.0 / 20.0) {
@@ -121,7 +121,7 @@ fn color_is_looked_up_a_level_finer_than_what_has_one_sample() {
 
 /// A board that leans by 60 degrees has the roughness of level 3, and not that of level 4, which its longer side has.
 #[test]
-fn roughness_is_looked_up_as_colors_are() {
+fn roughness_lookups_use_the_colour_level() {
     let lit = |roughness: Option<f32>| {
         let own = vec![("metallic", ParamValue::Float(1.0)), ("diffuseColor", ParamValue::Vec3([0.9; 3]))];
         let mut material = steps(own, "roughness");
@@ -213,7 +213,7 @@ fn glowing() -> MaterialDesc {
 /// A filter by the longer axis, with no noise at all, is farther from the picture without a filter than the renderer at
 /// 64 samples.
 #[test]
-fn a_ground_is_nearer_to_the_unfiltered_one_than_by_an_isotropic_filter() {
+fn anisotropic_filtering_of_a_ground_beats_isotropic() {
     for density in [[0.25, 0.25], [1.0, 0.125]] {
         let reference = expected(density, 64, |_| 0.0);
         let isotropic = expected(density, 8, |[longer, _]| longer);
@@ -227,7 +227,7 @@ fn a_ground_is_nearer_to_the_unfiltered_one_than_by_an_isotropic_filter() {
 
 /// Where the checks are holes: a surface that is there by chance is so in the mean.
 #[test]
-fn holes_in_a_ground_are_nearer_to_the_unfiltered_ones_than_by_an_isotropic_filter() {
+fn anisotropic_filtering_of_cutouts_beats_isotropic() {
     let density = [0.25, 0.25];
     let own = vec![
         ("diffuseColor", ParamValue::Vec3([0.0; 3])),

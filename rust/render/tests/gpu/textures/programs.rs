@@ -25,7 +25,7 @@ pub(super) fn leaves_by_program(db: &mut SceneDb) {
 }
 
 #[test]
-fn programs_that_wait_for_their_tiles_leave_no_trace_in_the_picture() {
+fn streaming_program_textures_changes_no_bit() {
     same_bits(leaves_by_program);
 }
 
@@ -62,6 +62,6 @@ fn signs_by_program(db: &mut SceneDb) {
 }
 
 #[test]
-fn lights_by_programs_that_wait_for_their_tiles_leave_no_trace_in_the_picture() {
+fn streaming_emission_program_textures_changes_no_bit() {
     same_bits(signs_by_program);
 }

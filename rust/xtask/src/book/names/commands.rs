@@ -246,7 +246,7 @@ mod tests {
             "cargo run -p oocpt-extreme -- --against there.json",
             "$OOCPT_USD_PYTHON tests/scenes/forest.py --width 3 --seed 1 forest.usdc",
             "usdview --renderer OocPT --anything",
-            "cargo nextest run --cargo-profile fast",
+            "cargo test --profile fast",
         ] {
             assert_eq!(commands().finding(line), None, "{line}");
         }

@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_those_of_curves_through_known_points() {
+    fn basis_weights_match_known_curve_points() {
         let segment = Segment { vertices: [0, 1, 2, 3], mirrors_first: false, mirrors_last: false };
         let points = [1.0, 3.0, 4.0, 8.0];
         let ends = |basis| [0.0, 1.0].map(|t| at(segment.weights(basis, t), points));
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn pinned_curves_reach_their_ends() {
+    fn pinned_curves_reach_their_end_points() {
         for basis in [CurveBasis::BSpline, CurveBasis::CatmullRom] {
             for count in 2..6_usize {
                 let points: Vec<f64> = (0..count).map(|k| (k * k) as f64 + 1.0).collect();
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn segments_are_as_many_as_usd_says() {
+    fn segment_counts_follow_usd_geom_basis_curves() {
         use CurveWrap::{Nonperiodic, Periodic, Pinned, Segmented};
         for (basis, wrap, count, expected, varying) in [
             (CurveBasis::Linear, Nonperiodic, 5, 4, 5),

@@ -331,7 +331,7 @@ mod tests {
     use crate::desc::{CurveBasis, CurveWrap};
 
     #[test]
-    fn a_prim_has_so_many_pieces_that_memory_lasts() {
+    fn curve_pieces_of_a_prim_are_capped() {
         assert_eq!([1, 1 << 15, 1 << 17, 1 << 20, 1 << 27].map(most_pieces), [256, 256, 64, 8, 8], "by vertices");
         let count = 1_i32 << 16;
         let points: Vec<[f32; 3]> = (0..count).map(|k| [k as f32, (k * k % 7) as f32, 0.0]).collect();

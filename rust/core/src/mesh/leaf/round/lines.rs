@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_widths_keeps_them_and_bad_ones_are_told() {
+    fn authored_widths_are_kept_and_bad_ones_are_reported() {
         let dicing = Dicing { pixels: 2.0, density: 16.0, ..Dicing::default() };
         let width = |interpolation, values: TypedArray| Some(Primvar { interpolation, values, indices: None });
         let widths = width(Interpolation::Constant, TypedArray::of(vec![3.0_f32]));

@@ -3,9 +3,9 @@
 
 use super::super::scenes::{bare, dressed, made_of, open_pbr, turning};
 use super::{Also, BARE, OF_MATERIALS, OF_MESH_LIGHTS, Row};
+use crate::materials::absorption::clear;
 use crate::materials::cutouts::holed;
 use crate::materials::hair::{curves, hair_of};
-use crate::materials::inside::clear;
 use crate::materials::materialx::noisy;
 use crate::materials::mixtures::two_metals;
 use crate::scenes::glow;

@@ -1,0 +1,7 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Instancers and what they place, against brute force and closed forms.
+
+mod flattening;
+mod hierarchies;
+mod instance_primvars;
+mod motion;

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Units that rays read in host memory come to the device for their visits alone.
+
+use oocpt_core::residency::{Catalog, Command, Demand, Planner, PlannerOptions, PolicyKind};
+use std::sync::Arc;
+
+/// Four units of ten bytes.
+fn planner(budget: u64, kind: PolicyKind) -> Planner {
+    let catalog = Catalog::new(vec![10; 4], [vec![0], vec![1], vec![2], vec![3]]).expect("a good catalog");
+    let options = PlannerOptions { in_flight_bytes: 1000, ..PlannerOptions::default() };
+    Planner::with_policy(Arc::new(catalog), budget, kind.policy(), options).expect("they fit")
+}
+
+/// Units that a step loads, which come at once, and that it evicts.
+fn step(planner: &mut Planner, visits: &[u32], mapped: &[bool]) -> (Vec<u32>, Vec<u32>) {
+    step_of(planner, &Demand { visits, mapped, active: 1000, ..Demand::default() })
+}
+
+fn step_of(planner: &mut Planner, demand: &Demand<'_>) -> (Vec<u32>, Vec<u32>) {
+    let (mut loaded, mut evicted) = (Vec::new(), Vec::new());
+    for command in planner.step(demand) {
+        match command {
+            Command::Load { unit, .. } => loaded.push(unit),
+            Command::Evict { unit, .. } => evicted.push(unit),
+        }
+    }
+    loaded.iter().for_each(|unit| planner.loaded(*unit));
+    (loaded, evicted)
+}
+
+#[test]
+fn the_most_visited_mapped_units_load_first() {
+    let mut planner = planner(20, PolicyKind::Benefit);
+    let visits = [3_000_000, 9_000_000, 1_000_000, 0];
+    assert_eq!(step(&mut planner, &visits, &[true; 4]), (vec![1, 0], vec![]), "by visits, as far as there is room");
+    for _ in 0..200 {
+        assert_eq!(step(&mut planner, &visits, &[true; 4]), (vec![], vec![]), "no swap for less, however long it is");
+    }
+}
+
+#[test]
+fn more_visited_units_replace_less_visited_ones() {
+    let mut planner = planner(20, PolicyKind::Benefit);
+    let _ = step(&mut planner, &[3_000_000, 9_000_000, 0, 0], &[true; 4]);
+    let mut swaps = Vec::new();
+    for _ in 0..200 {
+        let (loaded, evicted) = step(&mut planner, &[3_000_000, 9_000_000, 6_000_000, 0], &[true; 4]);
+        swaps.extend(loaded.into_iter().zip(evicted));
+    }
+    assert_eq!(swaps, [(2, 0)], "once, and only the least visited goes");
+}
+
+#[test]
+fn unmapped_or_unvisited_units_are_not_moved() {
+    let mut planner = planner(40, PolicyKind::Benefit);
+    let mapped = [false, true, true, true];
+    assert_eq!(step(&mut planner, &[9_000_000, 0, 0, 5_000_000], &mapped), (vec![3], vec![]));
+    for kind in [PolicyKind::Sweep, PolicyKind::Priority] {
+        let mut planner = self::planner(40, kind);
+        assert_eq!(step(&mut planner, &[5; 4], &[true; 4]), (vec![], vec![]), "{kind} knows of waiting rays alone");
+    }
+}
+
+/// A unit that hardly any ray reads is not worth the bytes; a few more, and it is.
+#[test]
+fn few_visits_do_not_trigger_a_load() {
+    let bytes = 16 << 20;
+    let catalog = Catalog::new(vec![bytes], [vec![0]]).expect("a good catalog");
+    let mut planner = Planner::new(Arc::new(catalog), bytes, PolicyKind::Benefit).expect("it fits");
+    for _ in 0..1000 {
+        assert_eq!(step(&mut planner, &[600], &[true]), (vec![], vec![]), "14 400 lately, 1 KiB each");
+    }
+    for _ in 0..1000 {
+        let _ = step(&mut planner, &[800], &[true]);
+    }
+    assert_eq!(planner.resident_units(), [0], "18 900 lately");
+}
+
+/// When nearly all rays wait, what the few others read displaces nothing.
+#[test]
+fn waiting_rays_take_precedence_over_visits() {
+    let mut planner = planner(20, PolicyKind::Benefit);
+    let most = [9_000_000, 3_000_000, 1_000_000, 0];
+    for _ in 0..5 {
+        let _ = step(&mut planner, &most, &[true; 4]);
+    }
+    let mapped = [true, true, true, false];
+    let visits = [0, 0, 8_000_000, 0];
+    let mut loads = Vec::new();
+    for waiting in [10_000, 0] {
+        // What rays wait for does not come.
+        let demand =
+            Demand { visits: &visits, mapped: &mapped, waiting: &[0, 0, 0, waiting], active: 5, ..Demand::default() };
+        let commands = (0..20).flat_map(|_| planner.step(&demand)).collect::<Vec<_>>();
+        loads.extend(commands.into_iter().filter_map(|command| match command {
+            Command::Load { unit, .. } => Some((unit, waiting)),
+            Command::Evict { .. } => None,
+        }));
+    }
+    assert_eq!(loads, [(3, 10_000), (2, 0)]);
+}
+
+/// What hardly any ray waits for comes while there is room for all that is waited for, and displaces nothing.
+#[test]
+fn units_with_little_demand_load_only_into_free_space() {
+    let waiting = [1000, 1, 0, 2];
+    let demand = Demand { waiting: &waiting, active: 100_000, ..Demand::default() };
+    for (budget, expected) in [(30, vec![0, 3, 1]), (29, vec![0])] {
+        let mut planner = planner(budget, PolicyKind::Benefit);
+        assert_eq!(step_of(&mut planner, &demand), (expected, vec![]), "{budget}");
+    }
+}
+
+/// Two chunks and two tiles, where rays do not wait for chunks any more: what they cannot read in host memory stays,
+/// whatever waits.
+#[test]
+fn unmapped_units_stay_resident_for_rays_that_do_not_wait() {
+    let mut planner = planner(20, PolicyKind::Benefit);
+    assert_eq!(step_of(&mut planner, &Demand { waiting: &[1, 1, 0, 0], ..Demand::default() }), (vec![0, 1], vec![]));
+    let kept = Demand { mapped: &[false, true], keep_below: 2, ..Demand::default() };
+    let mut seen = Vec::new();
+    for waiting in [[0, 0, 9, 0], [0, 0, 0, 9], [0, 0, 9, 0]] {
+        for _ in 0..20 {
+            let (loaded, evicted) = step_of(&mut planner, &Demand { waiting: &waiting, ..kept });
+            seen.extend(loaded.into_iter().zip(evicted));
+        }
+    }
+    assert_eq!(seen, [(2, 1), (3, 2), (2, 3)], "the mapped chunk goes, then tiles for each other");
+    for _ in 0..20 {
+        let visited = Demand { visits: &[0, 9_000_000], active: 1000, ..kept };
+        assert_eq!(step_of(&mut planner, &visited), (vec![], vec![]), "tiles keep the room of what is only visited");
+    }
+}

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The scene database: edits, bindings, links, lights, dicing, and prims that make no sense.
+
+pub(crate) mod bindings;
+mod dicing;
+mod edits;
+mod invalid_prims;
+mod light;
+mod linking;
+mod mesh_lights;
+mod mesh_placements;
+mod primvar_uses;

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Which primvars are used, and which are left out because nothing reads them.
+
+use crate::support::{by, constant, scatter, triangle};
+use oocpt_core::inventory::PrimvarUse;
+use oocpt_core::scene::NamedPrimvar;
+use oocpt_core::{Interpolation, MeshDesc, Primvar, SceneDb, TypedArray};
+
+fn find<'a>(uses: &'a [PrimvarUse], name: &str) -> &'a PrimvarUse {
+    uses.iter().find(|primvar| primvar.name == name).unwrap_or_else(|| panic!("{name} is not in {uses:?}"))
+}
+
+#[test]
+fn unused_primvars_are_reported_with_their_bytes() {
+    let instance_rate = |name: &str| NamedPrimvar {
+        name: name.into(),
+        primvar: Primvar {
+            interpolation: Interpolation::Instance,
+            values: TypedArray::of(vec![[0.5_f32; 3]; 2]),
+            indices: None,
+        },
+    };
+    let mut db = SceneDb::new();
+    let st = Primvar {
+        interpolation: Interpolation::FaceVarying,
+        values: TypedArray::of(vec![[0.0_f32; 2]; 2]),
+        indices: Some(TypedArray::of(vec![0, 1, 0])),
+    };
+    let named = NamedPrimvar { name: "st".into(), primvar: st };
+    let mut mesh = triangle("/i/p", 0.0);
+    mesh.prim.instanced_by = vec![by("/i", "/i/p")];
+    db.upsert_mesh(MeshDesc { primvars: vec![named], display_opacity: Some(constant(1.0_f32)), ..mesh });
+    let mut row = scatter("/i", &[[0.0; 3], [5.0, 0.0, 0.0]], &[("/i/p", &[0, 1])]);
+    row.primvars = vec![instance_rate("displayColor"), instance_rate("tint")];
+    db.upsert_instancer(row);
+    db.commit();
+    let uses = db.primvar_uses();
+    let color = find(&uses, "displayColor");
+    assert_eq!((color.made, color.left_out, color.bytes, color.saved), (1, 0, 24, 0), "shown without a material");
+    let tint = find(&uses, "tint");
+    assert_eq!((tint.made, tint.left_out, tint.bytes, tint.saved), (0, 1, 0, 24), "nobody asks for it");
+    let st = find(&uses, "st");
+    assert_eq!((st.made, st.left_out, st.bytes, st.saved), (0, 1, 0, 24), "no material: three corners of two floats");
+    let opacity = find(&uses, "displayOpacity");
+    assert_eq!((opacity.made, opacity.left_out, opacity.saved), (0, 1, 4), "1 everywhere says nothing");
+}

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+//! In core: tiles come when they are seen, and stay; where they outgrow their memory the scene is streamed.
+
+use super::{board, options, session};
+use crate::support::{self, orthographic, read_all, request, settings};
+use glam::DVec3;
+use oocpt_core::settings::Settings;
+use oocpt_core::stats::StreamingStats;
+use oocpt_render::{RenderRequest, Session, SessionOptions};
+
+/// A picture of a square of the board, `width` of its 2 across.
+fn part(width: f64, pixels: u32) -> RenderRequest {
+    request(orthographic(DVec3::new(0.5, 0.5, 5.0), DVec3::new(0.5, 0.5, 0.0), width, [pixels; 2]))
+}
+
+fn stats(session: &Session) -> StreamingStats {
+    session.stats().streaming
+}
+
+#[test]
+fn only_visible_tiles_are_loaded() {
+    let build = |db: &mut _| board(db, "2048x2048x3");
+    let far = part(4.0, 32);
+    let in_core = session(settings(4, 1), options(), build);
+    support::render(&in_core, &far);
+    let seen = stats(&in_core);
+    assert!(seen.in_core && seen.texture_scene_bytes > 20 << 20, "22 MiB of tiles fit: {seen:?}");
+    assert!(seen.texture_loads <= 6 && seen.texture_bytes < 1 << 19, "a texel is 1/128 of a pixel: {seen:?}");
+    assert!(seen.texture_bytes > 0 && seen.texture_bytes_paged == seen.texture_bytes, "what came is there: {seen:?}");
+    let streams = SessionOptions { force_streaming: true, ..options() };
+    let streamed = session(settings(4, 1), streams, build);
+    support::render(&streamed, &far);
+    assert!(read_all(&streamed, &far) == read_all(&in_core, &far), "the same bits");
+    // Another camera asks for what it sees; the rest stays and is not loaded again.
+    let near = part(0.01, 32);
+    support::render(&in_core, &near);
+    let later = stats(&in_core);
+    assert!((1..=8).contains(&later.texture_loads), "one place, as fine as can be: {later:?}");
+    assert!(later.texture_bytes > seen.texture_bytes, "what was there stays: {later:?}");
+    support::render(&in_core, &far);
+    let again = stats(&in_core);
+    assert_eq!((again.texture_loads, again.texture_bytes), (0, later.texture_bytes), "nothing new");
+    support::render(&streamed, &near);
+    support::render(&in_core, &near);
+    assert!(read_all(&streamed, &near) == read_all(&in_core, &near), "the same bits");
+}
+
+#[test]
+fn textures_that_outgrow_their_memory_are_streamed() {
+    let build = |db: &mut _| board(db, "1500x1500x4");
+    // Finer than the picture: all of level 0, of 8.6 MiB.
+    let all = part(4.0, 1000);
+    let roomy = session(settings(1, 0), options(), build);
+    support::render(&roomy, &all);
+    let whole = stats(&roomy);
+    assert!(whole.in_core && whole.texture_bytes > 8 << 20, "all fits: {whole:?}");
+    let budget = (whole.scene_bytes - whole.texture_scene_bytes + (8 << 20) + (100 << 10)) >> 10;
+    let tight = Settings { geometry_budget_kib: u32::try_from(budget).expect("small"), ..settings(1, 0) };
+    let session = session(tight, options(), build);
+    support::render(&session, &all);
+    let after = stats(&session);
+    assert!(!after.in_core && after.geometry_peak_bytes <= budget << 10, "it streams within its budget: {after:?}");
+    assert!(read_all(&session, &all) == read_all(&roomy, &all), "the same bits");
+    // What is seen from afar fits, but the scene has shown that it does not.
+    support::render(&session, &part(4.0, 16));
+    assert!(!stats(&session).in_core, "no second try");
+}
