@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Control meshes.
+#![allow(clippy::cast_possible_truncation, reason = "small numbers")]
 
 use oocpt_subdiv::{Control, Rules};
 

@@ -133,6 +133,7 @@ fn brighter_groups_get_a_larger_share_of_shadow_rays() {
 fn brighter_mesh_lights_get_a_larger_share_of_shadow_rays() {
     // Beside the way of the sun.
     let transform = downwards(DVec3::new(0.5, 1.0, 0.0)) * DMat4::from_scale(DVec3::splat(0.02));
+    #[expect(clippy::cast_possible_truncation, reason = "a small number")]
     let value_of_one = (1.0 / polygon(&corners(transform))) as f32;
     for (sun_value, mesh_value, expected) in [(1.0, 1e-3, 0.9), (1e-3, 1.0, 0.1)] {
         let lit = move |db: &mut SceneDb| {
