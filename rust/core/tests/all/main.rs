@@ -41,6 +41,8 @@ mod edits;
 #[cfg(test)]
 mod faces;
 #[cfg(test)]
+mod host_budget;
+#[cfg(test)]
 mod hostile_materials;
 #[cfg(test)]
 mod ies;
