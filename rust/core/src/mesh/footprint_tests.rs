@@ -33,8 +33,8 @@ const CASES: &[Case] = &[
     Case { name: "split, four at once", desc: || grid(1000), limit: SPLIT, at_once: 4 },
     Case { name: "just not split", desc: || grid(480), limit: SPLIT, at_once: 1 },
     Case { name: "moving", desc: moving, limit: WHOLE, at_once: 1 },
-    Case { name: "subdivided", desc: || Surface::new(64, 3), limit: WHOLE, at_once: 1 },
-    Case { name: "subdivided coarsely", desc: || Surface::new(300, 0), limit: WHOLE, at_once: 1 },
+    Case { name: "subdivided", desc: || surface(64, 3), limit: WHOLE, at_once: 1 },
+    Case { name: "subdivided coarsely", desc: || surface(300, 0), limit: WHOLE, at_once: 1 },
     Case { name: "points", desc: points, limit: WHOLE, at_once: 1 },
     Case { name: "points, split", desc: points, limit: SPLIT / 8, at_once: 2 },
     Case { name: "curves", desc: || curves(CurveBasis::BSpline), limit: WHOLE, at_once: 1 },
@@ -104,17 +104,12 @@ fn moving() -> MeshDesc {
     desc
 }
 
-/// Subdivision surfaces.
-struct Surface;
-
-impl Surface {
-    fn new(side: u16, refine_level: u8) -> MeshDesc {
-        let mut desc = MeshDesc { subdivision: Subdivision::CatmullClark, refine_level, ..grid(side) };
-        let corners = desc.face_vertex_indices.len();
-        let values = primvar(Interpolation::FaceVarying, vec![[0.25_f32; 2]; corners]);
-        desc.primvars = vec![NamedPrimvar { name: "st".into(), primvar: values }];
-        desc
-    }
+fn surface(side: u16, refine_level: u8) -> MeshDesc {
+    let mut desc = MeshDesc { subdivision: Subdivision::CatmullClark, refine_level, ..grid(side) };
+    let corners = desc.face_vertex_indices.len();
+    let values = primvar(Interpolation::FaceVarying, vec![[0.25_f32; 2]; corners]);
+    desc.primvars = vec![NamedPrimvar { name: "st".into(), primvar: values }];
+    desc
 }
 
 fn points() -> MeshDesc {

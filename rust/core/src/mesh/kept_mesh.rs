@@ -178,7 +178,7 @@ impl KeptMesh {
         key: u128,
     ) -> Result<Option<Self>, PayloadError> {
         let Some(entry) = files.find(key) else { return Ok(None) };
-        let head: Head = postcard::from_bytes(&entry.head).map_err(|_| PayloadError::Damaged)?;
+        let head: Head = postcard::from_bytes(&entry.head).ok().ok_or(PayloadError::Damaged)?;
         let Head { is_split, meshes, dropped, notes } = head;
         let mut payloads = entry.payloads;
         if is_split {
