@@ -40,7 +40,9 @@ const MOST_KEYS: u64 = 16;
 /// See the module. Bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Footprint {
-    /// At most at any time, without clusters under way.
+    /// At most while its arrays are read.
+    reading: u64,
+    /// At most from then on, without clusters under way.
     whole: u64,
     /// Of each cluster under way; 0 where there are none.
     cluster: u64,
@@ -51,7 +53,7 @@ pub(crate) struct Footprint {
 impl Footprint {
     /// The least that building takes: one cluster is made at a time.
     pub(crate) fn least(&self) -> u64 {
-        self.whole.saturating_add(self.cluster)
+        self.reading.max(self.whole.saturating_add(self.cluster))
     }
 
     /// How many clusters may be made side by side where there are so many bytes, at least one and at most `most`, and
@@ -59,8 +61,8 @@ impl Footprint {
     pub(crate) fn within(&self, bytes: u64, most: usize) -> (usize, u64) {
         let fit = bytes.saturating_sub(self.whole).checked_div(self.cluster).unwrap_or(1);
         let at_once = fit.min(self.clusters).min(most as u64).max(1);
-        let taken = self.whole.saturating_add(self.cluster.saturating_mul(at_once));
-        (usize::try_from(at_once).unwrap_or(1), taken)
+        let building = self.whole.saturating_add(self.cluster.saturating_mul(at_once));
+        (usize::try_from(at_once).unwrap_or(1), self.reading.max(building))
     }
 
     /// So many bytes, without clusters.
@@ -178,15 +180,15 @@ impl Read {
         let expected = device.saturating_mul(self.items).saturating_add(self.attributes);
         let whole = loose.saturating_add(tree(self.items.min(limit_bytes / device)));
         if expected <= limit_bytes {
-            return Footprint { whole: reading.max(whole), cluster: 0, clusters: 0 };
+            return Footprint { reading, whole, cluster: 0, clusters: 0 };
         }
         let of_cluster = self.items.min(cluster_bytes / device + 1);
         let cluster = tree(of_cluster).saturating_add(arranged(of_cluster)).saturating_add(40 * of_cluster);
         let sorted = loose.saturating_add(SORTED * self.items);
         // Values that are not usable may make it small enough for one tree.
         let is_near = expected / 2 <= limit_bytes;
-        let sorted = if is_near { sorted.max(whole) } else { sorted };
-        Footprint { whole: reading.max(sorted), cluster, clusters: expected.div_ceil(cluster_bytes.max(1)) }
+        let reading = if is_near { reading.max(whole) } else { reading };
+        Footprint { reading, whole: sorted, cluster, clusters: expected.div_ceil(cluster_bytes.max(1)) }
     }
 }
 
