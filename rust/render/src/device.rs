@@ -9,6 +9,7 @@ use crate::bsdf_tables;
 use crate::cache_folder::cache_folder;
 use crate::error::RenderError;
 use crate::loader::Loader;
+use crate::reading::Reading;
 use crate::sync::lock;
 use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Heap, HeapOptions, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
 use oocpt_shader_abi::{ALL, Features, Module, Push, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
@@ -118,6 +119,8 @@ pub(crate) struct Device {
     host_heap: OnceLock<Arc<Heap>>,
     options: DeviceOptions,
     loader: OnceLock<Loader>,
+    /// What the loader reads of meshes at a time.
+    pub(crate) reading: Arc<Reading>,
     bsdf_tables: [Mutex<Option<Buffer>>; 4],
     pipelines: Mutex<FxHashMap<(&'static str, Specialisation), Compiled>>,
     unkept: Mutex<Unkept>,
@@ -150,6 +153,7 @@ impl Device {
             host_heap: OnceLock::new(),
             options: options.clone(),
             loader: OnceLock::new(),
+            reading: Arc::default(),
             bsdf_tables: Default::default(),
             pipelines: Mutex::default(),
             unkept: Mutex::default(),
@@ -178,7 +182,7 @@ impl Device {
         if let Some(loader) = self.loader.get() {
             return Ok(loader);
         }
-        let loader = Loader::new(&self.gpu)?;
+        let loader = Loader::new(&self.gpu, Arc::clone(&self.reading))?;
         Ok(self.loader.get_or_init(|| loader))
     }
 

@@ -9,6 +9,7 @@ use crate::engine::{self, Parts, Tiles, Tracer, Waves};
 use crate::error::RenderError;
 use crate::feedback::Feedback;
 use crate::film::Film;
+use crate::host_memory;
 use crate::in_flight;
 use crate::job::Job;
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
@@ -85,6 +86,7 @@ impl Renderer {
         let device = self.open(job)?;
         *lock(&gate.shared().device) = Some(device.gpu.report().clone());
         progress.device_opened(job);
+        device.reading.set_limit(host_memory::reading(&job.settings, job.fixed_host_bytes));
         #[cfg(feature = "faults")]
         if let Some(failure) = job.options.faults.failure.filter(|_| job.generation == 1) {
             device.gpu.plant_failure(failure);

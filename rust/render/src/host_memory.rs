@@ -6,6 +6,7 @@
 //! evicted or be on disk ([`Part`]). Linux: `/proc/meminfo`, the limits of control groups and `/proc/self/status`;
 //! elsewhere a guess, and nothing.
 
+use oocpt_core::partition::ITEM_BYTES;
 use oocpt_core::scene::Lent;
 use oocpt_core::settings::Settings;
 use std::path::Path;
@@ -15,7 +16,8 @@ const UNKNOWN: u64 = 2 << 30;
 /// Who takes host memory: the eighths of the budget that are his, and of what is free where there is none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Part {
-    /// Built meshes. Taken first, and what is free is looked at again then: so eighths of that are more than eight.
+    /// Built meshes; an eighth of a budget is for those that are read again ([`reading`]). Taken first, and what is
+    /// free is looked at again then: so eighths of that are more than eight.
     Meshes,
     /// Instances as they were encoded for the device.
     Encoded,
@@ -26,7 +28,7 @@ pub(crate) enum Part {
 impl Part {
     const fn eighths(self) -> (u64, u64) {
         match self {
-            Self::Meshes => (4, 4),
+            Self::Meshes => (3, 4),
             Self::Encoded => (3, 4),
             Self::EndedPaths => (1, 1),
         }
@@ -39,6 +41,8 @@ const IMAGES_SHARE: u64 = 8;
 /// Of a budget that cannot hold what is fixed, the share that is left for the parts all the same: what is on its way
 /// needs some memory.
 const LEAST_SHARE: u64 = 8;
+/// What sorting placements may take of what is left: meshes that are kept may have half of that.
+const SORTING_SHARE: u64 = 4;
 
 /// The budget, bytes; none where there is none.
 pub(crate) fn budget(settings: &Settings) -> Option<u64> {
@@ -55,26 +59,79 @@ pub(crate) fn limit_of(part: Part, settings: &Settings, held: u64, fixed: u64) -
     let (of_budget, of_free) = part.eighths();
     match budget(settings) {
         None => free(Path::new("/")).map_or(UNKNOWN, |free| free.saturating_add(held)) / 8 * of_free,
-        Some(budget) => {
-            let left = budget.saturating_sub(fixed).saturating_sub(images(settings));
-            left.max(budget / LEAST_SHARE) / 8 * of_budget
-        }
+        Some(budget) => left(settings, budget, fixed) / 8 * of_budget,
     }
 }
 
-/// What is to be said of a scene whose arrays and tables, which can be put nowhere else, are larger than the budget.
-pub(crate) fn complaint(settings: &Settings, lent: &Lent, tables: u64) -> Option<String> {
-    let budget = budget(settings).filter(|budget| lent.bytes.saturating_add(tables) > *budget)?;
+/// Most bytes of meshes in files that are read at a time, beside `fixed` bytes that can be put nowhere else; without a
+/// budget as many as threads ask for.
+pub(crate) fn reading(settings: &Settings, fixed: u64) -> u64 {
+    budget(settings).map_or(u64::MAX, |budget| left(settings, budget, fixed) / 8)
+}
+
+/// What a commit may take, bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct OfCommit {
+    /// Meshes: those that are kept, and building others.
+    pub(crate) building: u64,
+    /// Sorting placements into chunks.
+    pub(crate) sorting: u64,
+}
+
+/// What a commit may take beside `fixed` bytes that can be put nowhere else. Before anything was rendered, parts that
+/// only rendering needs are free for building.
+pub(crate) fn of_commit(settings: &Settings, fixed: u64, has_rendered: bool) -> OfCommit {
+    let Some(budget) = budget(settings) else { return OfCommit { building: u64::MAX, sorting: ITEM_BYTES } };
+    let left = left(settings, budget, fixed);
+    let (of_meshes, _) = Part::Meshes.eighths();
+    let building = if has_rendered { left / 8 * of_meshes } else { left };
+    OfCommit { building, sorting: ITEM_BYTES.min(left / SORTING_SHARE) }
+}
+
+/// What is left of a budget beside what is fixed and images.
+fn left(settings: &Settings, budget: u64, fixed: u64) -> u64 {
+    budget.saturating_sub(fixed).saturating_sub(images(settings)).max(budget / LEAST_SHARE)
+}
+
+/// What a scene takes of a budget, bytes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Taken<'a> {
+    /// Arrays.
+    pub(crate) lent: &'a Lent,
+    /// Tables of instances.
+    pub(crate) tables: u64,
+    /// Built meshes in memory.
+    pub(crate) held: u64,
+    /// What meshes took while they were built, where that was more than there was for it.
+    pub(crate) building: Option<u64>,
+    /// Whether built meshes can be elsewhere.
+    pub(crate) has_files: bool,
+}
+
+/// What is to be said of a scene that does not keep to `budget`: of what can be put nowhere else first.
+pub(crate) fn complaint(budget: u64, taken: &Taken<'_>) -> Option<String> {
+    let Taken { lent, tables, held, building, has_files } = *taken;
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-    let largest = lent.largest.as_ref().map(|(path, bytes)| format!(" (most: {path}, {} MiB)", mib(*bytes)));
-    Some(format!(
-        "oocpt:hostMemoryBudget of {} MiB is exceeded: arrays of the scene, which the host application lends, take {} \
-         MiB{}, tables of instances {} MiB; these cannot be on disk",
-        mib(budget),
-        mib(lent.bytes),
-        largest.unwrap_or_default(),
-        mib(tables)
-    ))
+    let fixed = lent.bytes.saturating_add(tables);
+    let what = if fixed > budget {
+        let largest = lent.largest.as_ref().map(|(path, bytes)| format!(" (most: {path}, {} MiB)", mib(*bytes)));
+        format!(
+            "arrays of the scene, which the host application lends, take {} MiB{}, tables of instances {} MiB; these \
+             cannot be on disk",
+            mib(lent.bytes),
+            largest.unwrap_or_default(),
+            mib(tables)
+        )
+    } else if !has_files && fixed.saturating_add(held) > budget {
+        format!(
+            "built meshes take {} MiB beside {} MiB of the scene, and there is no file for them (oocpt:geometryCache)",
+            mib(held),
+            mib(fixed)
+        )
+    } else {
+        format!("building meshes takes up to {} MiB beside {} MiB of the scene", mib(building?), mib(fixed))
+    };
+    Some(format!("oocpt:hostMemoryBudget of {} MiB is exceeded: {what}", mib(budget)))
 }
 
 /// Bytes that can be taken before the machine swaps or the control group ends the process; `root` has `proc` and `sys`.
@@ -166,12 +223,17 @@ mod tests {
     #[test]
     fn a_scene_above_the_host_budget_names_its_largest_prim() {
         let lent = Lent { bytes: 60 << 20, largest: Some(("/city".into(), 50 << 20)) };
-        let of = |mib, tables: u64| {
-            let settings = Settings { host_memory_budget_mib: mib, ..Settings::default() };
-            complaint(&settings, &lent, tables << 20)
+        let of = |tables: u64, held: u64, building: Option<u64>, has_files| {
+            let building = building.map(|mib| mib << 20);
+            let taken = Taken { lent: &lent, tables: tables << 20, held: held << 20, building, has_files };
+            complaint(64 << 20, &taken)
         };
-        assert_eq!([of(64, 4), of(0, 1 << 20)], [None, None], "it fits, or there is no budget");
-        let text = of(64, 5).expect("it does not fit");
+        assert_eq!([of(4, 0, None, false), of(4, 1 << 20, None, true)], [None, None], "it fits, or can be on disk");
+        let text = of(4, 1, None, false).expect("there is no disk");
+        assert!(text.contains("built meshes take 1 MiB beside 64 MiB") && text.contains("geometryCache"), "{text}");
+        let text = of(4, 1, Some(9), true).expect("building takes more");
+        assert!(text.contains("building meshes takes up to 9 MiB beside 64 MiB"), "{text}");
+        let text = of(5, 0, Some(9), true).expect("it does not fit");
         for part in ["64 MiB", "60 MiB", "/city, 50 MiB", "5 MiB"] {
             assert!(text.contains(part), "{part}: {text}");
         }
@@ -180,15 +242,30 @@ mod tests {
     }
 
     #[test]
+    fn a_commit_may_take_what_rendering_does_not() {
+        let settings = Settings { host_memory_budget_mib: 64, ..Settings::default() };
+        let of = |fixed, has_rendered| {
+            let OfCommit { building, sorting } = of_commit(&settings, fixed, has_rendered);
+            [building >> 20, sorting >> 20]
+        };
+        assert_eq!([of(0, false), of(0, true)], [[56, 14], [21, 14]], "an eighth is for images");
+        assert_eq!([of(24 << 20, false), of(24 << 20, true)], [[32, 8], [12, 8]], "what is fixed comes first");
+        assert_eq!(of(1 << 40, false), [8, 2], "some is left");
+        let none = of_commit(&Settings::default(), 1 << 40, true);
+        assert_eq!(none, OfCommit { building: u64::MAX, sorting: 1 << 30 }, "without a budget");
+    }
+
+    #[test]
     fn the_host_memory_setting_overrides_the_detected_limit() {
         let settings = Settings { host_memory_budget_mib: 64, ..Settings::default() };
         let parts = [Part::Meshes, Part::Encoded, Part::EndedPaths];
         let limits = |fixed| parts.map(|part| limit_of(part, &settings, 1 << 40, fixed) >> 20);
-        assert_eq!(limits(0), [28, 21, 7], "an eighth is for images");
-        assert_eq!(limits(24 << 20), [16, 12, 4], "what is fixed comes first");
-        assert_eq!(limits(1 << 40), [4, 3, 1], "some is left");
+        assert_eq!(limits(0), [21, 21, 7], "an eighth is for images");
+        assert_eq!(limits(24 << 20), [12, 12, 4], "what is fixed comes first");
+        assert_eq!(limits(1 << 40), [3, 3, 1], "some is left");
         for fixed in (0..60).map(|mib| mib << 20) {
             let all = parts.iter().map(|part| limit_of(*part, &settings, 0, fixed)).sum::<u64>();
+            let all = all + reading(&settings, fixed);
             let most = (64 << 20) - images(&settings);
             assert!(all + fixed <= most || all <= 8 << 20, "{fixed}: together they keep to the budget");
         }

@@ -43,6 +43,7 @@ pub mod picture;
 mod progress;
 mod progress_bar;
 mod publish;
+mod reading;
 mod reference;
 mod request;
 mod schedule;

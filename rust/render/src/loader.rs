@@ -4,6 +4,7 @@
 //! One thread per core up to [`MOST_THREADS`], since one thread fills only a quarter of the bus.
 
 use crate::error::RenderError;
+use crate::reading::Reading;
 use crossbeam_channel::{Sender, unbounded};
 use oocpt_gpu::{Gpu, StagingRing};
 use std::sync::Arc;
@@ -24,6 +25,8 @@ pub(crate) type Task = Box<dyn FnOnce(&Arc<Gpu>, &StagingRing) + Send>;
 /// The threads and their staging memory.
 #[derive(Debug)]
 pub(crate) struct Loader {
+    /// What the threads read of meshes at a time.
+    reading: Arc<Reading>,
     tasks: Option<Sender<Task>>,
     threads: Vec<JoinHandle<()>>,
     ring: Arc<StagingRing>,
@@ -31,7 +34,7 @@ pub(crate) struct Loader {
 
 impl Loader {
     /// Starts the threads.
-    pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self, RenderError> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, reading: Arc<Reading>) -> Result<Self, RenderError> {
         let count = thread_count();
         let ring = Arc::new(StagingRing::new(gpu, Self::staging_bytes())?);
         let (tasks, queue) = unbounded::<Task>();
@@ -51,7 +54,12 @@ impl Loader {
                 Err(_) => break,
             }
         }
-        Ok(Self { tasks: Some(tasks), threads, ring })
+        Ok(Self { reading, tasks: Some(tasks), threads, ring })
+    }
+
+    /// What the threads read of meshes at a time.
+    pub(crate) fn reading(&self) -> &Arc<Reading> {
+        &self.reading
     }
 
     /// The staging memory, for small writes of other threads.

@@ -17,7 +17,7 @@
 use crate::aov::AovKind;
 use crate::error::RenderError;
 use crate::geometry_files::{GeometryFiles, GeometrySetting};
-use crate::host_memory::{self, Part};
+use crate::host_memory::{self, Part, Taken};
 use crate::job::{Job, SessionOptions};
 use crate::light_files::{LightFiles, NoFiles};
 use crate::loader::Loader;
@@ -172,15 +172,19 @@ impl Session {
         self.ensure_thread();
     }
 
-    /// Has built meshes kept as the settings say. With a budget of host memory gives what the scene's arrays take.
+    /// Has meshes built and kept as the settings say. With a budget of host memory gives what the scene's arrays take.
     fn keep_meshes(&self, scene: &mut SceneDb) -> Lent {
         let settings = lock(&self.settings);
         let budget = host_memory::budget(&settings);
         let lent = budget.map(|_| scene.lent()).unwrap_or_default();
         let tables = scene.snapshot().world.host_bytes();
         let fixed = lent.bytes + tables + Loader::staging_bytes();
+        let has_rendered = self.shared.control().job.is_some();
+        let commit = host_memory::of_commit(&settings, fixed, has_rendered);
+        scene.set_host_budget(budget.unwrap_or(u64::MAX));
+        scene.set_partition_memory(commit.sorting);
         let memory = scene.mesh_memory();
-        memory.set_budget(budget.unwrap_or(u64::MAX));
+        memory.set_room(commit.building);
         memory.set_limit(host_memory::limit_of(Part::Meshes, &settings, memory.held(), fixed));
         let setting = GeometrySetting::of(&settings);
         let mut files = lock(&self.geometry_files);
@@ -197,20 +201,15 @@ impl Session {
         let settings = lock(&self.settings);
         let Some(budget) = host_memory::budget(&settings) else { return 0 };
         let tables = snapshot.world.host_bytes();
-        let held = scene.mesh_memory().held();
-        let complaint = host_memory::complaint(&settings, lent, tables).or_else(|| {
-            let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-            let has_files = lock(&self.geometry_files).is_some();
-            (!has_files && lent.bytes + tables + held > budget).then(|| {
-                format!(
-                    "oocpt:hostMemoryBudget of {} MiB is exceeded: built meshes take {} MiB beside {} MiB of the scene, \
-                     and there is no file for them (oocpt:geometryCache)",
-                    mib(budget),
-                    mib(held),
-                    mib(lent.bytes + tables)
-                )
-            })
-        });
+        let memory = scene.mesh_memory();
+        let taken = Taken {
+            lent,
+            tables,
+            held: memory.held(),
+            building: memory.overrun(),
+            has_files: lock(&self.geometry_files).is_some(),
+        };
+        let complaint = host_memory::complaint(budget, &taken);
         // Once, however often the scene is rendered.
         let mut told = lock(&self.host_complaint);
         if let Some(text) = complaint.as_ref().filter(|_| *told != complaint) {

@@ -71,63 +71,89 @@ pub fn build_mesh_with(
     limit_bytes: u64,
     cluster_bytes: u64,
 ) -> BuiltMesh {
+    let mut clusters = Vec::new();
+    let cuts = Cuts { limit_bytes, cluster_bytes, at_once: usize::MAX };
+    let mut put = |cluster| clusters.push(Arc::new(cluster));
+    let Built { asset, dropped, notes } = build_mesh_into(desc, demand, key, cuts, &mut put);
+    BuiltMesh { asset: asset.map(Arc::new), clusters, dropped, notes }
+}
+
+/// How a large mesh is cut.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cuts {
+    /// A mesh that would take more than about so many bytes on the device is cut.
+    pub(crate) limit_bytes: u64,
+    /// Into clusters of at most so many bytes there.
+    pub(crate) cluster_bytes: u64,
+    /// Clusters that are made side by side. Changes no result.
+    pub(crate) at_once: usize,
+}
+
+/// A [`BuiltMesh`] without its clusters.
+#[derive(Debug, Default)]
+pub(crate) struct Built {
+    pub(crate) asset: Option<MeshAsset>,
+    pub(crate) dropped: DroppedData,
+    pub(crate) notes: Vec<String>,
+}
+
+/// [`build_mesh_with`] that gives each cluster to `put` as soon as it is made.
+pub(crate) fn build_mesh_into(
+    desc: &MeshDesc,
+    demand: &Demand<'_>,
+    key: u128,
+    cuts: Cuts,
+    put: &mut dyn FnMut(MeshAsset),
+) -> Built {
     let wanted = demand.wanted;
-    let mut notes = Vec::new();
-    let mut dropped = DroppedData::default();
-    let (mut asset, mut clusters) = (None, Vec::new());
+    let mut built = Built::default();
+    let Built { asset, dropped, notes } = &mut built;
     let poses = poses(desc).unwrap_or_else(|why| {
         notes.push(format!("{why}, so its points stay where they are at the frame's own time"));
         Vec::new()
     });
     let dicing = demand.dicing.cloned().unwrap_or_default();
-    if let Some(items) = read_items(desc, wanted, &dicing, &poses, &mut dropped) {
+    if let Some(items) = read_items(desc, wanted, &dicing, &poses, dropped) {
         let zero_area_triangles = dropped.zero_area_triangles;
         let Items { topology, desc, kind, radii, poses: posed } = &items;
         let loose = Loose { desc, wanted, key, topology, kind: *kind, radii, poses: posed };
-        let loose = read_triangles(loose, &mut dropped);
+        let loose = read_triangles(loose, dropped);
         // Ribbons may have no width somewhere.
         dropped.zero_area_triangles = zero_area_triangles;
         dropped.empty_items = std::mem::take(&mut dropped.empty_meshes);
-        arrange_or_split(loose, limit_bytes, cluster_bytes, &mut asset, &mut clusters);
-        return BuiltMesh { asset, clusters, dropped, notes };
+        drop(items);
+        *asset = loose.and_then(|loose| arrange_or_split(loose, cuts, put));
+        return built;
     }
     let kind = LeafKind::Triangles;
-    let loose = read_topology(desc, &mut dropped).and_then(|topology| {
-        let Some(refined) = refine(desc, demand, &topology, &poses, &mut dropped) else {
+    let loose = read_topology(desc, dropped).and_then(|topology| {
+        let Some(refined) = refine(desc, demand, &topology, &poses, dropped) else {
             let loose = Loose { desc, wanted, key, topology: &topology, kind, radii: &[], poses: &poses };
-            return read_triangles(loose, &mut dropped);
+            return read_triangles(loose, dropped);
         };
         notes.extend_from_slice(&refined.notes);
         // A limit surface may close to a point, as at a pole: that is no bad data.
         let zero_area_triangles = dropped.zero_area_triangles;
         let Refined { topology, desc, poses, .. } = &refined;
-        let loose = read_triangles(Loose { desc, wanted, key, topology, kind, radii: &[], poses }, &mut dropped);
+        let loose = read_triangles(Loose { desc, wanted, key, topology, kind, radii: &[], poses }, dropped);
         dropped.zero_area_triangles = zero_area_triangles;
         loose
     });
-    arrange_or_split(loose, limit_bytes, cluster_bytes, &mut asset, &mut clusters);
-    BuiltMesh { asset, clusters, dropped, notes }
+    drop(poses);
+    *asset = loose.and_then(|loose| arrange_or_split(loose, cuts, put));
+    built
 }
 
-/// Gives `loose` its hierarchy, or cuts it into clusters if it would take more than about `limit_bytes`.
-fn arrange_or_split(
-    loose: Option<MeshAsset>,
-    limit_bytes: u64,
-    cluster_bytes: u64,
-    asset: &mut Option<Arc<MeshAsset>>,
-    clusters: &mut Vec<Arc<MeshAsset>>,
-) {
-    match loose {
-        Some(loose) if expected_bytes(&loose) > limit_bytes => {
-            *clusters = split_ordered(&loose, cluster_bytes, Order::Authored).into_iter().map(Arc::new).collect();
-        }
-        Some(loose) => {
-            let boxes: Vec<Aabb> = (0..loose.triangles.len()).map(|at| loose.item_bounds(at)).collect();
-            let (bvh, order) = build_bvh4_over(&boxes, loose.kind);
-            *asset = Some(Arc::new(arrange(&loose, bvh, &order, None)));
-        }
-        None => (),
+/// `loose` with its hierarchy, or none if it would take more than about the limit: its clusters go to `put` then.
+fn arrange_or_split(loose: MeshAsset, cuts: Cuts, put: &mut dyn FnMut(MeshAsset)) -> Option<MeshAsset> {
+    if expected_bytes(&loose) > cuts.limit_bytes {
+        split_ordered(&loose, cuts.cluster_bytes, Order::Authored, cuts.at_once, put);
+        return None;
     }
+    let boxes: Vec<Aabb> = (0..loose.triangles.len()).map(|at| loose.item_bounds(at)).collect();
+    let (bvh, order) = build_bvh4_over(&boxes, loose.kind);
+    drop(boxes);
+    Some(arrange(&loose, bvh, &order, None))
 }
 
 /// What becomes a mesh in authored order, without a hierarchy.
@@ -276,6 +302,12 @@ fn triangulate_block(
     let mut triangulator = Triangulator::default();
     let (mut points, mut ears) = (Vec::new(), Vec::new());
     let Faces { mut triangles, mut sources, mut ptex } = Faces::default();
+    if numbers.is_none() {
+        // A face has three corners at least.
+        let most = faces.iter().filter(|face| !face.is_hole).map(|face| face.count as usize - 2).sum();
+        triangles.reserve_exact(most);
+        sources.reserve_exact(most);
+    }
     for face in faces.iter().filter(|face| !face.is_hole) {
         let corners = topology.face_corners(face);
         points.clear();

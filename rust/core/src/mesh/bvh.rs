@@ -160,13 +160,19 @@ impl Layout {
         let indices = (0..).take(boxes.len()).collect();
         let mut ploc = PlocBuilder::with_capacity(boxes.len());
         let mut tree = ploc.build(PlocSearchDistance::Medium, &boxes, indices, SortPrecision::U64, 3);
+        // What follows takes as much again: the builder's arrays and the boxes are not needed any more.
+        drop((ploc, boxes));
         let mut optimizer = ReinsertionOptimizer::default();
         optimizer.run(&mut tree, REINSERTION, None);
         if max_leaf > 1 {
             collapse(&mut tree, max_leaf, TRAVERSAL_COST);
             optimizer.run(&mut tree, REINSERTION, None);
         }
+        drop(optimizer);
         let mut layout = Self::default();
+        // An inner node for each pair of nodes but the root.
+        layout.nodes.reserve_exact(tree.nodes.len() / 2 + 1);
+        layout.order.reserve_exact(tree.primitive_indices.len());
         layout.add_tree(&tree);
         layout.finish()
     }

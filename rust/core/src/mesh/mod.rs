@@ -21,6 +21,9 @@ mod deform;
 mod demand;
 mod dicing;
 mod displace;
+mod footprint;
+mod host_memory;
+mod kept_mesh;
 mod key;
 mod leaf;
 pub mod level;
@@ -53,6 +56,10 @@ pub use bvh4::{Bvh4, Bvh4Node, LevelNode, level_nodes};
 pub use deform::MeshKeys;
 pub use demand::{Demand, Displacements};
 pub use dicing::{Dicing, Eye};
+pub(crate) use footprint::Footprint;
+pub use host_memory::HostMemory;
+pub(crate) use host_memory::too_large;
+pub(crate) use kept_mesh::{Grant, KeptMesh, Recipe, Shelf};
 pub use key::mesh_key;
 pub(crate) use key::{is_same_mesh, mesh_key_with};
 pub use leaf::LeafKind;
@@ -61,10 +68,9 @@ pub use ptex::{MAX_PTEX_FACES, PtexPart, PtexTriangle};
 pub use refine::MAX_REFINED_TRIANGLES;
 #[cfg(feature = "faults")]
 pub use scene_mesh::LOST_FOR_GOOD;
-pub(crate) use scene_mesh::{KeptMesh, Recipe, Shelf};
 pub use scene_mesh::{SceneMesh, StoredError};
 pub use split::split_mesh;
-pub use store::{HostMemory, MeshFiles, Payload, PayloadError, StoredEntry};
+pub use store::{MeshFiles, Payload, PayloadError, StoredEntry};
 pub use summary::{AttributeSummary, MeshSummary, PrimvarSummary};
 
 /// Device bytes of a triangle.

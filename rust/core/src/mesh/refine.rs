@@ -108,12 +108,7 @@ fn try_refine(
     };
     let surface = LimitSurface::new(&control)?;
     let none = Dicing::default();
-    let cutting = Cutting {
-        dicing: demand.dicing.unwrap_or(&none),
-        least: 1 << desc.refine_level.min(MAX_LEVEL),
-        most: if displaces { MAX_RATE } else { MOST_PIECES },
-        by_level_alone: desc.subdivision == Subdivision::Bilinear && !displaces,
-    };
+    let cutting = Cutting::new(desc, demand.dicing.unwrap_or(&none), displaces);
     let rates = rates(&surface, topology, &cutting, MAX_REFINED_TRIANGLES, dropped)?;
     let (vertex, varying, channels) = (values.vertex(), values.varying(), values.channel_values());
     let tessellate = |points: &[[f32; 3]]| {
@@ -165,12 +160,31 @@ fn rules(desc: &MeshDesc) -> Rules {
 }
 
 /// Into how many pieces edges are cut.
-struct Cutting<'a> {
+pub(super) struct Cutting<'a> {
     dicing: &'a Dicing,
     least: i32,
     most: i32,
     /// Into the least, whatever the camera sees.
     by_level_alone: bool,
+}
+
+impl<'a> Cutting<'a> {
+    pub(super) fn new(desc: &MeshDesc, dicing: &'a Dicing, displaces: bool) -> Self {
+        Self {
+            dicing,
+            least: 1 << desc.refine_level.min(MAX_LEVEL),
+            most: if displaces { MAX_RATE } else { MOST_PIECES },
+            by_level_alone: desc.subdivision == Subdivision::Bilinear && !displaces,
+        }
+    }
+
+    /// Pieces of the edge between two points.
+    pub(super) fn pieces(&self, a: DVec3, b: DVec3) -> i32 {
+        match self.by_level_alone {
+            true => self.least.min(self.most),
+            false => self.dicing.pieces_up_to(a, b, self.least, self.most),
+        }
+    }
 }
 
 /// Pieces of each edge, fewer than wanted where the mesh would have more than `most` triangles.
@@ -182,10 +196,7 @@ fn rates(
     dropped: &mut DroppedData,
 ) -> Result<Vec<i32>, Error> {
     let position = |point: i32| topology.position(point.cast_unsigned());
-    let pieces = |[a, b]: &[i32; 2]| match cutting.by_level_alone {
-        true => cutting.least.min(cutting.most),
-        false => cutting.dicing.pieces_up_to(position(*a), position(*b), cutting.least, cutting.most),
-    };
+    let pieces = |[a, b]: &[i32; 2]| cutting.pieces(position(*a), position(*b));
     let mut rates: Vec<i32> = surface.edges().par_iter().map(pieces).collect();
     let expected = surface.expected_facets(&rates)?;
     if expected > most && rates.iter().any(|&rate| rate > 1) {

@@ -2,8 +2,9 @@
 //! Large meshes to spatial clusters, each an asset of its own with its own hierarchy.
 //!
 //! Guarantees: every triangle is in exactly one cluster; its corners, face number and attribute values keep their bits;
-//! the clusters depend on the mesh and on the size asked for only, not on the number of threads. Work is spread over
-//! the caller's rayon pool: clusters are independent, only the first cuts go over all triangles on one thread.
+//! the clusters depend on the mesh and on the size asked for only, not on the number of threads or on how many clusters
+//! are made at once. Work is spread over the caller's rayon pool: clusters are independent, only the first cuts go over
+//! all triangles on one thread.
 
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
@@ -55,11 +56,20 @@ struct Splitter<'a> {
 /// Attributes keep their rates; values of points that a cluster does not use are left out of it.
 #[must_use]
 pub fn split_mesh(mesh: &MeshAsset, max_bytes: u64) -> Vec<MeshAsset> {
-    split_ordered(mesh, max_bytes, Order::Bvh)
+    let mut clusters = Vec::new();
+    split_ordered(mesh, max_bytes, Order::Bvh, usize::MAX, &mut |cluster| clusters.push(cluster));
+    clusters
 }
 
-/// [`split_mesh`] for a mesh in any order; its own hierarchy is not looked at.
-pub(super) fn split_ordered(mesh: &MeshAsset, max_bytes: u64, order: Order) -> Vec<MeshAsset> {
+/// [`split_mesh`] for a mesh in any order; its own hierarchy is not looked at. Gives each cluster to `put`, in order;
+/// at most `at_once` are made side by side and wait for that, so that who puts them away needs memory for no more.
+pub(super) fn split_ordered(
+    mesh: &MeshAsset,
+    max_bytes: u64,
+    order: Order,
+    at_once: usize,
+    put: &mut dyn FnMut(MeshAsset),
+) {
     let item = |triangle: u32| {
         let b = mesh.item_bounds(triangle as usize);
         Item { center: [0, 1, 2].map(|k| b.min[k] + b.max[k]), triangle }
@@ -71,16 +81,20 @@ pub(super) fn split_ordered(mesh: &MeshAsset, max_bytes: u64, order: Order) -> V
     let splitter = Splitter { mesh, max_bytes, item_bytes };
     let filled = (max_bytes / 16).saturating_mul(FILL_16).max(1);
     let parts = if splitter.fits(&items) { 1 } else { expected_bytes(mesh).div_ceil(filled) };
-    let mut clusters = splitter.clusters(&mut items, parts);
-    for (number, cluster) in (0_u64..).zip(&mut clusters) {
-        let mut hasher = Xxh3::new();
-        hasher.update(&mesh.key.to_le_bytes());
-        hasher.update(&max_bytes.to_le_bytes());
-        hasher.update(&number.to_le_bytes());
-        hasher.update(&[order as u8]);
-        cluster.key = hasher.digest128();
+    let mut numbers = 0_u64..;
+    for group in splitter.parts(&mut items, parts).chunks_mut(at_once.max(1)) {
+        let made: Vec<Vec<MeshAsset>> =
+            group.par_iter_mut().with_max_len(1).map(|part| splitter.clusters(part)).collect();
+        for (mut cluster, number) in made.into_iter().flatten().zip(&mut numbers) {
+            let mut hasher = Xxh3::new();
+            hasher.update(&mesh.key.to_le_bytes());
+            hasher.update(&max_bytes.to_le_bytes());
+            hasher.update(&number.to_le_bytes());
+            hasher.update(&[order as u8]);
+            cluster.key = hasher.digest128();
+            put(cluster);
+        }
     }
-    clusters
 }
 
 /// Device bytes that the mesh will about take once it has a hierarchy: a function of its sizes only.
@@ -98,23 +112,27 @@ fn node_bytes(kind: LeafKind, items: u64) -> u64 {
 }
 
 impl Splitter<'_> {
-    /// The clusters of `items`, about `parts` of them.
-    fn clusters(&self, items: &mut [Item], parts: u64) -> Vec<MeshAsset> {
-        let mut parts = parts.clamp(1, items.len().max(1) as u64);
+    /// `items` cut into about `parts` parts, in order.
+    fn parts<'i>(&self, items: &'i mut [Item], parts: u64) -> Vec<&'i mut [Item]> {
+        let parts = parts.clamp(1, items.len().max(1) as u64);
         if parts == 1 {
-            match self.cluster(items) {
-                Some(cluster) => return vec![cluster],
-                None => parts = 2,
-            }
+            return vec![items];
         }
         let left = parts / 2;
-        let middle = usize::try_from(items.len() as u128 * u128::from(left) / u128::from(parts)).unwrap_or(0);
-        let axis = longest_axis(items);
-        let order = |a: &Item, b: &Item| a.center[axis].total_cmp(&b.center[axis]).then(a.triangle.cmp(&b.triangle));
-        items.select_nth_unstable_by(middle, order);
-        let (low, high) = items.split_at_mut(middle);
-        let (mut clusters, more) = rayon::join(|| self.clusters(low, left), || self.clusters(high, parts - left));
-        clusters.extend(more);
+        let (low, high) = cut(items, left, parts);
+        let (mut cuts, more) = rayon::join(|| self.parts(low, left), || self.parts(high, parts - left));
+        cuts.extend(more);
+        cuts
+    }
+
+    /// The clusters of a part: one, unless it is too large.
+    fn clusters(&self, items: &mut [Item]) -> Vec<MeshAsset> {
+        if let Some(cluster) = self.cluster(items) {
+            return vec![cluster];
+        }
+        let (low, high) = cut(items, 1, 2);
+        let mut clusters = self.clusters(low);
+        clusters.extend(self.clusters(high));
         clusters
     }
 
@@ -237,6 +255,15 @@ fn pick<T: Copy>(values: &[T], places: &[u32]) -> Vec<T> {
     let mut picked = Vec::with_capacity(if values.is_empty() { 0 } else { places.len() });
     picked.extend(places.iter().filter_map(|&i| values.get(i as usize).copied()));
     picked
+}
+
+/// Cuts `items` across their longest axis, `left` of `parts` to the first side.
+fn cut(items: &mut [Item], left: u64, parts: u64) -> (&mut [Item], &mut [Item]) {
+    let middle = usize::try_from(items.len() as u128 * u128::from(left) / u128::from(parts)).unwrap_or(0);
+    let axis = longest_axis(items);
+    let order = |a: &Item, b: &Item| a.center[axis].total_cmp(&b.center[axis]).then(a.triangle.cmp(&b.triangle));
+    items.select_nth_unstable_by(middle, order);
+    items.split_at_mut(middle)
 }
 
 fn longest_axis(items: &[Item]) -> usize {

@@ -52,7 +52,7 @@ pub(crate) fn read_topology(desc: &MeshDesc, dropped: &mut DroppedData) -> Optio
         return None;
     }
     let mut topology = Topology {
-        faces: Vec::new(),
+        faces: Vec::with_capacity(counts.len().min(indices.len() / 3)),
         corners: (0..indices.len()).map(|i| indices.index(i).map_or(u32::MAX, i32::cast_unsigned)).collect(),
         points: (0..points.len()).map(|i| read_point(points.vec3(i))).collect(),
         face_count: counts.len(),

@@ -48,8 +48,9 @@ pub const MIN_CHUNK_BYTES: u64 = 16 << 10;
 /// Assemblies and meshes above this many times the chunk size are opened and split.
 pub(crate) const OPEN_ABOVE: u64 = 4;
 
-/// Bytes of items that a partition holds at once, unless that is less than a [`ITEM_SHARE`]th of all.
-pub(crate) const ITEM_BYTES: u64 = 1 << 30;
+/// Bytes of items that a partition holds at once, unless that is less than a sixteenth of all or somebody says
+/// otherwise (`SceneDb::set_partition_memory`).
+pub const ITEM_BYTES: u64 = 1 << 30;
 /// See [`ITEM_BYTES`].
 const ITEM_SHARE: u64 = 16;
 /// See [`cuts_in_stretches`].

@@ -65,6 +65,11 @@ impl MeshEntry {
 }
 
 impl MeshEntry {
+    /// There was not enough host memory to build it.
+    pub(crate) fn is_left_out(&self) -> bool {
+        self.built.as_ref().is_some_and(|built| built.is_left_out)
+    }
+
     /// What it is built for.
     pub(crate) fn demand(&self) -> Demand<'_> {
         let Self { wanted, dicing, displacements, .. } = self;

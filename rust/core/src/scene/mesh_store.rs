@@ -7,10 +7,14 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::admission::run_within;
 use super::entries::MeshEntry;
-use crate::mesh::{Dicing, KeptMesh, Recipe, SceneMesh, Shelf, mesh_key_with};
+use crate::mesh::{Dicing, Footprint, Grant, KeptMesh, Recipe, SceneMesh, Shelf, mesh_key_with, too_large};
 use crate::partition::PartitionOptions;
 use crate::texture::Heights;
+
+/// Clusters that are put away together, for each thread: fewer, and threads would wait for each other.
+const BATCHES: usize = 4;
 
 /// Assets by content hash, and their indices in the snapshots.
 #[derive(Debug, Default)]
@@ -50,27 +54,15 @@ impl MeshStore {
         mut cuts: FxHashMap<Arc<str>, Dicing>,
         heights: &Heights,
     ) {
+        // The budget may be another one now.
+        self.built.retain(|_, built| !built.is_left_out);
         for (path, entry) in meshes.iter_mut() {
             let dicing = cuts.remove(path).unwrap_or_default();
-            if entry.dicing != dicing {
+            if entry.dicing != dicing || entry.is_left_out() {
                 entry.dicing = dicing;
                 entry.built = None;
             }
         }
-        let (limit, cluster) = (self.options.mesh_limit(), self.options.chunk_bytes());
-        let build = |key, entry: &MeshEntry| {
-            let recipe = Recipe {
-                desc: entry.desc.clone(),
-                wanted: entry.wanted.clone(),
-                dicing: entry.dicing.clone(),
-                displacements: entry.displacements.clone(),
-                height_files: heights.files().cloned(),
-                key,
-                limit_bytes: limit,
-                cluster_bytes: cluster,
-            };
-            Arc::new(KeptMesh::make(recipe, heights, &self.shelf))
-        };
         let mut missing: Vec<&mut MeshEntry> =
             meshes.iter_mut().filter(|(path, e)| e.built.is_none() && wanted.contains(*path)).map(|(_, e)| e).collect();
         let keys: Vec<u128> = missing.par_iter().map(|e| mesh_key_with(&e.desc, &e.demand())).collect();
@@ -81,12 +73,72 @@ impl MeshStore {
             .filter(|(key, _)| !self.built.contains_key(key) && begun.insert(**key))
             .map(|(key, entry)| (*key, &**entry))
             .collect();
-        let built: Vec<(u128, Arc<KeptMesh>)> =
-            new.into_par_iter().with_max_len(1).map(|(key, e)| (key, build(key, e))).collect();
+        let built = self.make(&new, heights);
         self.built.extend(built);
         for (key, entry) in keys.iter().zip(&mut missing) {
             entry.built = self.built.get(key).cloned();
         }
+    }
+
+    /// Finds meshes in files or builds them, side by side.
+    fn make(&self, new: &[(u128, &MeshEntry)], heights: &Heights) -> Vec<(u128, Arc<KeptMesh>)> {
+        let (limit_bytes, cluster_bytes) = (self.options.mesh_limit(), self.options.chunk_bytes());
+        let recipe = |(key, entry): &(u128, &MeshEntry)| {
+            Arc::new(Recipe {
+                desc: entry.desc.clone(),
+                wanted: entry.wanted.clone(),
+                dicing: entry.dicing.clone(),
+                displacements: entry.displacements.clone(),
+                height_files: heights.files().cloned(),
+                key: *key,
+                limit_bytes,
+                cluster_bytes,
+            })
+        };
+        let find = |new| KeptMesh::find(&recipe(new), &self.shelf);
+        let build = |new, grant| KeptMesh::make(&recipe(new), heights, &self.shelf, grant);
+        let all = new.par_iter().with_max_len(1);
+        let made: Vec<KeptMesh> = match self.shelf.memory.budget() {
+            Some(budget) => {
+                let found: Vec<Option<KeptMesh>> = all.map(find).collect();
+                let footprint = |(new, found): (_, &Option<KeptMesh>)| match found {
+                    Some(_) => Footprint::default(),
+                    None => recipe(new).footprint(),
+                };
+                let footprints: Vec<Footprint> = new.par_iter().zip(&found).map(footprint).collect();
+                self.build_within(budget, &footprints, found, |at, grant| Some(build(new.get(at)?, grant)))
+            }
+            None => {
+                // Clusters are put away in batches: all of them together would take as much as the mesh itself.
+                let at_once = BATCHES * rayon::current_num_threads();
+                all.map(|new| find(new).unwrap_or_else(|| build(new, Grant { reserved: None, at_once }))).collect()
+            }
+        };
+        new.iter().zip(made).map(|((key, _), made)| (*key, Arc::new(made))).collect()
+    }
+
+    /// Builds what was not found, side by side as far as there is room. What needs more than the budget is left out.
+    fn build_within(
+        &self,
+        budget: u64,
+        footprints: &[Footprint],
+        found: Vec<Option<KeptMesh>>,
+        build: impl Fn(usize, Grant) -> Option<KeptMesh> + Sync,
+    ) -> Vec<KeptMesh> {
+        let fits = |footprint: &Footprint| footprint.least() <= budget;
+        let missing = found.iter().zip(footprints).zip(0_usize..);
+        let missing = missing.filter(|((found, footprint), _)| found.is_none() && fits(footprint));
+        let (numbers, of_missing): (Vec<usize>, Vec<Footprint>) = missing.map(|((_, f), at)| (at, *f)).unzip();
+        let build = |at: usize, grant| numbers.get(at).and_then(|at| build(*at, grant));
+        let built = run_within(&self.shelf.memory, &of_missing, build);
+        let mut made = found;
+        for (at, built) in numbers.iter().zip(built) {
+            if let Some(slot) = made.get_mut(*at) {
+                *slot = built.flatten();
+            }
+        }
+        let left_out = |footprint: &Footprint| KeptMesh::left_out(too_large(footprint.least(), budget));
+        made.into_iter().zip(footprints).map(|(made, f)| made.unwrap_or_else(|| left_out(f))).collect()
     }
 
     /// Assigns mesh indices to the assets in use, moving as few as possible: freed indices go to new assets first, then

@@ -5,6 +5,7 @@
 //! (`entries`), [`SceneDb::commit`] (`commit`): built by [`crate::mesh`], put into a group by `resolve`, placed by a
 //! run of an [`Assembly`] (`instancing`).
 
+mod admission;
 mod commit;
 mod dicing;
 mod entries;
@@ -39,6 +40,7 @@ pub use crate::instancing::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, I
 pub use crate::instancing::motion::{MAX_KEYS, MotionKey, map_at};
 pub use dicing::DicingCamera;
 pub use lent::Lent;
+use lent::{Lending, of_instancer, of_mesh};
 pub use resolve::MAX_LEVELS;
 pub use snapshot::{
     Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DomeTexture, Emitter, IesError, IesProfile,
@@ -105,6 +107,8 @@ pub struct SceneDb {
     partition: PartitionStore,
     dicing: DicingCamera,
     height_files: Option<Arc<dyn HeightFiles>>,
+    /// The count of [`Self::lent`], once somebody asked for it.
+    lending: Option<Lending>,
     /// Last message given for each prim.
     warned: BTreeMap<Arc<str>, String>,
     snapshot: Arc<Snapshot>,
@@ -134,6 +138,7 @@ impl SceneDb {
             partition: PartitionStore::default(),
             dicing: DicingCamera::default(),
             height_files: None,
+            lending: None,
             warned: BTreeMap::new(),
             snapshot: Arc::new(Snapshot::nothing()),
         }
@@ -143,7 +148,10 @@ impl SceneDb {
     pub fn upsert_mesh(&mut self, desc: MeshDesc) {
         let path = desc.prim.path.clone();
         let others = self.remove_other(&path, Kind::Mesh);
-        let (entry, changed) = MeshEntry::update(self.meshes.remove(&path), desc);
+        let (entry, changed) = MeshEntry::update(self.take_mesh(&path), desc);
+        if let Some(lending) = &mut self.lending {
+            lending.add(&path, of_mesh(&entry.desc));
+        }
         self.meshes.insert(path, entry);
         self.edited |= changed | others;
     }
@@ -153,7 +161,10 @@ impl SceneDb {
     pub fn upsert_instancer(&mut self, desc: InstancerDesc) {
         let path = desc.prim.path.clone();
         let others = self.remove_other(&path, Kind::Instancer);
-        let (entry, changed) = InstancerEntry::update(self.instancers.remove(&path), desc);
+        let (entry, changed) = InstancerEntry::update(self.take_instancer(&path), desc);
+        if let Some(lending) = &mut self.lending {
+            lending.add(&path, of_instancer(&entry.desc));
+        }
         self.instancers.insert(path, entry);
         self.edited |= changed | others;
     }
@@ -188,10 +199,26 @@ impl SceneDb {
         self.material_edits
     }
 
+    fn take_mesh(&mut self, path: &str) -> Option<MeshEntry> {
+        let (path, entry) = self.meshes.remove_entry(path)?;
+        if let Some(lending) = &mut self.lending {
+            lending.remove(&path, of_mesh(&entry.desc));
+        }
+        Some(entry)
+    }
+
+    fn take_instancer(&mut self, path: &str) -> Option<InstancerEntry> {
+        let (path, entry) = self.instancers.remove_entry(path)?;
+        if let Some(lending) = &mut self.lending {
+            lending.remove(&path, of_instancer(&entry.desc));
+        }
+        Some(entry)
+    }
+
     /// Removes a prim of this path that is of another kind. Gives whether there was one.
     fn remove_other(&mut self, path: &str, kind: Kind) -> bool {
-        (kind != Kind::Mesh && self.meshes.remove(path).is_some())
-            | (kind != Kind::Instancer && self.instancers.remove(path).is_some())
+        (kind != Kind::Mesh && self.take_mesh(path).is_some())
+            | (kind != Kind::Instancer && self.take_instancer(path).is_some())
             | (kind != Kind::Light && self.lights.remove(path).is_some())
             | (kind != Kind::Material && self.remove_material(path))
     }
@@ -204,13 +231,15 @@ impl SceneDb {
 
     /// Removes the prim at `path` and all below it.
     pub fn remove(&mut self, path: &str) {
-        let materials = remove_below(&mut self.materials, path);
-        self.material_edits += u64::from(materials);
-        let removed = remove_below(&mut self.meshes, path)
-            | remove_below(&mut self.instancers, path)
-            | remove_below(&mut self.lights, path)
-            | materials;
-        self.edited |= removed;
+        let materials = below(&self.materials, path);
+        self.material_edits += u64::from(!materials.is_empty());
+        materials.iter().for_each(|path| _ = self.materials.remove(path));
+        let lights = below(&self.lights, path);
+        lights.iter().for_each(|path| _ = self.lights.remove(path));
+        let (meshes, instancers) = (below(&self.meshes, path), below(&self.instancers, path));
+        meshes.iter().for_each(|path| _ = self.take_mesh(path));
+        instancers.iter().for_each(|path| _ = self.take_instancer(path));
+        self.edited |= [materials, lights, meshes, instancers].iter().any(|paths| !paths.is_empty());
     }
 
     /// Shows meshes of these purposes only; an empty list shows all. "", "geometry" and "default" are the same.
@@ -254,6 +283,17 @@ impl SceneDb {
     /// Says where meshes that are built from now on are kept when [`Self::mesh_memory`] is full.
     pub fn set_mesh_files(&mut self, files: Option<Arc<dyn MeshFiles>>) {
         self.mesh_store.shelf.files = files;
+    }
+
+    /// Sets what host memory there may be in all, bytes, from the next commit on. A mesh that needs more to be built is
+    /// left out, with a warning; all others are built side by side as far as there is room
+    /// ([`HostMemory::set_room`]). No limit before the first call. Changes nothing else of the result.
+    pub fn set_host_budget(&mut self, bytes: u64) {
+        let memory = &self.mesh_store.shelf.memory;
+        if memory.budget() != Some(bytes).filter(|bytes| *bytes < u64::MAX) {
+            memory.set_budget(bytes);
+            self.edited |= self.meshes.values().any(MeshEntry::is_left_out);
+        }
     }
 
     /// The host memory that meshes take; without a limit unless one is set.
@@ -379,17 +419,14 @@ fn plain_purpose(purpose: &str) -> &str {
     if matches!(purpose, "" | "geometry") { "default" } else { purpose }
 }
 
-/// Removes a path and all paths below it; true when there was one.
-fn remove_below<T>(prims: &mut BTreeMap<Arc<str>, T>, path: &str) -> bool {
+/// A path and all paths below it that are there.
+fn below<T>(prims: &BTreeMap<Arc<str>, T>, path: &str) -> Vec<Arc<str>> {
     let below = format!("{}/", path.trim_end_matches('/'));
-    let mut gone: Vec<Arc<str>> = prims
+    let mut found: Vec<Arc<str>> = prims
         .range::<str, _>((std::ops::Bound::Included(below.as_str()), std::ops::Bound::Unbounded))
         .take_while(|(candidate, _)| candidate.starts_with(&below))
         .map(|(candidate, _)| candidate.clone())
         .collect();
-    gone.extend(prims.get_key_value(path).map(|(key, _)| key.clone()));
-    for key in &gone {
-        prims.remove(key);
-    }
-    !gone.is_empty()
+    found.extend(prims.get_key_value(path).map(|(key, _)| key.clone()));
+    found
 }

@@ -91,7 +91,8 @@ impl<'a> Writer<'a> {
         if self.pending >= SUBMIT_BYTES { self.submit() } else { Ok(()) }
     }
 
-    fn submit(&mut self) -> Result<(), RenderError> {
+    /// Submits the copies in hand.
+    pub(crate) fn submit(&mut self) -> Result<(), RenderError> {
         self.pending = 0;
         if let Some(commands) = self.commands.take() {
             self.submissions.push(commands.submit()?);

@@ -9,6 +9,7 @@ use super::level::{self, Encoded, Piece, Stretch};
 use super::source::{AssetKey, Source};
 use crate::error::RenderError;
 use crate::loader::Loader;
+use crate::reading::Reading;
 use crate::sync::lock;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use oocpt_core::residency::AssetId;
@@ -38,6 +39,7 @@ struct Load {
     wanted: Vec<Wanted>,
     /// Where what is encoded stays, and comes from again.
     kept: Arc<Kept>,
+    reading: Arc<Reading>,
     reply: Sender<Loaded>,
     /// Gone when nobody waits for the result any more.
     alive: Weak<()>,
@@ -130,6 +132,7 @@ impl Inbox {
         let load = Arc::new(Load {
             wanted,
             kept: Arc::clone(kept),
+            reading: Arc::clone(loader.reading()),
             reply: self.reply.clone(),
             alive: Arc::downgrade(&self.wanted),
             progress: Mutex::new(progress),
@@ -241,13 +244,19 @@ impl Job {
             Part::Whole(range) => {
                 for Wanted { source, target, .. } in self.load.wanted.get(range.clone()).unwrap_or_default() {
                     match source {
-                        Source::Mesh(mesh) => match mesh.asset() {
-                            Ok(asset) => writer.mesh((mesh, &asset), &**target)?,
-                            Err(error) => {
-                                writer.bytes(&**target, 0, bytemuck::bytes_of(&NO_MESH))?;
-                                copied.left_out.push((source.key(), format!("{error}; it is left out")));
+                        Source::Mesh(mesh) => {
+                            // Others may wait for the staging memory of copies in hand.
+                            let read = mesh.bytes_to_read();
+                            let _read =
+                                (read > 0).then(|| self.load.reading.begin(read, || writer.submit())).transpose()?;
+                            match mesh.asset() {
+                                Ok(asset) => writer.mesh((mesh, &asset), &**target)?,
+                                Err(error) => {
+                                    writer.bytes(&**target, 0, bytemuck::bytes_of(&NO_MESH))?;
+                                    copied.left_out.push((source.key(), format!("{error}; it is left out")));
+                                }
                             }
-                        },
+                        }
                         Source::Tile(image, tile) => writer.bytes(&**target, 0, &image.tile(*tile))?,
                         Source::Assembly(_) | Source::Chunk(_) => {}
                     }

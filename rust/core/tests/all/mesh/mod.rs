@@ -11,6 +11,7 @@ pub(crate) mod displace;
 pub(crate) mod displace_patterns;
 mod displace_textures;
 mod displace_vectors;
+mod host_memory;
 mod primvar;
 mod ptex;
 mod refine;

@@ -18,7 +18,7 @@ type Entry = (Vec<u8>, Vec<Vec<u8>>);
 
 /// What was written.
 #[derive(Debug, Default)]
-struct Files {
+pub(crate) struct Files {
     lasts: bool,
     is_full: bool,
     entries: Mutex<BTreeMap<u128, Entry>>,
@@ -54,6 +54,11 @@ impl Payload for Bytes {
 }
 
 impl Files {
+    /// Files that another database finds its meshes in.
+    pub(crate) fn lasting() -> Self {
+        Self { lasts: true, ..Self::default() }
+    }
+
     fn payloads(&self, bytes: &[Vec<u8>]) -> Vec<Arc<dyn Payload>> {
         let payload = |b: &Vec<u8>| Bytes(b.clone(), self.is_damaged.clone(), self.busy.clone());
         bytes.iter().map(|b| Arc::new(payload(b)) as Arc<dyn Payload>).collect()
@@ -124,11 +129,16 @@ fn database(files: &Arc<Files>, limit: u64) -> SceneDb {
 }
 
 /// All assets in full, by key.
-fn content(snapshot: &Snapshot) -> Vec<(u128, String)> {
+pub(crate) fn content(snapshot: &Snapshot) -> Vec<(u128, String)> {
     let text = |mesh: &Arc<SceneMesh>| (mesh.key, format!("{:?}", *asset(mesh)));
     let mut all: Vec<_> = snapshot.meshes.iter().map(text).collect();
     all.sort();
     all
+}
+
+/// Entries of these meshes: one for each asset, and one that sums up the clusters of the large mesh.
+fn entries(snapshot: &Snapshot) -> usize {
+    snapshot.meshes.len() + 1
 }
 
 /// Without files.
@@ -162,7 +172,7 @@ fn meshes_beyond_the_host_budget_reload_from_files_bit_for_bit() {
     let snapshot = committed(&mut db);
     assert_eq!((host_bytes(&snapshot), db.mesh_memory().held()), (0, 0), "nothing is in memory");
     assert_eq!(content(&snapshot), expected);
-    assert_eq!(files.added.load(Ordering::Relaxed), 3, "each mesh once");
+    assert_eq!(files.added.load(Ordering::Relaxed), snapshot.meshes.len(), "each asset once");
     snapshot.validate().expect("sound");
 
     let all = host_bytes(&plain());
@@ -189,11 +199,12 @@ fn without_disk_space_meshes_stay_in_memory() {
 
 #[test]
 fn stored_meshes_are_found_by_another_database() {
-    let files = Arc::new(Files { lasts: true, ..Files::default() });
+    let files = Arc::new(Files::lasting());
     let first = database(&files, u64::MAX).commit();
-    assert_eq!((files.added.load(Ordering::Relaxed), files.found.load(Ordering::Relaxed)), (3, 0));
+    let all = entries(&first.snapshot);
+    assert_eq!((files.added.load(Ordering::Relaxed), files.found.load(Ordering::Relaxed)), (all, 0));
     let again = database(&files, u64::MAX).commit();
-    assert_eq!((files.added.load(Ordering::Relaxed), files.found.load(Ordering::Relaxed)), (3, 3));
+    assert_eq!((files.added.load(Ordering::Relaxed), files.found.load(Ordering::Relaxed)), (all, all));
     assert_eq!(host_bytes(&again.snapshot), 0, "read as it is needed");
     assert_eq!(content(&again.snapshot), content(&first.snapshot));
     assert_eq!((again.warnings, again.snapshot.dropped), (first.warnings, first.snapshot.dropped), "the same is said");
@@ -203,7 +214,23 @@ fn stored_meshes_are_found_by_another_database() {
     let mut other = database(&files, u64::MAX);
     other.set_partition(PartitionOptions { chunk_bytes: 64 << 10 });
     other.commit();
-    assert_eq!(files.found.load(Ordering::Relaxed), 3, "nothing of that is found");
+    assert_eq!(files.found.load(Ordering::Relaxed), all, "nothing of that is found");
+}
+
+#[test]
+fn a_mesh_of_which_a_cluster_is_missing_is_built_again() {
+    let files = Arc::new(Files::lasting());
+    let expected = content(&committed(&mut database(&files, u64::MAX)));
+    let gone = {
+        let mut entries = files.entries.lock().expect("not poisoned");
+        // Clusters have no head.
+        let cluster = entries.iter().find(|(_, (head, _))| head.is_empty()).map(|(key, _)| *key);
+        entries.remove(&cluster.expect("one of a cluster"))
+    };
+    assert!(gone.is_some());
+    assert_eq!(content(&committed(&mut database(&files, u64::MAX))), expected);
+    assert_eq!(files.damages.load(Ordering::Relaxed), 0, "that is no damage");
+    assert_eq!(files.entries.lock().expect("not poisoned").len(), expected.len() + 1, "written again");
 }
 
 #[test]
@@ -231,7 +258,7 @@ fn transient_read_failures_are_retried() {
 
 #[test]
 fn corrupt_stored_entries_are_rejected() {
-    let files = Arc::new(Files { lasts: true, ..Files::default() });
+    let files = Arc::new(Files::lasting());
     let expected = content(&committed(&mut database(&files, u64::MAX)));
     let entries = files.entries.lock().expect("not poisoned").clone();
     let mut random = 1_u64;
@@ -242,15 +269,12 @@ fn corrupt_stored_entries_are_rejected() {
             let at = usize::try_from(random >> 33).expect("small");
             match round % 4 {
                 0 => head.truncate(at % (head.len() + 1)),
-                1 => payloads.truncate(at % payloads.len()),
-                2 => {
-                    let length = payloads[0].len();
-                    payloads[0].truncate(at % length);
-                }
+                1 => payloads.truncate(at % (payloads.len() + 1)),
+                2 => payloads.iter_mut().take(1).for_each(|payload| payload.truncate(at % payload.len())),
                 // Any byte: sizes that do not fit the payloads are refused. What still fits, a hash tells (of files).
                 _ => {
-                    let at = at % head.len();
-                    head[at] = 0xFF;
+                    let length = head.len().max(1);
+                    head.iter_mut().skip(at % length).take(1).for_each(|byte| *byte = 0xFF);
                 }
             }
         }
@@ -267,7 +291,7 @@ fn corrupt_stored_entries_are_rejected() {
 
 #[test]
 fn changed_build_bits_require_a_new_format_version() {
-    // When this fails, meshes are built to other bits: raise `scene_mesh::VERSION`, then put the new number here.
+    // When this fails, meshes are built to other bits: raise `kept_mesh::VERSION`, then put the new number here.
     let text: String = content(&plain()).into_iter().map(|(key, text)| format!("{key} {text}")).collect();
-    assert_eq!(xxhash_rust::xxh3::xxh3_64(text.as_bytes()), 15_226_478_199_142_897_444, "of version 4");
+    assert_eq!(xxhash_rust::xxh3::xxh3_64(text.as_bytes()), 15_226_478_199_142_897_444, "of version 5");
 }

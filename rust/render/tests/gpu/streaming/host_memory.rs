@@ -36,9 +36,10 @@ fn build(db: &mut SceneDb) {
     }
 }
 
-/// Half of an eighth of the budget is for meshes where arrays and staging memory take the rest of it.
+/// Three eighths of an eighth of the budget are for meshes where arrays and staging memory take the rest of it: then
+/// building any mesh takes more than there is for it.
 ///
-/// Images, messages, and the bytes of host memory that scene data took.
+/// Images, messages but for that one, and the bytes of host memory that scene data took.
 fn render(host_memory_budget_mib: u32, cache: &str, streams: bool) -> (Vec<Vec<u8>>, Vec<String>, u64) {
     let settings = Settings { host_memory_budget_mib, geometry_cache: cache.into(), ..small_chunks() };
     let session = Session::with_options(settings, SessionOptions { force_streaming: streams, ..options() });
@@ -46,7 +47,9 @@ fn render(host_memory_budget_mib: u32, cache: &str, streams: bool) -> (Vec<Vec<u
     let request = request_of(&BEACH);
     let messages = render_with_messages(&session, &request);
     let bytes = session.stats().host_bytes;
-    (read_all(&session, &request), messages.into_iter().map(|message| message.text).collect(), bytes)
+    let mut texts: Vec<String> = messages.into_iter().map(|message| message.text).collect();
+    texts.retain(|text| !text.contains("building meshes takes up to"));
+    (read_all(&session, &request), texts, bytes)
 }
 
 #[test]
@@ -62,11 +65,15 @@ fn bits_do_not_depend_on_host_memory_or_stored_meshes() {
         bytes
     };
     for streams in [false, true] {
-        let bytes = same("half a MiB of meshes, the others on disk", render(8, "", streams), 0);
-        assert!(bytes < all, "{bytes} of {all} bytes are in memory");
+        let mut before = 0;
+        for budget in [8, 16, 256] {
+            let bytes = same("some meshes in memory, the others on disk", render(budget, "", streams), 0);
+            assert!(bytes >= before && (bytes < all) == (budget < 256), "{budget} MiB: {bytes} of {all} bytes");
+            before = bytes;
+        }
         let (images, messages, bytes) = render(8, "0", streams);
         assert!(messages.iter().all(|text| text.contains("there is no file for them")), "{messages:?}");
-        same("half a MiB of meshes, without a disk", (images, Vec::new(), bytes), 0);
+        same("some meshes, without a disk", (images, Vec::new(), bytes), 0);
         assert_eq!(bytes, all, "they stay in memory");
     }
     same("the first with a cache", render(8, &cache, true), 0);

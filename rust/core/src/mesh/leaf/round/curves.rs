@@ -67,6 +67,9 @@ pub(super) struct Cut {
     /// Most pieces of a segment, and whether some segment would have more.
     most_pieces: u32,
     is_coarse: bool,
+    /// Points of all segments, and whether nothing else is wanted.
+    point_total: u64,
+    counts_only: bool,
 }
 
 /// A curve while it is cut.
@@ -93,6 +96,16 @@ impl Cut {
         moves: bool,
         dropped: &mut DroppedData,
     ) -> Self {
+        Self { moves, ..Self::default() }.read(desc, curves, dicing, dropped)
+    }
+
+    /// Points of the cut, or somewhat more.
+    pub(super) fn count(desc: &MeshDesc, curves: &CurvesDesc, dicing: &Dicing) -> u64 {
+        let counting = Self { counts_only: true, ..Self::default() };
+        counting.read(desc, curves, dicing, &mut DroppedData::default()).point_total
+    }
+
+    fn read(self, desc: &MeshDesc, curves: &CurvesDesc, dicing: &Dicing, dropped: &mut DroppedData) -> Self {
         let counts = curves.counts.view();
         let indices = curves.indices.as_ref().map(TypedArray::view).filter(|indices| !indices.is_empty());
         let is_int = |view: &ArrayView<'_>| view.is_empty() || view.element() == ElementType::I32;
@@ -103,7 +116,7 @@ impl Cut {
         let points = desc.points.view();
         let available = indices.map_or(points.len(), |indices| indices.len());
         let radii = Radii::of(desc, dicing, dropped);
-        let mut cut = Self { curve_count: counts.len(), most_pieces: most_pieces(available), moves, ..Self::default() };
+        let mut cut = Self { curve_count: counts.len(), most_pieces: most_pieces(available), ..self };
         let (mut first, mut vertices) = (0_usize, Vec::new());
         for (at, number) in (0..counts.len()).zip(0_u32..) {
             let Ok(count) = usize::try_from(counts.index(at).unwrap_or(-1)) else {
@@ -170,6 +183,10 @@ impl Cut {
             let wanted = pieces(segment, desc, dicing, level, |weights| sum(segment, weights, number as f64));
             let pieces = wanted.min(self.most_pieces);
             self.is_coarse |= pieces < wanted;
+            self.point_total += u64::from(pieces) + 1;
+            if self.counts_only {
+                continue;
+            }
             for piece in u32::from(!is_new)..=pieces {
                 let t = f64::from(piece) / f64::from(pieces);
                 let along = number as f64 + t;

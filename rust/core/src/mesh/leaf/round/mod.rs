@@ -50,6 +50,11 @@ fn usable_points<'a>(desc: &'a MeshDesc, dropped: &mut DroppedData) -> Option<Ar
     (is_usable && view.len() <= MAX_CORNERS / 4).then_some(view)
 }
 
+/// Points that curves are cut at, or somewhat more.
+pub(in crate::mesh) fn curve_points(desc: &MeshDesc, curves: &CurvesDesc, dicing: &Dicing) -> u64 {
+    usable_points(desc, &mut DroppedData::default()).map_or(0, |_| Cut::count(desc, curves, dicing))
+}
+
 /// An item for each piece, or two of a ribbon, with the number of its curve.
 pub(super) fn read_curves(
     desc: &MeshDesc,

@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: Apache-2.0
+//! How much host memory building a mesh takes, told before it is built: an upper bound, from the lengths of its arrays
+//! and from how finely it is cut. Tests hold it to what building really takes. Pure.
+
+use super::bvh4::Bvh4Node;
+use super::demand::Demand;
+use super::dicing::Dicing;
+use super::leaf::round::curve_points;
+use super::primvar::Source;
+use super::refine::{Cutting, MAX_REFINED_TRIANGLES};
+use super::topology::{Face, MAX_CORNERS};
+use super::{POINT_BUNDLE, POINT_BYTES, TRIANGLE_BYTES, Triangle};
+use crate::array::TypedArray;
+use crate::desc::{CurveBasis, Interpolation, MeshDesc, Primvar, Shape, Subdivision};
+use crate::material::PTEX_SET_ID;
+use glam::DVec3;
+
+/// Bytes that building a tree takes for each item: boxes, twice; the nodes of the builder, of the binary tree and of
+/// its copy with larger leaves; codes that are sorted.
+const TREE: u64 = 340;
+/// Bytes of an item.
+const ITEM: u64 = size_of::<Triangle>() as u64;
+/// Bytes of an item and of where it comes from, while a description is read.
+const READ_ITEM: u64 = ITEM + size_of::<Source>() as u64;
+/// Bytes of its share of the nodes.
+const NODES: u64 = size_of::<Bvh4Node>() as u64 * 5 / 16;
+/// Bytes of an item that is sorted into clusters.
+const SORTED: u64 = 16;
+/// Bytes of a point in any array.
+const POINT: u64 = size_of::<[f32; 3]>() as u64;
+/// Bytes that OpenSubdiv takes for each corner of a control mesh.
+const CONTROL_CORNER: u64 = 640;
+/// Bytes of a vertex of a surface that is cut: positions and normals in blocks and together, and what moves it.
+const CUT_VERTEX: u64 = 160;
+/// Bytes of a point of curves that are cut.
+const CURVE_POINT: u64 = 280;
+/// Most keys of what moves.
+const MOST_KEYS: u64 = 16;
+
+/// See the module. Bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Footprint {
+    /// At most while its arrays are read.
+    reading: u64,
+    /// At most from then on, without clusters under way.
+    whole: u64,
+    /// Of each cluster under way; 0 where there are none.
+    cluster: u64,
+    /// Clusters, about.
+    clusters: u64,
+}
+
+impl Footprint {
+    /// The least that building takes: one cluster is made at a time.
+    pub(crate) fn least(&self) -> u64 {
+        self.reading.max(self.whole.saturating_add(self.cluster))
+    }
+
+    /// How many clusters may be made side by side where there are so many bytes, at least one and at most `most`, and
+    /// what building takes then.
+    pub(crate) fn within(&self, bytes: u64, most: usize) -> (usize, u64) {
+        let fit = bytes.saturating_sub(self.whole).checked_div(self.cluster).unwrap_or(1);
+        let at_once = fit.min(self.clusters).min(most as u64).max(1);
+        let building = self.whole.saturating_add(self.cluster.saturating_mul(at_once));
+        (usize::try_from(at_once).unwrap_or(1), self.reading.max(building))
+    }
+
+    /// So many bytes, without clusters.
+    #[cfg(test)]
+    pub(crate) fn plain(whole: u64) -> Self {
+        Self { whole, ..Self::default() }
+    }
+
+    /// What building a mesh takes, as `super::build` does it.
+    pub(crate) fn of(desc: &MeshDesc, demand: &Demand<'_>, limit_bytes: u64, cluster_bytes: u64) -> Self {
+        let lengths = [&desc.face_vertex_counts, &desc.face_vertex_indices, &desc.points].map(TypedArray::len);
+        if lengths.into_iter().any(|length| length > MAX_CORNERS) {
+            // It is refused before anything is made of it.
+            return Self::default();
+        }
+        Read::of(desc, demand, lengths.map(|length| length as u64)).footprint(limit_bytes, cluster_bytes)
+    }
+}
+
+/// What a description is read to.
+#[derive(Clone, Copy, Debug, Default)]
+struct Read {
+    /// Triangles or other items.
+    items: u64,
+    /// True for points, which have a tree over bundles.
+    is_of_points: bool,
+    /// Bytes beside what items take, until they have no tree yet.
+    beside: u64,
+    /// Bytes of attributes, with what tells which values an item has.
+    attributes: u64,
+    /// Bytes of all keys of what moves, beyond the first.
+    keys: u64,
+}
+
+impl Read {
+    fn of(desc: &MeshDesc, demand: &Demand<'_>, [faces, corners, points]: [u64; 3]) -> Self {
+        let keys = key_count(desc);
+        let of_ptex = demand.wanted.iter().any(|wanted| wanted.id == PTEX_SET_ID);
+        let topology = |faces: u64, corners: u64, points: u64| {
+            faces * size_of::<Face>() as u64 + 4 * corners + POINT * points * (1 + keys)
+        };
+        let none = Dicing::default();
+        let dicing = demand.dicing.unwrap_or(&none);
+        match &desc.shape {
+            Shape::Mesh if demand.refines(desc) && !of_ptex => {
+                let items = refined_triangles(desc, demand, dicing, corners);
+                // Where faces meet at edges that are not smooth, each has vertices of its own.
+                let vertices = items.saturating_add(corners);
+                let values = value_bytes(desc, demand, [1, items, vertices, vertices]);
+                let cut = CUT_VERTEX.saturating_mul(vertices).saturating_add(values.saturating_mul(4));
+                let control = topology(faces, corners, points) + CONTROL_CORNER * corners + 48 * points;
+                let refined = topology(items, 3 * items, vertices) + 16 * items;
+                let beside = control.saturating_add(cut.saturating_mul(keys.max(1))).saturating_add(refined);
+                Self::with(desc, items, beside, values.saturating_add(POINT * vertices), keys)
+            }
+            Shape::Mesh => {
+                let items = triangle_count(desc, corners, of_ptex);
+                let values = value_bytes(desc, demand, [1, items, points, 3 * items]);
+                let is_smooth = matches!(desc.subdivision, Subdivision::CatmullClark | Subdivision::Loop);
+                // Sums in double precision.
+                let smooth = if is_smooth || desc.normals.is_some() { 60 * points } else { 0 };
+                let ptex = if of_ptex { 12 * items } else { 0 };
+                let beside = topology(faces, corners, points) + smooth + 2 * ptex;
+                Self::with(desc, items, beside, values.saturating_add(smooth / 5 + ptex), keys)
+            }
+            Shape::Curves(curves) => {
+                let indices = curves.indices.as_ref().map_or(0, |indices| indices.len() as u64);
+                let count = match curves.basis {
+                    CurveBasis::Linear => counted(&curves.counts, |count| count).min(points.max(indices)),
+                    _ => curve_points(desc, curves, dicing),
+                };
+                // Ribbons have two triangles a piece, and two points at each end.
+                let items = if desc.normals.is_some() { 2 * count } else { count };
+                let values = value_bytes(desc, demand, [1, items, items, items]);
+                let beside = CURVE_POINT.saturating_mul(count).saturating_add(2 * topology(items, 3 * items, items));
+                Self::with(desc, items, beside.saturating_add(values), values, keys)
+            }
+            _ => {
+                let values = value_bytes(desc, demand, [1, 1, points, points]);
+                let beside = 2 * topology(points, 3 * points, points);
+                Self { is_of_points: true, ..Self::with(desc, points, beside, values, keys) }
+            }
+        }
+    }
+
+    fn with(desc: &MeshDesc, items: u64, beside: u64, values: u64, keys: u64) -> Self {
+        let subsets = if desc.subsets.is_empty() { 0 } else { 2 * items };
+        // Points of corners, where some values go by them.
+        let attributes = if values == 0 { 0 } else { values.saturating_add(12 * items) };
+        let attributes = attributes.saturating_add(subsets);
+        // Vertices at each key, and normals by corner.
+        let of_keys = 72_u64.saturating_mul(items).saturating_mul(keys.saturating_sub(1));
+        Self { items, is_of_points: false, beside, attributes, keys: of_keys }
+    }
+
+    /// Items in authored order with all they have.
+    fn loose(&self) -> u64 {
+        ITEM.saturating_mul(self.items).saturating_add(self.attributes).saturating_add(self.keys)
+    }
+
+    fn footprint(&self, limit_bytes: u64, cluster_bytes: u64) -> Footprint {
+        let loose = self.loose();
+        // Items in blocks and all together; lists of values grow while they are read.
+        let items = (2 * READ_ITEM).saturating_mul(self.items);
+        let values = self.attributes.saturating_add(self.attributes / 2).saturating_add(self.keys.saturating_mul(2));
+        let reading = self.beside.saturating_add(items).saturating_add(values);
+        let per_item = if self.is_of_points { TREE / POINT_BUNDLE as u64 + 40 } else { TREE };
+        let device = if self.is_of_points { POINT_BYTES + 3 } else { TRIANGLE_BYTES + 12 };
+        let arranged = |items: u64| {
+            let share = u128::from(loose) * u128::from(items) / u128::from(self.items.max(1));
+            u64::try_from(share).unwrap_or(u64::MAX).saturating_add(NODES * items)
+        };
+        // The copy in the tree's order is made when most of the tree's memory is free again.
+        let tree = |items: u64| (per_item * items).max(arranged(items) + 32 * items);
+        let expected = device.saturating_mul(self.items).saturating_add(self.attributes);
+        let whole = loose.saturating_add(tree(self.items.min(limit_bytes / device)));
+        if expected <= limit_bytes {
+            return Footprint { reading, whole, cluster: 0, clusters: 0 };
+        }
+        let of_cluster = self.items.min(cluster_bytes / device + 1);
+        let cluster = tree(of_cluster).saturating_add(arranged(of_cluster)).saturating_add(40 * of_cluster);
+        let sorted = loose.saturating_add(SORTED * self.items);
+        // Values that are not usable may make it small enough for one tree.
+        let is_near = expected / 2 <= limit_bytes;
+        let reading = if is_near { reading.max(whole) } else { reading };
+        Footprint { reading, whole: sorted, cluster, clusters: expected.div_ceil(cluster_bytes.max(1)) }
+    }
+}
+
+/// Most keys that it may have; 0 where nothing moves.
+fn key_count(desc: &MeshDesc) -> u64 {
+    let motion = &desc.point_motion;
+    match motion.samples.len() as u64 {
+        _ if motion.velocities.is_some() => 5,
+        0 | 1 => 0,
+        samples => (samples + 2).min(MOST_KEYS),
+    }
+}
+
+/// Most triangles of polygons, which have as many corners as that in all.
+fn triangle_count(desc: &MeshDesc, corners: u64, of_ptex: bool) -> u64 {
+    let of_face = |count: u64| if of_ptex && count != 4 { count } else { count.saturating_sub(2) };
+    counted(&desc.face_vertex_counts, of_face).min(corners)
+}
+
+/// The sum over all counts of what there is for each.
+fn counted(counts: &TypedArray, of: impl Fn(u64) -> u64) -> u64 {
+    let counts = counts.view();
+    let count = |at: usize| counts.index(at).and_then(|count| u64::try_from(count).ok()).unwrap_or(0);
+    (0..counts.len()).map(|at| of(count(at))).fold(0, u64::saturating_add)
+}
+
+/// Most triangles of a surface that is cut.
+fn refined_triangles(desc: &MeshDesc, demand: &Demand<'_>, dicing: &Dicing, corners: u64) -> u64 {
+    let cutting = Cutting::new(desc, dicing, demand.displaces(desc));
+    let (counts, indices, points) =
+        (desc.face_vertex_counts.view(), desc.face_vertex_indices.view(), desc.points.view());
+    let point = |corner: usize| {
+        let at = indices.index(corner).and_then(|at| usize::try_from(at).ok());
+        at.and_then(|at| points.vec3(at)).unwrap_or(DVec3::ZERO)
+    };
+    let (mut first, mut sum) = (0_usize, 0_u64);
+    for at in 0..counts.len() {
+        let Some(count) = counts.index(at).and_then(|count| usize::try_from(count).ok()) else { continue };
+        if count > indices.len() - first {
+            break;
+        }
+        let edges = (0..count).map(|k| cutting.pieces(point(first + k), point(first + (k + 1) % count)));
+        let most = edges.max().and_then(|most| u64::try_from(most).ok()).unwrap_or(0);
+        first += count;
+        // Faces of other than four corners are cut at their middles first.
+        let of_face = match count {
+            0..3 => 0,
+            4 => 2 * most * most,
+            3 if desc.subdivision == Subdivision::Loop => most * most,
+            _ => 2 * count as u64 * most.div_ceil(2) * most.div_ceil(2),
+        };
+        sum = sum.saturating_add(of_face + 4 * most);
+    }
+    sum.min(MAX_REFINED_TRIANGLES.max(2 * corners))
+}
+
+/// Bytes of values, where a primvar has so many of each: for all, for each face, for each point, for each corner.
+fn value_bytes(desc: &MeshDesc, demand: &Demand<'_>, counts: [u64; 4]) -> u64 {
+    let bytes = |primvar: &Primvar, width: u64| {
+        let count = match primvar.interpolation {
+            Interpolation::Constant | Interpolation::Instance => counts[0],
+            Interpolation::Uniform => counts[1],
+            Interpolation::Vertex | Interpolation::Varying => counts[2],
+            Interpolation::FaceVarying => counts[3],
+        };
+        count.saturating_mul(width)
+    };
+    let named = desc.primvars.iter().filter(|named| demand.reads(&named.name)).map(|named| bytes(&named.primvar, 16));
+    let own = [(&desc.normals, 12), (&desc.display_color, 12), (&desc.display_opacity, 4)];
+    let own = own.into_iter().filter_map(|(primvar, width)| Some(bytes(primvar.as_ref()?, width)));
+    named.chain(own).fold(0, u64::saturating_add)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The ledger of host memory for meshes: what is kept of them, and what building takes while it runs. Counts only: who
+//! has no room is told so and does something else. Any thread.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// How much host memory meshes may take, and how much they do.
+#[derive(Debug)]
+pub struct HostMemory {
+    /// Most bytes of assets that are kept.
+    limit: AtomicU64,
+    /// Most bytes of assets and of builds under way together.
+    room: AtomicU64,
+    /// Of everything, not of meshes alone.
+    budget: AtomicU64,
+    /// Bytes of assets that are kept.
+    held: AtomicU64,
+    /// `held`, and what builds under way may take.
+    taken: AtomicU64,
+    /// The most that `taken` has been since the room was set.
+    most_taken: AtomicU64,
+}
+
+impl Default for HostMemory {
+    fn default() -> Self {
+        let [limit, room, budget] = [u64::MAX; 3].map(AtomicU64::new);
+        let [held, taken, most_taken] = [0; 3].map(AtomicU64::new);
+        Self { limit, room, budget, held, taken, most_taken }
+    }
+}
+
+impl HostMemory {
+    /// Sets the most bytes of assets that are kept. What is held stays.
+    pub fn set_limit(&self, bytes: u64) {
+        self.limit.store(bytes, Ordering::Relaxed);
+    }
+
+    /// Sets the most bytes of kept assets and builds under way together, before a commit. A build that needs more runs
+    /// alone.
+    pub fn set_room(&self, bytes: u64) {
+        self.room.store(bytes, Ordering::Relaxed);
+        self.most_taken.store(self.taken.load(Ordering::Relaxed), Ordering::Relaxed);
+    }
+
+    /// Sets what there may be in all, bytes: a prim that needs more by itself is not built.
+    pub(crate) fn set_budget(&self, bytes: u64) {
+        self.budget.store(bytes, Ordering::Relaxed);
+    }
+
+    /// What there may be in all, bytes; none without a limit.
+    pub(crate) fn budget(&self) -> Option<u64> {
+        Some(self.budget.load(Ordering::Relaxed)).filter(|budget| *budget < u64::MAX)
+    }
+
+    /// Bytes of assets that are kept.
+    #[must_use]
+    pub fn held(&self) -> u64 {
+        self.held.load(Ordering::Relaxed)
+    }
+
+    /// The most bytes that kept assets and builds under way have taken together since the room was set.
+    #[must_use]
+    pub fn most_taken(&self) -> u64 {
+        self.most_taken.load(Ordering::Relaxed)
+    }
+
+    /// [`Self::most_taken`], if it was more than the room.
+    #[must_use]
+    pub fn overrun(&self) -> Option<u64> {
+        Some(self.most_taken()).filter(|most| *most > self.room.load(Ordering::Relaxed))
+    }
+
+    /// Bytes that a build may take now.
+    pub(crate) fn left(&self) -> u64 {
+        self.room.load(Ordering::Relaxed).saturating_sub(self.taken.load(Ordering::Relaxed))
+    }
+
+    fn take(&self, bytes: u64, most: u64) -> bool {
+        let more = |taken: u64| taken.checked_add(bytes).filter(|taken| *taken <= most);
+        let before = self.taken.fetch_update(Ordering::Relaxed, Ordering::Relaxed, more);
+        if let Ok(before) = before {
+            self.most_taken.fetch_max(before.saturating_add(bytes), Ordering::Relaxed);
+        }
+        before.is_ok()
+    }
+
+    fn give_back(&self, bytes: u64) {
+        self.taken.fetch_sub(bytes, Ordering::Relaxed);
+    }
+
+    /// Reserves memory for a build if there is room.
+    pub(crate) fn try_reserve(self: &Arc<Self>, bytes: u64) -> Option<Reserved> {
+        self.take(bytes, self.room.load(Ordering::Relaxed)).then(|| Reserved { memory: self.clone(), bytes })
+    }
+
+    /// Reserves memory for a build whether there is room or not; nothing where the sum is no number.
+    pub(crate) fn reserve(self: &Arc<Self>, bytes: u64) -> Reserved {
+        let bytes = if self.take(bytes, u64::MAX) { bytes } else { 0 };
+        Reserved { memory: self.clone(), bytes }
+    }
+
+    /// Keeps an asset if there is room.
+    pub(crate) fn try_hold(self: &Arc<Self>, bytes: u64) -> Option<HeldMemory> {
+        if !self.take(bytes, self.room.load(Ordering::Relaxed)) {
+            return None;
+        }
+        let held = self.hold_taken(bytes, self.limit.load(Ordering::Relaxed));
+        if held.is_none() {
+            self.give_back(bytes);
+        }
+        held
+    }
+
+    /// Keeps an asset whether there is room or not.
+    pub(crate) fn hold(self: &Arc<Self>, bytes: u64) -> HeldMemory {
+        let bytes = if self.take(bytes, u64::MAX) { bytes } else { 0 };
+        self.held.fetch_add(bytes, Ordering::Relaxed);
+        HeldMemory { memory: self.clone(), bytes }
+    }
+
+    /// Has what is taken already held, if `held` stays below `limit`.
+    fn hold_taken(self: &Arc<Self>, bytes: u64, limit: u64) -> Option<HeldMemory> {
+        let more = |held: u64| held.checked_add(bytes).filter(|held| *held <= limit);
+        self.held.fetch_update(Ordering::Relaxed, Ordering::Relaxed, more).ok()?;
+        Some(HeldMemory { memory: self.clone(), bytes })
+    }
+}
+
+/// What is to be said of a prim that needs so many bytes while it is built, where the budget is smaller.
+pub(crate) fn too_large(needed: u64, budget: u64) -> String {
+    let [needed, budget] = [needed, budget].map(|bytes| bytes.div_ceil(1 << 20));
+    format!(
+        "needs {needed} MiB of host memory to be built, more than the {budget} MiB of oocpt:hostMemoryBudget; it is \
+         left out"
+    )
+}
+
+/// Memory for a build, until this is dropped.
+#[derive(Debug)]
+pub(crate) struct Reserved {
+    memory: Arc<HostMemory>,
+    bytes: u64,
+}
+
+impl Reserved {
+    /// Keeps an asset that is part of what was reserved, if the limit allows it.
+    pub(crate) fn keep(&mut self, bytes: u64) -> Option<HeldMemory> {
+        if bytes > self.bytes {
+            return self.memory.try_hold(bytes);
+        }
+        let held = self.memory.hold_taken(bytes, self.memory.limit.load(Ordering::Relaxed))?;
+        self.bytes -= bytes;
+        Some(held)
+    }
+}
+
+impl Drop for Reserved {
+    fn drop(&mut self) {
+        self.memory.give_back(self.bytes);
+    }
+}
+
+/// Memory of a kept asset, until this is dropped.
+#[derive(Debug)]
+pub(crate) struct HeldMemory {
+    memory: Arc<HostMemory>,
+    bytes: u64,
+}
+
+impl Drop for HeldMemory {
+    fn drop(&mut self) {
+        self.memory.held.fetch_sub(self.bytes, Ordering::Relaxed);
+        self.memory.give_back(self.bytes);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_prim_that_is_too_large_is_told_with_both_sizes() {
+        let note = too_large((8 << 20) + 1, 8 << 20);
+        assert!(note.contains("needs 9 MiB") && note.contains("8 MiB of oocpt:hostMemoryBudget"), "{note}");
+        assert!(too_large(u64::MAX, 1).contains("needs 17592186044416 MiB"), "no overflow");
+    }
+
+    #[test]
+    fn memory_is_held_up_to_the_limit_and_given_back() {
+        let memory = Arc::new(HostMemory::default());
+        memory.set_limit(100);
+        let first = memory.try_hold(60).expect("there is room");
+        assert!(memory.try_hold(41).is_none(), "no room");
+        assert!(memory.try_hold(u64::MAX).is_none(), "no overflow");
+        let rest = memory.try_hold(40).expect("just fits");
+        let beyond = memory.hold(7);
+        assert_eq!(memory.held(), 107);
+        drop((first, beyond));
+        assert_eq!(memory.held(), 40);
+        drop(rest);
+        assert_eq!((memory.held(), memory.left(), memory.most_taken()), (0, u64::MAX, 107));
+    }
+
+    #[test]
+    fn builds_and_what_is_kept_share_the_room() {
+        let memory = Arc::new(HostMemory::default());
+        memory.set_limit(50);
+        memory.set_room(100);
+        let mut build = memory.try_reserve(70).expect("there is room");
+        assert!(memory.try_reserve(31).is_none() && memory.try_hold(31).is_none(), "no room for more");
+        assert!(memory.try_reserve(u64::MAX).is_none(), "no overflow");
+        assert_eq!(memory.left(), 30);
+        let kept = build.keep(40).expect("a part of it");
+        assert_eq!((memory.held(), memory.left()), (40, 30), "nothing is counted twice");
+        assert!(build.keep(11).is_none(), "beyond the limit");
+        drop(build);
+        assert_eq!((memory.held(), memory.left(), memory.most_taken()), (40, 60, 70));
+        let alone = memory.reserve(1000);
+        assert_eq!((memory.left(), memory.most_taken()), (0, 1040), "a build that is alone");
+        assert!(memory.try_reserve(1).is_none());
+        drop((kept, alone));
+        assert_eq!((memory.held(), memory.left()), (0, 100));
+    }
+}
