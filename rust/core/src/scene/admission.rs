@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Which meshes are built at a time where there is a budget of host memory: as many as it has room for, and one where
-//! it has none. No thread waits for room: a build that ends starts those that fit then. Runs on the caller's rayon pool.
+//! it has none. No thread waits for room: a build that ends starts those that fit then. Runs on the caller's rayon
+//! pool.
 
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
