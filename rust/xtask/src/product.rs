@@ -38,21 +38,28 @@ pub(crate) fn build_for_wheel(places: &Places, interpreter: &Interpreter) -> Res
     build_plugin_for_wheel(places, interpreter)
 }
 
-/// Builds every crate with its tests, then the product, which has none of what tests turn on (feature `faults`) and
-/// shares everything else with them. Gives cargo's messages about the former, a JSON object a line.
+/// Builds every crate with its tests, and with the faults that they plant (feature `faults`). Gives cargo's messages, a
+/// JSON object a line.
 ///
 /// # Errors
 /// If cargo fails.
-pub(crate) fn build_workspace(places: &Places) -> Result<String> {
+pub(crate) fn build_tests(places: &Places) -> Result<String> {
     let mut build = cargo(places, "build");
     build.args(["--workspace", "--all-targets", "--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
-    let messages = capture(&mut build)?;
+    capture(&mut build)
+}
+
+/// Builds bridge and command, which have none of what tests turn on, and the plugin around the bridge.
+///
+/// # Errors
+/// If cargo, `CMake` or the build fails; in CI also if there are warnings.
+pub(crate) fn build_for_tests(places: &Places, interpreter: &Interpreter) -> Result<()> {
     let mut build = cargo(places, "build");
     build.args(packages()).args(["--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
     let warned = capture(&mut build)?.lines().any(is_warning);
     ensure!(!warned || !is_ci(), "the product, without what tests turn on, has warnings");
     [BRIDGE_FILE, COMMAND_FILE].iter().try_for_each(|file| keep(places, PROFILE, file))?;
-    Ok(messages)
+    build_plugin_for_wheel(places, interpreter)
 }
 
 /// Whether one of cargo's messages is a warning about a crate of the clone.
@@ -93,7 +100,7 @@ fn keep(places: &Places, profile: &str, file: &str) -> Result<()> {
 ///
 /// # Errors
 /// If `CMake` or the build fails.
-pub(crate) fn build_plugin_for_wheel(places: &Places, interpreter: &Interpreter) -> Result<()> {
+fn build_plugin_for_wheel(places: &Places, interpreter: &Interpreter) -> Result<()> {
     let mut options = bridge_options(places, PROFILE);
     options.push(("OOCPT_HOST".into(), "wheel".into()));
     options.push(("OOCPT_HOST_ROOT".into(), path(&places.host())));

@@ -10,8 +10,9 @@ mod groups;
 mod python;
 mod watched;
 
+use std::collections::VecDeque;
 use std::process::Command;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -66,34 +67,80 @@ struct Group {
     is_long: bool,
 }
 
-/// Builds everything and runs all tests of an extent; every group runs, even if another failed.
+/// Groups that wait for their turn, and whether more will come.
+#[derive(Debug, Default)]
+struct Queue {
+    waiting: Mutex<(VecDeque<Group>, bool)>,
+    changed: Condvar,
+}
+
+impl Queue {
+    fn waiting(&self) -> MutexGuard<'_, (VecDeque<Group>, bool)> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds groups, the long ones before all others; `last` if none will come after them.
+    fn add(&self, groups: Vec<Group>, last: bool) {
+        let mut waiting = self.waiting();
+        waiting.0.extend(groups);
+        waiting.0.make_contiguous().sort_by_key(|group| !group.is_long);
+        waiting.1 = last;
+        self.changed.notify_all();
+    }
+
+    /// Takes one; waits where more will come.
+    fn next(&self) -> Option<Group> {
+        let mut waiting = self.waiting();
+        loop {
+            if let Some(group) = waiting.0.pop_front() {
+                return Some(group);
+            }
+            if waiting.1 {
+                return None;
+            }
+            waiting = self.changed.wait(waiting).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+/// Builds everything and runs all tests of an extent; every group runs, even if another failed. The product is built
+/// while Rust tests run: a build has seldom work for all processors.
 ///
 /// # Errors
 /// Names the groups that failed, or says why a build did.
 pub(crate) fn run(places: &Places, interpreter: &Interpreter, extent: Extent<'_>) -> Result<()> {
-    let messages = timed("building the workspace", || product::build_workspace(places))?;
+    let messages = timed("building the workspace", || product::build_tests(places))?;
     let programs: Vec<Program> = messages.lines().filter_map(Program::of_message).collect();
-    timed("building the plugin", || product::build_plugin_for_wheel(places, interpreter))?;
     let has_gpu = system::has_gpu();
-    let mut groups = python::groups(places, extent)?;
-    groups.extend(groups::of_programs(places, &programs, extent, has_gpu)?);
-    groups.sort_by_key(|group| !group.is_long);
-    let failed = timed("running the tests", || run_groups(groups, if has_gpu { 1 } else { AT_A_TIME }))?;
+    let queue = Queue::default();
+    queue.add(groups::of_programs(places, &programs, extent, has_gpu)?, false);
+    let build = || {
+        let built = timed("building the product", || product::build_for_tests(places, interpreter));
+        let groups = built.and_then(|()| python::groups(places, extent));
+        let (groups, result) = groups.map_or_else(|error| (vec![], Err(error)), |groups| (groups, Ok(())));
+        queue.add(groups, true);
+        result
+    };
+    let (built, failed) = thread::scope(|scope| {
+        let built = scope.spawn(build);
+        let failed = timed("running the tests", || run_groups(&queue, if has_gpu { 1 } else { AT_A_TIME }));
+        (built.join().unwrap_or_else(|_| bail!("the thread of the build ended")), failed)
+    });
+    let failed = failed?;
     if !failed.is_empty() {
         bail!("tests failed: {}", failed.join(", "));
     }
+    built?;
     say("all tests passed");
     Ok(())
 }
 
-/// Runs groups, `workers` at a time, in their order; gives the names of those that failed.
-fn run_groups(groups: Vec<Group>, workers: usize) -> Result<Vec<String>> {
-    let waiting = Mutex::new(groups.into_iter());
-    let next = || waiting.lock().unwrap_or_else(PoisonError::into_inner).next();
+/// Runs groups, `workers` at a time; gives the names of those that failed.
+fn run_groups(queue: &Queue, workers: usize) -> Result<Vec<String>> {
     let durations = Mutex::new(Vec::new());
     let work = || -> Result<Vec<String>> {
         let mut failed = Vec::new();
-        while let Some(mut group) = next() {
+        while let Some(mut group) = queue.next() {
             let started = Instant::now();
             let watched = Watched { mark: &format!("[{}] ", group.name), patience: PATIENCE };
             let (status, tests) = watched.run(&mut group.command)?;
@@ -142,14 +189,30 @@ mod tests {
     }
 
     #[test]
+    fn long_groups_come_first() {
+        let queue = Queue::default();
+        queue.add(vec![group("a", ""), group("b", "")], false);
+        queue.add(vec![Group { is_long: true, ..group("c", "") }, group("d", "")], true);
+        let order: Vec<String> = std::iter::from_fn(|| queue.next()).map(|group| group.name).collect();
+        assert_eq!(order, ["c", "a", "b", "d"]);
+    }
+
+    #[test]
     fn all_groups_run_and_those_that_fail_are_named() {
         let file = std::env::temp_dir().join(format!("oocpt-groups-{}", std::process::id()));
         let last = format!("touch '{}'", file.display());
-        let groups = vec![group("a", "exit 0"), group("b", "exit 1"), group("c", "kill -9 $$"), group("d", &last)];
-        let mut failed = run_groups(groups, 2).unwrap();
+        let queue = Queue::default();
+        queue.add(vec![group("a", "exit 0"), group("b", "exit 1")], false);
+        let failed = thread::scope(|scope| {
+            let failed = scope.spawn(|| run_groups(&queue, 2));
+            thread::sleep(Duration::from_millis(300));
+            queue.add(vec![group("c", "kill -9 $$"), group("d", &last)], true);
+            failed.join()
+        });
+        let mut failed = failed.unwrap().unwrap();
         failed.sort();
         assert_eq!(failed, ["b", "c"]);
         std::fs::remove_file(file).expect("the last one ran, too");
-        assert!(run_groups(vec![], 2).unwrap().is_empty());
+        assert!(run_groups(&queue, 2).unwrap().is_empty(), "nothing is left");
     }
 }
