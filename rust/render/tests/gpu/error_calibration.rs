@@ -5,7 +5,7 @@ use crate::error_estimate::{SIZE, gloss, lamps, low_sun, mirror, overcast, view,
 use crate::lights::TestFiles;
 use crate::scenes::{features, nested};
 use crate::streaming::{SCENES, Scene};
-use crate::support::{color_request, perspective, read, render, seeds, settings};
+use crate::support::{color_request, is_full, perspective, read, render, seeds, settings};
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::Value;
 use oocpt_core::stats::ErrorRow;
@@ -189,7 +189,7 @@ fn larger_pictures_of_few_and_of_many_samples_are_calibrated() {
 /// With all tests: pictures 640 and 1280 pixels wide, from 4 to 1024 samples; on a processor those that it can render.
 #[test]
 fn pictures_as_large_as_people_render_them_are_calibrated() {
-    if std::env::var_os("OOCPT_TEST_FULL").is_none() {
+    if !is_full() {
         eprintln!("skipped: only with all tests (OOCPT_TEST_FULL)");
         return;
     }

@@ -25,7 +25,12 @@ pub(crate) fn settings(samples: u32, bounces: u32) -> Settings {
 
 /// How many seeds a test counts over: a few, or, by `cargo xtask test --full`, many.
 pub(crate) fn seeds([few, many]: [u32; 2]) -> u32 {
-    if std::env::var_os("OOCPT_TEST_FULL").is_some() { many } else { few }
+    if is_full() { many } else { few }
+}
+
+/// Whether the tests run by `cargo xtask test --full`.
+pub(crate) fn is_full() -> bool {
+    std::env::var_os("OOCPT_TEST_FULL").is_some()
 }
 
 /// A session whose Vulkan mistakes are errors.

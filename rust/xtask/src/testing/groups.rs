@@ -34,7 +34,7 @@ const THREADED: [&str; 10] = [
     "render streaming",
 ];
 /// Groups of a minute or more.
-const LONG: [&str; 11] = [
+const LONG: [&str; 12] = [
     "extreme table",
     "ptex all",
     "render bsdf",
@@ -42,6 +42,7 @@ const LONG: [&str; 11] = [
     "render lights",
     "render materials",
     "render streaming",
+    "render streaming::roulette",
     "render textures",
     "render unit",
     "shader_abi all",
@@ -202,7 +203,7 @@ mod tests {
             let file = if part == "unit" {
                 "src/lib.rs".to_owned()
             } else if BY_MODULE.iter().any(|(crate_name, target)| *crate_name == package && *target != part) {
-                format!("tests/gpu/{part}")
+                format!("tests/gpu/{}", part.replace("::", "/"))
             } else {
                 format!("tests/{part}")
             };
