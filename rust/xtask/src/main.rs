@@ -65,7 +65,7 @@ enum Task {
     Test {
         /// Part of a test's name
         filter: Option<String>,
-        /// Count over all seeds, where a few tell nearly as much
+        /// Take all seeds where a few tell nearly as much, and run tests through Hydra in both front ends
         #[arg(long)]
         full: bool,
     },
