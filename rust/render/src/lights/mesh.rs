@@ -26,7 +26,7 @@ use std::sync::{Arc, Weak};
 
 /// Most placements: 54 MB on the device with their tree.
 const MAX_PLACEMENTS: usize = 1 << 18;
-/// Most triangles of unique meshes: up to 60 MB on the device.
+/// Most triangles of unique meshes: 60 MB on the device in large meshes, up to 200 MB where each has a leaf of its own.
 const MAX_TRIANGLES: usize = 1 << 20;
 /// Meshes from this number on do not fit in what is kept of a hit.
 const MAX_LIGHT_MESH: u32 = 1 << 24;
