@@ -22,7 +22,7 @@ def pytest_configure(config):
 
 def pytest_generate_tests(metafunc):
     """A test that asks for `host` runs in the default front end, or in both where it is marked. That a scene means the
-    same in both is asked by test_sameness.py and test_cases.py."""
+    same in both is asked by test_bit_identity.py and test_regression_cases.py."""
     if "host" in metafunc.fixturenames:
         asks_both = metafunc.definition.get_closest_marker("both_front_ends") or os.environ.get("OOCPT_TEST_FULL")
         metafunc.parametrize("host", list(MODES) if asks_both else [DEFAULT], indirect=True)

@@ -41,9 +41,9 @@ pub struct Settings {
     pub chunk_size_kib: u32,
     /// Hard limit of device memory for geometry in KiB, 0 = what the memory budget leaves.
     pub geometry_budget_kib: u32,
-    /// Most MiB of host memory: half of it for built meshes, beyond which they are on disk, and while streaming three
-    /// eighths for instances as they were encoded, which can then be copied to the device again, and an eighth for the
-    /// radiance of ended paths; 0 = half, half and an eighth of what is free then.
+    /// Most MiB of host memory, for what the renderer counts: arrays that the host lends, tables of instances and
+    /// images first, then shares for built meshes, encoded instances and ended paths (`host_memory.rs` of the
+    /// renderer); 0 = shares of what is free.
     pub host_memory_budget_mib: u32,
     /// Folder in which decoded textures are kept, "0" = none, empty = the user's own.
     pub texture_cache: String,
