@@ -100,6 +100,8 @@ pub(crate) struct Taken<'a> {
     pub(crate) lent: &'a Lent,
     /// Tables of instances.
     pub(crate) tables: u64,
+    /// The loader's staging memory.
+    pub(crate) staging: u64,
     /// Built meshes in memory.
     pub(crate) held: u64,
     /// What meshes took while they were built, where that was more than there was for it.
@@ -110,7 +112,7 @@ pub(crate) struct Taken<'a> {
 
 /// What is to be said of a scene that does not keep to `budget`: of what can be put nowhere else first.
 pub(crate) fn complaint(budget: u64, taken: &Taken<'_>) -> Option<String> {
-    let Taken { lent, tables, held, building, has_files } = *taken;
+    let Taken { lent, tables, staging, held, building, has_files } = *taken;
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
     let fixed = lent.bytes.saturating_add(tables);
     let what = if fixed > budget {
@@ -129,7 +131,11 @@ pub(crate) fn complaint(budget: u64, taken: &Taken<'_>) -> Option<String> {
             mib(fixed)
         )
     } else {
-        format!("building meshes takes up to {} MiB beside {} MiB of the scene", mib(building?), mib(fixed))
+        // More than its share alone is no excess: what else has a share may take less.
+        let beside = fixed.saturating_add(staging);
+        let building = building.filter(|building| beside.saturating_add(*building) > budget)?;
+        let [building, beside] = [building, beside].map(mib);
+        format!("building meshes takes up to {building} MiB beside {beside} MiB of the scene and of staging memory")
     };
     Some(format!("oocpt:hostMemoryBudget of {} MiB is exceeded: {what}", mib(budget)))
 }
@@ -225,7 +231,7 @@ mod tests {
         let lent = Lent { bytes: 60 << 20, largest: Some(("/city".into(), 50 << 20)) };
         let of = |tables: u64, held: u64, building: Option<u64>, has_files| {
             let building = building.map(|mib| mib << 20);
-            let taken = Taken { lent: &lent, tables: tables << 20, held: held << 20, building, has_files };
+            let taken = Taken { lent: &lent, tables: tables << 20, staging: 0, held: held << 20, building, has_files };
             complaint(64 << 20, &taken)
         };
         assert_eq!([of(4, 0, None, false), of(4, 1 << 20, None, true)], [None, None], "it fits, or can be on disk");
@@ -233,6 +239,12 @@ mod tests {
         assert!(text.contains("built meshes take 1 MiB beside 64 MiB") && text.contains("geometryCache"), "{text}");
         let text = of(4, 1, Some(9), true).expect("building takes more");
         assert!(text.contains("building meshes takes up to 9 MiB beside 64 MiB"), "{text}");
+        let lends_nothing = Lent::default();
+        let building = Some(60 << 20);
+        let within = Taken { lent: &lends_nothing, tables: 4 << 20, staging: 0, held: 0, building, has_files: true };
+        let text = complaint(64 << 20, &Taken { staging: 1, ..within }).expect("staging memory counts");
+        assert!(text.contains("staging memory"), "{text}");
+        assert_eq!(complaint(64 << 20, &within), None, "all of it together fits");
         let text = of(5, 0, Some(9), true).expect("it does not fit");
         for part in ["64 MiB", "60 MiB", "/city, 50 MiB", "5 MiB"] {
             assert!(text.contains(part), "{part}: {text}");

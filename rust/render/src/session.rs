@@ -205,6 +205,7 @@ impl Session {
         let taken = Taken {
             lent,
             tables,
+            staging: Loader::staging_bytes(),
             held: memory.held(),
             building: memory.overrun(),
             has_files: lock(&self.geometry_files).is_some(),
