@@ -9,6 +9,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <string>
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -33,13 +34,15 @@ std::string _OneLine(const std::string& text)
     return line;
 }
 
-/// Who says it stands in front of our own texts already.
+/// Who says it stands in front of our own texts already. What kind it is goes without saying for our own status.
 void _Print(const char* kind, const std::string& text)
 {
     static const std::string ours = "OocPT: ";
     const bool isOurs = TfStringStartsWith(text, ours);
-    const std::string line = std::string(isOurs ? "OocPT" : "USD") + ": " + kind + ": "
-        + _OneLine(isOurs ? text.substr(ours.size()) : text) + "\n";
+    const bool isStatus = std::strcmp(kind, "status") == 0;
+    const std::string line = std::string(isOurs ? "OocPT: " : "USD: ")
+        + (isOurs && isStatus ? "" : std::string(kind) + ": ") + _OneLine(isOurs ? text.substr(ours.size()) : text)
+        + "\n";
     // One call, so that lines of several threads do not mix.
     std::fwrite(line.data(), 1, line.size(), stderr);
     std::fflush(stderr);

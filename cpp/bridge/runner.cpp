@@ -8,6 +8,7 @@
 
 #include <cerrno>
 #include <csignal>
+#include <cstdio>
 #include <exception>
 #include <string>
 #include <system_error>
@@ -79,6 +80,23 @@ extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerStart(int des
 extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerBegin(const char* folder)
 {
     return _Try([folder] { return oocpt::begin_picture(rust::Str(folder)); });
+}
+
+/// Sets a setting for what is rendered from now on, above what scene, host and environment say. `name` is a key, with
+/// or without `oocpt:` in front. Returns 0 and writes why to `message` (of `size` bytes, cut and ended with a zero byte)
+/// when there is no such setting, or it does not take the value.
+extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerSet(
+    const char* name, const char* value, char* message, size_t size)
+{
+    try {
+        oocpt::set_on_command_line(rust::Str(name), rust::Str(value));
+        return 1;
+    } catch (const std::exception& error) {
+        if (size > 0) {
+            std::snprintf(message, size, "%s", error.what());
+        }
+        return 0;
+    }
 }
 
 /// Of the stage of this process: scenes that come by a front end that does not say it have so many time codes a second.

@@ -376,9 +376,14 @@ void HdOocPTSession::DrainMessages()
     }
     for (const oocpt::UserMessage& message : messages) {
         const std::string text(message.text);
-        if (message.fatal) {
+        switch (message.severity) {
+        case oocpt::MessageSeverity::Status:
+            TF_STATUS("OocPT: %s", text.c_str());
+            break;
+        case oocpt::MessageSeverity::Error:
             TF_RUNTIME_ERROR("OocPT: %s", text.c_str());
-        } else {
+            break;
+        default:
             TF_WARN("OocPT: %s", text.c_str());
         }
     }

@@ -126,8 +126,8 @@ public:
     /// GetRenderStats() of the delegate, with the keys that hosts read.
     VtDictionary GetStats() const;
 
-    /// Posts what the renderer has to say as TF_WARN and TF_RUNTIME_ERROR. Call it on the host's thread: errors posted
-    /// on another one are lost to the host.
+    /// Posts what the renderer has to say as TF_STATUS, TF_WARN and TF_RUNTIME_ERROR. Call it on the host's thread:
+    /// errors posted on another one are lost to the host.
     void DrainMessages();
 
 private:

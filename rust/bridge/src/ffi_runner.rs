@@ -4,6 +4,7 @@
 
 use crate::guard::{BridgeError, guard};
 use crate::runner::{self, begin_picture, interrupt, picture_rendered};
+use crate::settings;
 use ffi::{Interrupted, PrimWarning};
 use oocpt_core::scene::{SceneWarning, summary};
 use oocpt_core::settings::{Scope, Settings};
@@ -25,6 +26,11 @@ fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>, BridgeErro
 /// Whether a scene may set the setting of that name; also where there is none.
 fn scene_may_set(key: &str) -> bool {
     Settings::scope(key) != Some(Scope::Machine)
+}
+
+/// See [`settings::set_on_command_line`].
+fn set_on_command_line(name: &str, text: &str) -> Result<(), BridgeError> {
+    guard("set_on_command_line", || Ok(settings::set_on_command_line(name, text)?))
 }
 
 /// Clipping planes of a camera that count.
@@ -65,6 +71,7 @@ mod ffi {
         fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>>;
         fn scene_may_set(key: &str) -> bool;
         fn max_clip_planes() -> usize;
+        fn set_on_command_line(name: &str, text: &str) -> Result<()>;
 
         fn begin_picture(folder: &str) -> Result<bool>;
         fn picture_rendered() -> Result<()>;

@@ -117,6 +117,15 @@ mod ffi {
         Text,
     }
 
+    /// What a message is.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum MessageSeverity {
+        Status,
+        Warning,
+        Error,
+    }
+
     /// What became of a setting.
     #[repr(u8)]
     #[derive(Debug)]
@@ -154,7 +163,7 @@ mod ffi {
     /// One line for the user.
     #[derive(Debug, Clone)]
     struct UserMessage {
-        fatal: bool,
+        severity: MessageSeverity,
         text: String,
     }
 

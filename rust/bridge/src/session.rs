@@ -4,7 +4,9 @@
 //! Every method may be called from any thread; none panics out (see [`crate::guard`]).
 
 use crate::convert::{self, Complaints};
-use crate::ffi::{NamedValue, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage};
+use crate::ffi::{
+    MessageSeverity, NamedValue, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage,
+};
 use crate::ffi_images::ImageSource;
 use crate::guard::{BridgeError, guard};
 use crate::images::HostImages;
@@ -130,9 +132,11 @@ impl Session {
             let Some(value) = settings::value(value) else {
                 return Ok(SettingOutcome::Unknown);
             };
-            let changed = self.inner.set_setting(key, value.clone())?;
+            let mut layers = lock(&self.layers);
+            let counts = layers.left_of(layers.settings(), key, value.clone())?;
+            let changed = self.inner.set_setting(key, counts)?;
             tracing::debug!(key, ?value, changed, "setting");
-            lock(&self.layers).set(key, value);
+            layers.set(key, value);
             Ok(outcome(changed))
         })
     }
@@ -231,12 +235,15 @@ impl Session {
     pub(crate) fn take_messages(&self) -> Result<Vec<UserMessage>, BridgeError> {
         guard("take_messages", || {
             let warnings = std::mem::take(&mut *lock(&self.warnings));
-            let own = warnings.into_iter().map(|text| UserMessage { fatal: false, text });
-            let renderers = self
-                .inner
-                .take_messages()
-                .into_iter()
-                .map(|message| UserMessage { fatal: message.severity == Severity::Error, text: message.text });
+            let own = warnings.into_iter().map(|text| UserMessage { severity: MessageSeverity::Warning, text });
+            let renderers = self.inner.take_messages().into_iter().map(|message| {
+                let severity = match message.severity {
+                    Severity::Status => MessageSeverity::Status,
+                    Severity::Warning => MessageSeverity::Warning,
+                    Severity::Error => MessageSeverity::Error,
+                };
+                UserMessage { severity, text: message.text }
+            });
             Ok(own.chain(renderers).collect())
         })
     }

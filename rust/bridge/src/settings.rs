@@ -1,10 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which value of a setting counts: what the host set explicitly, else the `OOCPT_*` variable, else the default.
+//! Which value of a setting counts: what was given on the command line, else what the host set explicitly, else the
+//! `OOCPT_*` variable, else the default.
 //!
-//! Pure but for the variables, which are read once through the function given to [`Layers::new`].
+//! The variables are read once through the function given to [`Layers::new`]. The command line is one per process.
 
 use crate::ffi::{ScalarTag, ScalarValue, SettingDescriptor};
-use oocpt_core::settings::{Audience, Settings, Value};
+use oocpt_core::settings::{Audience, SettingError, Settings, Value};
+use std::sync::{Mutex, PoisonError};
+
+/// What the command line of this process has set, checked, in the order given.
+static COMMAND_LINE: Mutex<Vec<(String, Value)>> = Mutex::new(Vec::new());
+
+/// Sets a setting for all sessions that are opened from now on, above scene, host and environment. `name`: a key, with
+/// or without `oocpt:` in front. A wrong name or value is an error, and nothing is set.
+pub(crate) fn set_on_command_line(name: &str, text: &str) -> Result<(), SettingError> {
+    let key = Settings::key_named(name)?;
+    let mut checked = Settings::default();
+    checked.set(key, Value::Text(text.to_owned()))?;
+    let value = checked.get(key).unwrap_or_else(|| Value::Text(text.to_owned()));
+    COMMAND_LINE.lock().unwrap_or_else(PoisonError::into_inner).push((key.to_owned(), value));
+    Ok(())
+}
 
 /// The explicit settings and the environment's, by key.
 #[derive(Debug, Default)]
@@ -12,12 +28,14 @@ pub(crate) struct Layers {
     environment: Vec<(String, Value)>,
     /// In the order in which they were set: of two keys for the same thing the later one counts.
     explicit: Vec<(String, Value)>,
+    command_line: Vec<(String, Value)>,
 }
 
 impl Layers {
     /// Reads the variable of every setting. Unreadable ones are skipped and named in the returned lines.
     pub(crate) fn new(variable: impl Fn(&str) -> Option<String>) -> (Self, Vec<String>) {
-        let mut layers = Self::default();
+        let command_line = COMMAND_LINE.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let mut layers = Self { command_line, ..Self::default() };
         let mut complaints = Vec::new();
         let mut checked = Settings::default();
         for descriptor in Settings::descriptors() {
@@ -36,14 +54,22 @@ impl Layers {
     /// The settings as all layers give them.
     pub(crate) fn settings(&self) -> Settings {
         let mut settings = Settings::default();
-        apply(&mut settings, self.environment.iter().chain(&self.explicit));
+        apply(&mut settings, self.environment.iter().chain(&self.explicit).chain(&self.command_line));
         settings
+    }
+
+    /// What the command line leaves of a change of `settings`: the value for the key, as a host would set it.
+    pub(crate) fn left_of(&self, mut settings: Settings, key: &str, value: Value) -> Result<Value, SettingError> {
+        settings.set(key, value.clone())?;
+        apply(&mut settings, &self.command_line);
+        Ok(settings.get(key).unwrap_or(value))
     }
 
     /// Every key with the value that counts, in the order in which to set them.
     pub(crate) fn resolved(&self) -> Vec<(String, Value)> {
         let defaults = Settings::descriptors().into_iter().map(|entry| (entry.key.to_owned(), entry.default));
-        defaults.chain(self.environment.iter().chain(&self.explicit).cloned()).collect()
+        let above = self.environment.iter().chain(&self.explicit).chain(&self.command_line);
+        defaults.chain(above.cloned()).collect()
     }
 
     /// Notes an explicit value; the caller has checked it.
@@ -131,6 +157,33 @@ mod tests {
         assert!(layers.clear(SAMPLES), "there was an explicit value");
         assert_eq!(layers.settings().samples_per_pixel, 7, "the environment's value comes back");
         assert!(!layers.clear(SAMPLES), "there is none any more");
+    }
+
+    #[test]
+    fn the_command_line_beats_the_host_by_any_key() {
+        let (mut layers, _) = with_variable("OOCPT_SAMPLES_PER_PIXEL", "7");
+        layers.command_line.push((SAMPLES.to_owned(), Value::Int(11)));
+        let now = layers.settings();
+        assert_eq!(now.samples_per_pixel, 11, "over the environment");
+        for key in [SAMPLES, "convergedSamplesPerPixel"] {
+            let left = layers.left_of(now.clone(), key, Value::Int(9)).expect("in range");
+            assert_eq!(left, Value::Int(11), "{key} stays");
+            layers.set(key, Value::Int(9));
+            assert_eq!(layers.settings().samples_per_pixel, 11, "{key}: over the host");
+        }
+        let left = layers.left_of(now, "oocpt:seed", Value::Int(9)).expect("in range");
+        assert_eq!(left, Value::Int(9), "what the command line does not say");
+        assert_eq!(layers.resolved().last(), Some(&(SAMPLES.to_owned(), Value::Int(11))), "it is set last");
+    }
+
+    #[test]
+    fn wrong_settings_of_the_command_line_are_refused_with_the_nearest_name() {
+        let refused = |name: &str, text: &str| set_on_command_line(name, text).expect_err("refused").to_string();
+        assert!(refused("oocpt:samplePerPixels", "4").ends_with("did you mean oocpt:samplesPerPixel?"));
+        assert!(refused("maxbounce", "4").ends_with("did you mean oocpt:maxBounces?"));
+        assert!(refused("maxBounces", "many").contains("expected an integer"));
+        assert!(refused("maxBounces", "1e9").contains("outside 0 to 1024"));
+        assert!(COMMAND_LINE.lock().expect("no test panics").is_empty(), "nothing is set");
     }
 
     #[test]

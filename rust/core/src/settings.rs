@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The user's settings: defaults, bounds, names. Core reads no environment; [`Settings::env_name`] says what to read.
 
+mod error;
 mod host_mapped;
 mod table;
 mod traversal;
@@ -8,6 +9,7 @@ mod traversal;
 use serde::{Deserialize, Serialize};
 
 use crate::residency::PolicyKind;
+pub use error::SettingError;
 pub use host_mapped::HostMapped;
 use table::TABLE;
 pub use table::{Audience, Scope};
@@ -95,46 +97,6 @@ pub enum Value {
     Float(f64),
     /// Parsed where another type is wanted (environment variables).
     Text(String),
-}
-
-/// Why a setting was not taken; it keeps its value.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SettingError {
-    /// No setting of this name.
-    #[error("unknown setting {0:?}")]
-    Unknown(String),
-    /// The value has the wrong type.
-    #[error("setting {key}: expected {expected}, got {value:?}")]
-    Type {
-        /// The key as given.
-        key: String,
-        /// What it takes.
-        expected: &'static str,
-        /// What came.
-        value: Value,
-    },
-    /// The text is not one of those that the setting knows.
-    #[error("setting {key}: {value:?} is none of {}", .allowed.join(", "))]
-    Choice {
-        /// The key as given.
-        key: String,
-        /// What came.
-        value: String,
-        /// What it takes.
-        allowed: Vec<&'static str>,
-    },
-    /// The value is out of bounds.
-    #[error("setting {key}: {value} is outside {min} to {max}")]
-    Range {
-        /// The key as given.
-        key: String,
-        /// What came.
-        value: f64,
-        /// Smallest accepted value.
-        min: f64,
-        /// Largest accepted value.
-        max: f64,
-    },
 }
 
 /// A setting as it is listed.
@@ -309,6 +271,21 @@ impl Settings {
                 Some(Descriptor { key, name, default: defaults.get(key)?, doc, audience, scope })
             })
             .collect()
+    }
+
+    /// The key of the setting that a person means by `name`: the key itself, or without `oocpt:` in front.
+    ///
+    /// # Errors
+    /// [`SettingError::Misspelt`] with the nearest key.
+    pub fn key_named(name: &str) -> Result<&'static str, SettingError> {
+        let bare = |key: &'static str| key.strip_prefix("oocpt:").unwrap_or(key);
+        if let Some(row) = TABLE.iter().find(|row| row.key == name || bare(row.key) == name) {
+            return Ok(row.key);
+        }
+        let wanted = name.strip_prefix("oocpt:").unwrap_or(name).to_lowercase();
+        let distance = |row: &&table::Row| strsim::damerau_levenshtein(&bare(row.key).to_lowercase(), &wanted);
+        let nearest = TABLE.iter().min_by_key(distance).map_or("", |row| row.key);
+        Err(SettingError::Misspelt { name: name.to_owned(), nearest })
     }
 
     /// What `key` is about; `None` for an unknown key.

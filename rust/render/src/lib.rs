@@ -17,6 +17,7 @@ pub mod bsdf_tables;
 mod cache_folder;
 mod camera_blocks;
 pub mod chunk_report;
+mod closing_words;
 mod device;
 mod early;
 mod engine;

@@ -3,6 +3,7 @@
 
 use crate::adaptive::Adaptive;
 use crate::assets::SceneAssets;
+use crate::closing_words;
 use crate::device::Device;
 use crate::error::RenderError;
 use crate::error_log::{ErrorLog, Moment};
@@ -49,6 +50,8 @@ pub(crate) struct Progress<'a> {
     size: [u32; 2],
     /// Whether images are published before the last one.
     interactive: bool,
+    /// The render has ended as planned.
+    is_finished: bool,
     /// Adaptive: paths that are decided.
     decided: Option<u64>,
     /// What was counted before another feed went on.
@@ -89,6 +92,7 @@ impl<'a> Progress<'a> {
             next_publish: now + FIRST_INTERVAL,
             interval: FIRST_INTERVAL,
             interactive: job.settings.interactive,
+            is_finished: false,
             decided: None,
             before: None,
             nonfinite_pixel: 0,
@@ -335,6 +339,7 @@ impl<'a> Progress<'a> {
 
     /// The render has ended as planned.
     pub(crate) fn finish(&mut self) -> Result<(), RenderError> {
+        self.is_finished = true;
         let mut stats = lock(&self.shared.stats);
         stats.seconds_total = self.started.elapsed().as_secs_f64();
         if self.done >= self.open_paths() {
@@ -367,6 +372,13 @@ impl<'a> Progress<'a> {
         stats.host_peak_bytes = host_memory::peak();
         let usage = Usage::of(&stats);
         let nonfinite = stats.nonfinite_samples;
+        if self.is_finished && !self.interactive {
+            self.shared.report(Severity::Status, closing_words::line(&stats));
+            let row = stats.error.as_ref().filter(|_| nonfinite == 0);
+            if let Some(warning) = row.and_then(|row| closing_words::fireflies(row, self.pixels)) {
+                self.shared.report(Severity::Warning, warning);
+            }
+        }
         drop(stats);
         self.tell_nonfinite(nonfinite);
         self.log.usage(self.shared, usage);

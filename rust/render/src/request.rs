@@ -43,6 +43,8 @@ impl RenderRequest {
 /// How bad a message is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
+    /// How a picture came out.
+    Status,
     /// Something was dropped or is not supported; the render goes on.
     Warning,
     /// The render ended early.

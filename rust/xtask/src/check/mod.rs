@@ -32,7 +32,7 @@ pub(crate) enum Depth {
 type Step = (Depth, &'static str, fn(&Places) -> Result<()>);
 
 const STEPS: &[Step] = &[
-    (Depth::Text, "words and lengths", text::check),
+    (Depth::Text, "words", text::check),
     (Depth::Text, "columns", columns::check),
     (Depth::Text, "modules", modules::check),
     (Depth::Text, "documents", book::check),

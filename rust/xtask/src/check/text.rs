@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What every source file must and must not contain: licence line, length, words that mean "not finished", paths of one
-//! machine, unsafe code out of its place.
+//! What every source file must and must not contain: licence line, words that mean "not finished", paths of one machine,
+//! unsafe code out of its place.
 
 use std::fs;
 
@@ -8,12 +8,6 @@ use anyhow::{Result, bail};
 
 use crate::clone_files::{path, tracked_files};
 use crate::places::Places;
-use crate::process::say;
-
-/// Longest file that passes in silence; longer ones are named.
-const LONG: usize = 400;
-/// Longest file that passes at all.
-const TOO_LONG: usize = 450;
 
 /// Words that may not stand alone; one with an issue number behind it (`WORD(#12)`) may. Written in halves so that this
 /// file passes.
@@ -33,9 +27,6 @@ pub(super) fn check(places: &Places) -> Result<()> {
         let Ok(text) = fs::read_to_string(path(places, &file)) else {
             continue;
         };
-        if text.lines().count() > LONG && is_source(&file) {
-            say(format_args!("check: {file} has {} lines (more than {LONG})", text.lines().count()));
-        }
         findings.extend(findings_in(&file, &text));
     }
     if !findings.is_empty() {
@@ -60,9 +51,6 @@ fn findings_in(file: &str, text: &str) -> Vec<String> {
         let has_licence = text.lines().take(2).any(|line| line.contains("SPDX-License-Identifier: Apache-2.0"));
         if !has_licence && matches!(extension(file), "rs" | "h" | "cpp" | "comp" | "glsl" | "py") {
             findings.push(format!("{file}:1: no SPDX-License-Identifier"));
-        }
-        if text.lines().count() > TOO_LONG {
-            findings.push(format!("{file}: {} lines, more than {TOO_LONG}", text.lines().count()));
         }
     }
     for (number, line) in (1..).zip(text.lines()) {
@@ -147,10 +135,9 @@ mod tests {
     }
 
     #[test]
-    fn length_and_licence() {
+    fn sources_have_a_licence_line() {
         assert_eq!(findings_in("rust/a.rs", "//! x\n"), ["rust/a.rs:1: no SPDX-License-Identifier"], "licence");
-        let long = format!("{LICENCE}{}", "//\n".repeat(TOO_LONG));
-        assert_eq!(findings_in("rust/a.rs", &long), ["rust/a.rs: 451 lines, more than 450"], "length");
-        assert_eq!(findings_in("Cargo.lock", &"x\n".repeat(2000)), Vec::<String>::new(), "not a source");
+        assert_eq!(findings_in("rust/a.rs", LICENCE), Vec::<String>::new(), "with it");
+        assert_eq!(findings_in("Cargo.lock", "x\n"), Vec::<String>::new(), "not a source");
     }
 }

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What a batch render says when it has ended: one line about time, error and memory, and a warning where few pixels
+//! hold most of the error. Pure.
+
+use oocpt_core::stats::{ErrorRow, Stats, WorstPixel};
+
+/// Share of the picture's error that is worth a warning when a few pixels hold it.
+const SHARE: f64 = 0.5;
+/// A pixel of so many may be one of the few.
+const ONE_IN: u64 = 1000;
+
+/// Samples, seconds, relMSE with its 95 % interval, peak of the device memory, and loads.
+pub(crate) fn line(stats: &Stats) -> String {
+    let estimate = stats.error.as_ref().and_then(|row| row.estimate);
+    let error = estimate.map_or_else(
+        || "error unknown".to_owned(),
+        |error| format!("relMSE {:.1e} ({:.1e} to {:.1e})", error.rel_mse, error.low, error.high),
+    );
+    let loads = match &stats.streaming {
+        streaming if streaming.in_core => "in core".to_owned(),
+        streaming => format!("{} loads", streaming.loads),
+    };
+    format!(
+        "{} samples, {:.1} s, {error}, {} of device memory, {loads}",
+        stats.samples_completed,
+        stats.seconds_total,
+        bytes(stats.gpu_peak_bytes)
+    )
+}
+
+/// Says which pixels hold half of the error, if they are few.
+pub(crate) fn fireflies(row: &ErrorRow, pixels: u64) -> Option<String> {
+    let estimate = row.estimate?;
+    #[expect(clippy::cast_precision_loss, reason = "a share")]
+    let limit = SHARE * estimate.rel_mse * pixels as f64;
+    if !(limit > 0.0) {
+        return None;
+    }
+    let mut sum = 0.0;
+    let holds = |pixel: &WorstPixel| {
+        sum += pixel.error;
+        sum >= limit
+    };
+    let count = 1 + row.worst.iter().position(holds)?;
+    let worst = row.worst.first()?;
+    let (is, place) = match count {
+        1 => ("1 pixel holds".to_owned(), ""),
+        _ => (format!("{count} pixels hold"), "the worst "),
+    };
+    (count as u64 <= pixels / ONE_IN).then(|| {
+        format!(
+            "{is} half of the picture's error, {place}at {}, {} from the upper left: a small bright light that is met \
+             by chance; more samples, oocpt:clamp or a larger light help",
+            worst.x, worst.y
+        )
+    })
+}
+
+/// In the unit that leaves one to four digits.
+fn bytes(count: u64) -> String {
+    #[expect(clippy::cast_precision_loss, reason = "two digits are shown")]
+    let mib = count as f64 / f64::from(1 << 20);
+    if mib < 1024.0 { format!("{mib:.0} MiB") } else { format!("{:.1} GiB", mib / 1024.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use oocpt_core::convergence::Estimate;
+
+    fn row(rel_mse: f64, worst: &[f64]) -> ErrorRow {
+        let estimate = Some(Estimate { rel_mse, low: 0.5 * rel_mse, high: 2.0 * rel_mse });
+        let pixel = |(x, error): (u32, &f64)| WorstPixel { x, y: 7, error: *error };
+        ErrorRow { estimate, worst: (3..).zip(worst).map(pixel).collect(), ..ErrorRow::default() }
+    }
+
+    #[test]
+    fn the_line_names_time_error_memory_and_loads() {
+        let mut stats = Stats { samples_completed: 64, seconds_total: 12.34, ..Stats::default() };
+        stats.gpu_peak_bytes = 1500 << 20;
+        stats.error = Some(row(4.1e-3, &[]));
+        stats.streaming.loads = 7;
+        assert_eq!(
+            line(&stats),
+            "64 samples, 12.3 s, relMSE 4.1e-3 (2.1e-3 to 8.2e-3), 1.5 GiB of device memory, 7 loads"
+        );
+        (stats.streaming.in_core, stats.error, stats.gpu_peak_bytes) = (true, None, 300 << 20);
+        assert_eq!(line(&stats), "64 samples, 12.3 s, error unknown, 300 MiB of device memory, in core");
+    }
+
+    #[test]
+    fn few_pixels_with_half_of_the_error_are_told_with_their_place() {
+        // 10 000 pixels of 1e-3: 10 in all.
+        let said = fireflies(&row(1e-3, &[4.0, 1.5, 0.1]), 10_000).expect("5.5 of 10");
+        assert!(said.starts_with("2 pixels hold half of the picture's error, the worst at 3, 7"), "{said}");
+        let said = fireflies(&row(1e-3, &[6.0]), 10_000).expect("6 of 10");
+        assert!(said.starts_with("1 pixel holds half of the picture's error, at 3, 7"), "{said}");
+        assert_eq!(fireflies(&row(1e-3, &[2.0, 1.0, 1.0]), 10_000), None, "4 of 10");
+    }
+
+    #[test]
+    fn pixels_that_are_many_are_no_fireflies() {
+        let worst = [1.0; 8];
+        assert!(fireflies(&row(1e-3, &worst), 8_000).is_some(), "4 of 8000");
+        assert_eq!(fireflies(&row(2e-3, &worst), 3_999), None, "4 of 3999");
+        assert_eq!(fireflies(&row(0.0, &worst), 8_000), None, "no error");
+        assert_eq!(fireflies(&ErrorRow { worst: row(1.0, &worst).worst, ..ErrorRow::default() }, 8_000), None);
+    }
+}
