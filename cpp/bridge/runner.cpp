@@ -82,9 +82,9 @@ extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerBegin(const c
     return _Try([folder] { return oocpt::begin_picture(rust::Str(folder)); });
 }
 
-/// Sets a setting for what is rendered from now on, above what scene, host and environment say. `name` is a key, with
-/// or without `oocpt:` in front. Returns 0 and writes why to `message` (of `size` bytes, cut and ended with a zero byte)
-/// when there is no such setting, or it does not take the value.
+/// Sets a setting for what is rendered from now on, above what scene, host and environment say. `name` is a key,
+/// with or without `oocpt:` in front. Returns 0 and writes why to `message` (of `size` bytes, cut and ended with a
+/// zero byte) when there is no such setting, or it does not take the value.
 extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerSet(
     const char* name, const char* value, char* message, size_t size)
 {

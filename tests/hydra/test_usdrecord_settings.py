@@ -51,7 +51,9 @@ def test_a_batch_render_ends_with_one_line_about_its_error(usdrecord):
 
 
 @pytest.mark.parametrize(
-    "flags", [["--samples", "4"], ["--set", "samplesPerPixel=3", "--set", "oocpt:samplesPerPixel=4"]], ids=["own", "any"]
+    "flags",
+    [["--samples", "4"], ["--set", "samplesPerPixel=3", "--set", "oocpt:samplesPerPixel=4"]],
+    ids=["own", "any"],
 )
 def test_the_command_line_is_above_the_scene(usdrecord, flags):
     done = usdrecord(*flags, OOCPT_SAMPLES_PER_PIXEL="8")

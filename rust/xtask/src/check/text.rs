@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What every source file must and must not contain: licence line, words that mean "not finished", paths of one machine,
-//! unsafe code out of its place.
+//! What every source file must and must not contain: licence line, words that mean "not finished", paths of one
+//! machine, unsafe code out of its place.
 
 use std::fs;
 
