@@ -301,6 +301,18 @@ impl Settings {
     }
 }
 
+impl std::fmt::Display for Value {
+    /// As a person would write it.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Bool(value) => write!(f, "{value}"),
+            Self::Int(value) => write!(f, "{value}"),
+            Self::Float(value) => write!(f, "{value}"),
+            Self::Text(value) => write!(f, "{value:?}"),
+        }
+    }
+}
+
 impl Value {
     fn as_bool(&self) -> Option<bool> {
         match self {

@@ -18,7 +18,7 @@ pub enum SettingError {
         nearest: &'static str,
     },
     /// The value has the wrong type.
-    #[error("setting {key}: expected {expected}, got {value:?}")]
+    #[error("setting {key}: expected {expected}, got {value}")]
     Type {
         /// The key as given.
         key: String,

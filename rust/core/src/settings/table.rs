@@ -108,7 +108,7 @@ pub(super) const TABLE: &[Row] = &[
         "oocpt:hostMemoryBudget",
         "OOCPT_HOST_MEMORY_BUDGET",
         "Host memory budget",
-        "Most MiB of host memory for built geometry and ended paths; 0 = as much as is free",
+        "Most MiB of host memory for all that the renderer counts; 0 = shares of what is free",
     ).machine(),
     user(
         "oocpt:dicingRate",

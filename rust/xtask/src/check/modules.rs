@@ -50,8 +50,7 @@ pub(super) fn check(places: &Places) -> Result<()> {
 /// The modules that a file at `place` (the names of the modules around its code, from the top) names in shipped code:
 /// by a path from `crate` or `super`, alone or in a group, or by an item that the top of the crate passes on.
 fn used(text: &str, place: &[&str], passed_on: &BTreeMap<String, String>) -> BTreeSet<String> {
-    let shipped = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
-    let code: String = shipped.lines().map(|line| line.split("//").next().unwrap_or_default()).collect();
+    let code: String = shipped(text).into_iter().map(|line| line.split("//").next().unwrap_or_default()).collect();
     let mut named = BTreeSet::new();
     for (at, _) in code.match_indices("crate::") {
         heads(&code[at + "crate::".len()..], &mut named);
@@ -68,6 +67,34 @@ fn used(text: &str, place: &[&str], passed_on: &BTreeMap<String, String>) -> BTr
         }
     }
     named.into_iter().map(|name| passed_on.get(&name).cloned().unwrap_or(name)).collect()
+}
+
+/// The lines of a file without its modules of tests: what is below them ships. A module with a body ends at the first
+/// line that is the brace at its own indentation, as rustfmt lays code out.
+fn shipped(text: &str) -> Vec<&str> {
+    let mut kept = Vec::new();
+    let mut lines = text.lines();
+    while let Some(line) = lines.next() {
+        kept.push(line);
+        let code = line.trim_start();
+        if !(code.starts_with("#[cfg(test)]") || code.starts_with("#[cfg(all(test,")) {
+            continue;
+        }
+        let indentation = &line[..line.len() - code.len()];
+        let Some(item) = lines.next() else { break };
+        if !is_module(item) {
+            kept.push(item);
+        } else if item.ends_with('{') {
+            lines.by_ref().find(|line| line.strip_prefix(indentation) == Some("}"));
+        }
+    }
+    kept
+}
+
+/// Whether a line begins a module.
+fn is_module(line: &str) -> bool {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    matches!(words.as_slice(), ["mod", ..] | ["pub" | "pub(crate)" | "pub(super)", "mod", ..])
 }
 
 /// The first names of a path, or of the paths of a group in braces.
@@ -154,6 +181,26 @@ mod tests {
         let text = "use crate::film::Film; // crate::job\n//! [`crate::engine`]\nfn f() { crate::measure::g() }\n\
                     #[cfg(test)]\nmod tests {\n    use crate::session::Session;\n}\n";
         assert_eq!(used(text, &["wave"], &BTreeMap::new()), names(&["film", "measure"]));
+    }
+
+    #[test]
+    fn code_below_a_module_of_tests_counts() {
+        let of = |tests: &str| {
+            let text = format!("use crate::film::Film;\n{tests}\nuse crate::session::Session;\n");
+            used(&text, &["wave"], &BTreeMap::new())
+        };
+        let found = names(&["film", "session"]);
+        for tests in [
+            "#[cfg(test)]\nmod tests;",
+            "#[cfg(test)]\npub(super) mod tests;",
+            "#[cfg(test)]\nmod tests {\n    fn f() {\n        crate::job::g();\n    }\n}",
+            "#[cfg(all(test, unix))]\nmod tests {\n    use crate::job::Job;\n}",
+            "mod below {\n    #[cfg(test)]\n    mod tests {\n        use crate::job::Job;\n    }\n}",
+        ] {
+            assert_eq!(of(tests), found, "{tests}");
+        }
+        let helper = of("#[cfg(test)]\nuse crate::job::Job;");
+        assert_eq!(helper, names(&["film", "job", "session"]), "a single item of tests counts as shipped");
     }
 
     #[test]
