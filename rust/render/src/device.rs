@@ -7,13 +7,13 @@
 
 use crate::bsdf_tables;
 use crate::cache_folder::cache_folder;
+use crate::compiled::CompiledPipelines;
 use crate::error::RenderError;
 use crate::loader::Loader;
 use crate::reading::Reading;
 use crate::sync::lock;
 use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Heap, HeapOptions, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
 use oocpt_shader_abi::{ALL, Features, Module, Push, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
-use rustc_hash::FxHashMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
@@ -101,16 +101,6 @@ struct Unkept {
 /// beside other work.
 const TRANSLATION_TIMEOUT: Duration = Duration::from_secs(1800);
 
-/// A pipeline of this device.
-#[derive(Debug)]
-struct Compiled {
-    pipeline: Arc<Pipeline>,
-    /// What compiling it took.
-    secs: f64,
-    /// Whether a submission had it.
-    is_translated: bool,
-}
-
 /// An open device with what all frames on it share.
 #[derive(Debug)]
 pub(crate) struct Device {
@@ -122,7 +112,7 @@ pub(crate) struct Device {
     /// What the loader reads of meshes at a time.
     pub(crate) reading: Arc<Reading>,
     bsdf_tables: [Mutex<Option<Buffer>>; 4],
-    pipelines: Mutex<FxHashMap<(&'static str, Specialisation), Compiled>>,
+    pipelines: Mutex<CompiledPipelines<(&'static str, Specialisation), Pipeline>>,
     unkept: Mutex<Unkept>,
 }
 
@@ -231,7 +221,7 @@ impl Device {
         let special = special.of(module);
         let key = (module.name, special);
         if let Some(made) = lock(&self.pipelines).get(&key) {
-            return Ok(Arc::clone(&made.pipeline));
+            return Ok(made);
         }
         let [low, high] = special.features.constants();
         let (levels, stack) = ((SPEC_MAX_LEVELS, special.max_levels), (SPEC_STACK_SIZE, special.stack_size));
@@ -247,11 +237,10 @@ impl Device {
         let push_bytes = u32::try_from(size_of::<Push>()).unwrap_or(u32::MAX);
         let started = Instant::now();
         let words = module.specialised(&constants);
-        let pipeline = Arc::new(Pipeline::new(&self.gpu, module.name, &words, &constants, push_bytes)?);
+        let pipeline = Pipeline::new(&self.gpu, module.name, &words, &constants, push_bytes)?;
         tracing::debug!(pass = module.name, secs = started.elapsed().as_secs_f64(), "compiled");
         lock(&self.unkept).count += 1;
-        let made = Compiled { pipeline, secs: started.elapsed().as_secs_f64(), is_translated: false };
-        Ok(Arc::clone(&lock(&self.pipelines).entry(key).or_insert(made).pipeline))
+        Ok(lock(&self.pipelines).insert(&key, pipeline, started.elapsed().as_secs_f64()))
     }
 
     /// Writes the pipelines that were compiled since the last time to disk, after a batch of them or, `at_end`, a
@@ -272,15 +261,7 @@ impl Device {
         if self.gpu.report().kind != DeviceKind::Cpu {
             return Ok(0);
         }
-        let mark = |secs: f64| {
-            let mut all = lock(&self.pipelines);
-            let made = all.values_mut().find(|made| Arc::ptr_eq(&made.pipeline, pipeline));
-            made.is_some_and(|made| {
-                made.secs += secs;
-                std::mem::replace(&mut made.is_translated, true)
-            })
-        };
-        if mark(0.0) {
+        if lock(&self.pipelines).is_translated(pipeline) {
             return Ok(0);
         }
         let started = Instant::now();
@@ -290,14 +271,13 @@ impl Device {
             return Err(RenderError::Internal(format!("the driver does not get done with {}", pipeline.name())));
         }
         tracing::debug!(pass = pipeline.name(), secs = started.elapsed().as_secs_f64(), "translated");
-        mark(started.elapsed().as_secs_f64());
+        lock(&self.pipelines).translated(pipeline, started.elapsed().as_secs_f64());
         Ok(1)
     }
 
     /// Seconds that compiling `pipeline` took.
     pub(crate) fn compile_secs(&self, pipeline: &Arc<Pipeline>) -> f64 {
-        let pipelines = lock(&self.pipelines);
-        pipelines.values().find(|made| Arc::ptr_eq(&made.pipeline, pipeline)).map_or(0.0, |made| made.secs)
+        lock(&self.pipelines).secs(pipeline)
     }
 
     /// Bytes of the BSDF's tables on this device; 0 before a scene with materials came.

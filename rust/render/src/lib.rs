@@ -18,6 +18,7 @@ mod cache_folder;
 mod camera_blocks;
 pub mod chunk_report;
 mod closing_words;
+mod compiled;
 mod device;
 mod early;
 mod engine;
