@@ -36,9 +36,9 @@ void main() {
     if (at >= COUNTERS.deferred_count[list]) return;
     const uint entry = ConstUints(STREAMING.deferred[list]).v[at];
     const bool is_shadow = (entry & SHADOW_BIT) != 0u;
-    uint chunk;
-    if (!waits_for_chunk(entry, chunk) || !is_played(entry)) return;
-    const float verdict = ConstFloats(STREAMING.verdicts[push.arg0]).v[chunk];
+    uint unit;
+    if (!waits_for_geometry(entry, unit) || !is_played(entry)) return;
+    const float verdict = ConstFloats(STREAMING.verdicts[push.arg0]).v[unit];
     if (verdict < 0.0) {
         end_ray(path_of_entry(entry), is_shadow);
     } else if (verdict > 0.0) {

@@ -50,8 +50,8 @@ void main() {
     const uint list = COUNTERS.deferred_parity;
     if (at >= COUNTERS.deferred_count[list]) return;
     const uint entry = ConstUints(STREAMING.deferred[list]).v[at];
-    uint chunk;
-    if (!waits_for_chunk(entry, chunk)) return;
+    uint unit;
+    if (!waits_for_geometry(entry, unit)) return;
     const uint path = path_of_entry(entry);
     const bool is_shadow = (entry & SHADOW_BIT) != 0u;
     float part = -1.0; // relative
@@ -67,15 +67,15 @@ void main() {
                                                       0.0) / squared;
     }
     if (!(part >= 0.0 && part < MOST_PART)) {
-        atomicOr(Uints(STREAMING.worth).v[chunk], WORTH_MUST);
+        atomicOr(Uints(STREAMING.worth).v[unit], WORTH_MUST);
         return;
     }
-    const uint key = hash_u32(hash_combine(chunk, path_pixel(path))) & (WORTH_SUMS - 1u);
+    const uint key = hash_u32(hash_combine(unit, path_pixel(path))) & (WORTH_SUMS - 1u);
     const float before = float(atomicAdd(Uints(STREAMING.worth_sums).v[key], uint(part * PART + 0.5))) / PART;
     const float added = part * (2.0 * before + part) + own;
     if (added < MOST) {
-        atomicAdd(Uints(STREAMING.worth).v[chunk], uint(max(added * float(WORTH_ONE), LEAST)));
+        atomicAdd(Uints(STREAMING.worth).v[unit], uint(max(added * float(WORTH_ONE), LEAST)));
     } else {
-        atomicOr(Uints(STREAMING.worth).v[chunk], WORTH_MUST);
+        atomicOr(Uints(STREAMING.worth).v[unit], WORTH_MUST);
     }
 }

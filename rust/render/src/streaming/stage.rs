@@ -151,8 +151,8 @@ impl<'a, 'r> Stage<'a, 'r> {
     fn plan(&mut self, active: u64, progress: &Progress<'_>) -> Result<(), RenderError> {
         let (are_few, prices) = (self.are_stragglers(), self.prices(progress).unwrap_or_default());
         let (seen, next_step) = (&self.seen, self.next_step);
-        let (waiting, next) = (&*seen.waiting, &*seen.next);
-        let demand = Demand { waiting, next, active, asked: Some(&seen.asked), ..Demand::default() };
+        let (waiting, next, partners) = (&*seen.waiting, &*seen.next, &*seen.partners);
+        let demand = Demand { waiting, next, partners, active, asked: Some(&seen.asked), ..Demand::default() };
         let Streamer { residency, stragglers, .. } = &mut self.streamer;
         match stragglers {
             Some(stragglers) if self.kind == Kind::Samples => {
