@@ -70,7 +70,8 @@ impl Planner {
             if !self.is_demanded(unit) || self.entries[unit as usize].pauses(self.step) {
                 return self.forgive(pair);
             }
-            match self.try_load(plan, unit, Press::Must) {
+            // Of partners only this one stays: with another one there might never be room.
+            match self.try_load_alone(plan, unit, Press::Must) {
                 Try::Issued => {}
                 Try::Refused => return self.forgive(pair),
                 Try::NoRoom | Try::Full | Try::Shared => return false,

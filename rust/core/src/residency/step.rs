@@ -237,7 +237,7 @@ impl Planner {
         tried
     }
 
-    fn try_load_alone(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: Press) -> Try {
+    pub(super) fn try_load_alone(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: Press) -> Try {
         let Some(missing) = self.holdings.missing(&self.catalog, unit) else { return Try::Shared };
         let (kind, limit) = match press {
             Press::Must | Press::Worth(_) => (LoadKind::Demanded, self.in_flight_limit(plan)),

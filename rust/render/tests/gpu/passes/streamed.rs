@@ -53,7 +53,7 @@ impl Tracer<'_> {
         let (mut given, mut taken) = (0, 0);
         while taken < paths {
             totals.submissions += 1;
-            assert!(totals.submissions < 5000, "the paths do not end: {:?}", self.read::<Counters>("counters"));
+            assert!(totals.submissions < 20_000, "the paths do not end: {:?}", self.read::<Counters>("counters"));
             here = choose(&here, &demand, resident, random);
             self.show(&here);
             self.sort(flags, &here);
@@ -246,7 +246,7 @@ fn choose(here: &[u32], demand: &[UnitDemand], resident: usize, random: &mut Ran
     }
     next.extend(here.iter().filter(|_| random.word().is_multiple_of(3)));
     next.extend((0..8 * UNITS).map(|_| random.word() % UNITS));
-    let (mut chunks, mut meshes) = (resident, (1 + resident / 10).min(MESHES as usize));
+    let (mut chunks, mut meshes) = (resident, (1 + resident / 4).min(MESHES as usize));
     let mut seen = Vec::new();
     next.retain(|unit| {
         let left = if *unit < CHUNKS { &mut chunks } else { &mut meshes };
