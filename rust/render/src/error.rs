@@ -50,6 +50,17 @@ pub enum RenderError {
         /// Bytes that geometry may take.
         budget: u64,
     },
+    /// What is loaded brings no ray on.
+    #[error(
+        "the memory budget is too small: {loads} loads have brought none of {left} paths to its end; raise oocpt:memoryBudget \
+         or oocpt:geometryBudget"
+    )]
+    NoProgress {
+        /// Loads since a path ended last.
+        loads: u64,
+        /// Paths in flight.
+        left: u64,
+    },
     /// A mesh that is not in memory cannot be had.
     #[error(transparent)]
     Mesh(#[from] StoredError),

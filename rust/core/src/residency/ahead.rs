@@ -60,4 +60,17 @@ impl Planner {
             }
         }
     }
+
+    /// With all that is held now, demanded loads still find room for all that may be in flight and one unit more: in
+    /// what is free and what only unpinned units hold.
+    pub(super) fn leaves_room(&self, plan: &Plan<'_>) -> bool {
+        let reserve = self.in_flight_limit(plan).saturating_add(self.largest);
+        let mut missing = self.holdings.held().saturating_add(reserve).saturating_sub(self.allowance);
+        let mut unpinned = self.residents.iter().filter(|&&unit| self.is_unpinned(unit));
+        while missing > 0 {
+            let Some(&unit) = unpinned.next() else { return false };
+            missing = missing.saturating_sub(self.holdings.exclusive(unit));
+        }
+        true
+    }
 }

@@ -29,6 +29,22 @@ impl Planner {
         self.entries[unit as usize].holds -= 1;
     }
 
+    /// Begins to load a unit, beside what rays need with it.
+    pub(super) fn try_load(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: Press) -> Try {
+        let partner = self.partner(&plan.demand, unit).filter(|partner| self.is_held(*partner));
+        let partner = partner.filter(|_| !matches!(press, Press::Ahead(_)));
+        partner.into_iter().for_each(|partner| self.hold(partner));
+        let tried = self.try_load_alone(plan, unit, press);
+        match partner {
+            Some(partner) if tried == Try::Issued => {
+                self.hold(unit);
+                self.pairs.push([unit, partner]);
+            }
+            partner => partner.into_iter().for_each(|partner| self.let_go(partner)),
+        }
+        tried
+    }
+
     /// Lets go of pairs that rays could use, and of those that came apart: after a failed load, or because the budget
     /// was lowered. Cost: the loads under way.
     pub(super) fn settle_pairs(&mut self) {

@@ -221,22 +221,6 @@ impl Planner {
         refusals
     }
 
-    /// Begins to load a unit, beside what rays need with it.
-    pub(super) fn try_load(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: Press) -> Try {
-        let partner = self.partner(&plan.demand, unit).filter(|partner| self.is_held(*partner));
-        let partner = partner.filter(|_| !matches!(press, Press::Ahead(_)));
-        partner.into_iter().for_each(|partner| self.hold(partner));
-        let tried = self.try_load_alone(plan, unit, press);
-        match partner {
-            Some(partner) if tried == Try::Issued => {
-                self.hold(unit);
-                self.pairs.push([unit, partner]);
-            }
-            partner => partner.into_iter().for_each(|partner| self.let_go(partner)),
-        }
-        tried
-    }
-
     pub(super) fn try_load_alone(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: Press) -> Try {
         let Some(missing) = self.holdings.missing(&self.catalog, unit) else { return Try::Shared };
         let (kind, limit) = match press {
@@ -303,20 +287,7 @@ impl Planner {
         }
     }
 
-    /// With all that is held now, demanded loads still find room for all that may be in flight and one unit more: in
-    /// what is free and what only unpinned units hold.
-    fn leaves_room(&self, plan: &Plan<'_>) -> bool {
-        let reserve = self.in_flight_limit(plan).saturating_add(self.largest);
-        let mut missing = self.holdings.held().saturating_add(reserve).saturating_sub(self.allowance);
-        let mut unpinned = self.residents.iter().filter(|&&unit| self.is_unpinned(unit));
-        while missing > 0 {
-            let Some(&unit) = unpinned.next() else { return false };
-            missing = missing.saturating_sub(self.holdings.exclusive(unit));
-        }
-        true
-    }
-
-    fn is_unpinned(&self, unit: UnitId) -> bool {
+    pub(super) fn is_unpinned(&self, unit: UnitId) -> bool {
         let entry = &self.entries[unit as usize];
         entry.holds == 0 && self.step.wrapping_sub(entry.usable) >= self.pin_steps()
     }

@@ -24,6 +24,7 @@ mod rounds;
 mod segments;
 mod share;
 mod stage;
+mod stall;
 mod stragglers;
 
 use buffers::Needs;

@@ -12,6 +12,7 @@ use super::observe::Observation;
 use super::record::StepPlan;
 use super::rounds::{self, Done};
 use super::segments::Segments;
+use super::stall::Stall;
 use super::stragglers::{Moment, Spent, Stragglers};
 use crate::adaptive::Adaptive;
 use crate::engine::{Feed, Flight, LeftOff, Tracer, Work};
@@ -74,6 +75,7 @@ pub(crate) struct Stage<'a, 'r> {
     last_waited: Instant,
     patience: Patience,
     leave: Leave,
+    stall: Stall,
 }
 
 impl<'a, 'r> Stage<'a, 'r> {
@@ -86,6 +88,7 @@ impl<'a, 'r> Stage<'a, 'r> {
             begun: Vec::new(),
             seen: Observation::default(),
             is_cpu: is_cpu(streamer.tracer.setting.device),
+            stall: Stall::new(streamer.residency.planner.catalog().unit_count()),
             streamer,
             kind: Kind::Samples,
             segments: Segments::new(0, 1, 1, 0),
@@ -342,6 +345,9 @@ impl Feed for Stage<'_, '_> {
         }
         self.ended += u64::from(self.seen.counters.freed.wrapping_sub(before.freed));
         self.log(&work.of, secs, &before);
+        if let Some(loads) = self.stall.note(self.ended, self.streamer.residency.planner.stats().loads) {
+            return Err(RenderError::NoProgress { loads, left: self.seen.paths_alive() });
+        }
         self.last_event = Instant::now();
         self.plan(self.seen.active(), progress)?;
         if self.kind == Kind::Samples {

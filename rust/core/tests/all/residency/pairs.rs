@@ -146,24 +146,6 @@ fn the_partner_stays_while_a_unit_is_loaded() {
     }
 }
 
-/// Two units that starve together, and others that many rays want: they come together all the same.
-#[test]
-fn units_that_starve_together_come_together() {
-    let catalog = Catalog::new(vec![10; 4], [[0], [1], [2], [3]]).expect("a good catalog").with_bases(2);
-    let mut planner = Planner::new(Arc::new(catalog), 20, PolicyKind::Benefit).expect("they fit");
-    let met = (0..2000).find(|_| {
-        let demand = Demand { waiting: &[1, 9000, 1, 9000], partners: &[3, 4, 1, 2], ..Demand::default() };
-        let commands = planner.step(&Demand { active: 100_000, ..demand });
-        for command in commands {
-            if let Command::Load { unit, .. } = command {
-                planner.loaded(unit);
-            }
-        }
-        planner.is_resident(0) && planner.is_resident(2)
-    });
-    assert!(met.is_some(), "the one never met the other");
-}
-
 /// Rays that share a base, where the budget holds it with one of the units that they need.
 #[test]
 fn another_partner_takes_no_room_from_units_that_starve_together() {

@@ -17,7 +17,7 @@ use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{Faults, RenderRequest, Session, SessionOptions};
-use scenes::BEACH;
+use scenes::{BEACH, SET};
 pub(crate) use scenes::{SCENES, Scene};
 use std::sync::Arc;
 
@@ -138,6 +138,15 @@ fn overlapping_chunks_same_bits_at_every_budget() {
 #[test]
 fn one_huge_mesh_same_bits_at_every_budget() {
     same_bits(&SCENES[3]);
+}
+
+/// Every chunk places every mesh: what a ray needs at once is a chunk's records and one mesh all the same.
+#[test]
+fn chunks_that_all_place_the_same_meshes_same_bits_at_every_budget() {
+    let whole = render(&SET, small_chunks(), options());
+    let smallest = u64::from(smallest_budget(&SET)) << 10;
+    assert!(20 * smallest < whole.stats.scene_bytes, "{smallest} bytes of {:?}", whole.stats);
+    same_bits(&SET);
 }
 
 #[test]
