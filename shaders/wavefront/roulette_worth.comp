@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Roulette on loads only. Adds up, chunk by chunk, the second moment of what the rays that wait for it first bring to a
+// Roulette on loads only. Adds up, unit by unit, the second moment of what the rays that wait for it first bring to a
 // pixel together, relative to the pixel, over the pixels: one thread per deferred ray, Counters::deferred_args.
 // Reads: deferred, rays, shadow_rays, paths, pending lists, segments, ended_radiance, film, Roulette. Adds to: worth,
 // worth_sums.
 //
 // All rays of a load end together, so m rays of a pixel that bring c each add m^2 c^2 to its variance. Each adds its
-// part to a sum of its chunk and pixel, and to the chunk by how much that grows the sum's square. Two sums that share
+// part to a sum of its unit and pixel, and to the unit by how much that grows the sum's square. Two sums that share
 // an element by their hash make too much of it, never too little.
 //
 // A shadow ray brings its contribution. What a closest ray brings is its path's throughput times a radiance nobody
@@ -22,7 +22,7 @@ const int OTHERS = 8;             // samples of a pixel before and behind
 const float PRIOR_SAMPLES = 4.0;  // of the picture's mean
 const float PART = 1024.0;        // one in worth_sums
 const float MOST_PART = 16.0;     // what one ray may bring: more is worth a load
-const float MOST = 64.0;          // what it may add to its chunk
+const float MOST = 64.0;          // what it may add to its unit
 const float LEAST = 1.0;          // in 1 / WORTH_ONE
 
 float pixel_level(uint path) {

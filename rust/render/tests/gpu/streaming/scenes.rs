@@ -5,8 +5,8 @@ use crate::lights::TestFiles;
 use crate::scenes::{constant, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::{
-    CurveBasis, CurveWrap, CurvesDesc, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar, PrimDesc, Primvar,
-    SceneDb, Shape, TransformSample,
+    CurveBasis, CurveWrap, CurvesDesc, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc,
+    NamedPrimvar, PrimDesc, Primvar, SceneDb, Shape, TransformSample,
 };
 use oocpt_core::{DomeFormat, LightDesc, LightKind, Shaping, TypedArray};
 
@@ -197,8 +197,8 @@ fn huge_mesh(db: &mut SceneDb) {
 pub(crate) const SET: Scene = Scene { name: "set", build: set, eye: DVec3::new(5.0, 4.0, 11.0), target: DVec3::ZERO };
 
 /// Meshes of [`SET`], and placements of them.
-const PROPS: u32 = 40;
-const PLACED: u32 = 3000;
+const PROPS: u32 = 24;
+const PLACED: u32 = 1000;
 
 fn set(db: &mut SceneDb) {
     lights(db);
@@ -206,7 +206,7 @@ fn set(db: &mut SceneDb) {
     let places: Vec<_> = (0..PLACED)
         .map(|i| {
             let at = (scattered(i) - 0.5) * DVec3::new(14.0, 2.5, 14.0);
-            (at, DQuat::from_rotation_y(f64::from(i)), DVec3::splat(0.14))
+            (at, DQuat::from_rotation_y(f64::from(i)), DVec3::splat(0.25))
         })
         .collect();
     let root = |prop: u32| format!("/set/prop_{prop}");
@@ -222,7 +222,8 @@ fn set(db: &mut SceneDb) {
         let number = i32::try_from(prop).expect("small");
         let mut of = prim(&root(prop), DMat4::IDENTITY);
         of.instanced_by = vec![InstancedBy { instancer: "/set".into(), prototype_root: root(prop).into() }];
-        db.upsert_mesh(sphere(of, 10 + number, 8 + number % 5, 0.4 + 0.01 * f32::from(u8::try_from(prop).expect("small"))));
+        let albedo = 0.4 + 0.01 * f32::from(u8::try_from(prop).expect("small"));
+        db.upsert_mesh(sphere(of, 10 + number, 8 + number % 5, albedo));
     }
 }
 
