@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Streaming only: deferred rays and materials, the units they wait for, and which of them may go on. Units are chunks,
-// then tiles of textures.
+// then meshes, then tiles of textures.
 #ifndef OOCPT_DEFERRED_GLSL
 #define OOCPT_DEFERRED_GLSL
 
@@ -26,6 +26,11 @@ uint pending_chunk(uint64_t pending, uint path, uint i) {
     return ChunkInstances(FRAME.chunk_instances).v[instance].chunk;
 }
 
+// Its mesh: the whole chunk instance is meant where that is NO_MESH.
+uint pending_mesh(uint64_t pending, uint path, uint i) {
+    return PendingLists(pending).v[path].mesh[i];
+}
+
 uint64_t question_list(bool is_shadow) {
     return is_shadow ? STREAMING.shadow_questions : STREAMING.questions;
 }
@@ -36,23 +41,36 @@ bool is_asked(uint path, bool is_shadow) {
     return (ray_flags(ray) & RAY_ASKED) != 0u;
 }
 
-// What the i-th entry of a list waits for.
-uint pending_unit(uint entry, uint path, uint i) {
-    const bool is_shadow = (entry & SHADOW_BIT) != 0u;
-    const uint64_t pending = pending_address(path, is_shadow);
-    if (HAS_TEXTURES) {
-        if ((entry & MATERIAL_BIT) != 0u) return PendingLists(pending).v[path].chunk_instance[i];
-        if (HAS_CUTOUTS && i == 0u && is_asked(path, is_shadow)) {
-            const uint unit = Questions(question_list(is_shadow)).v[path].unit;
-            if (unit != OWN_UNIT) return unit;
-        }
-    }
-    return pending_chunk(pending, path, i);
+bool is_chunk_resident(uint chunk) {
+    return Chunks(FRAME.chunks).v[chunk].nodes != 0ul;
 }
 
-bool is_resident(uint unit) {
-    if (!HAS_TEXTURES || unit < STREAMING.chunk_count) return Chunks(FRAME.chunks).v[unit].nodes != 0ul;
-    return TexturePages(FRAME.texture_pages).v[unit - STREAMING.chunk_count] != 0ul;
+bool is_mesh_resident(uint mesh) {
+    return mesh == NO_MESH || Meshes(FRAME.meshes).v[mesh].nodes != 0ul;
+}
+
+// The tile that the i-th entry of a list waits for, or OWN_UNIT: it needs a chunk, and maybe a mesh.
+uint pending_tile(uint entry, uint path, uint i) {
+    if (!HAS_TEXTURES) return OWN_UNIT;
+    const bool is_shadow = (entry & SHADOW_BIT) != 0u;
+    if ((entry & MATERIAL_BIT) != 0u) return PendingLists(STREAMING.pending).v[path].chunk_instance[i];
+    if (!HAS_CUTOUTS || i != 0u || !is_asked(path, is_shadow)) return OWN_UNIT;
+    return Questions(question_list(is_shadow)).v[path].unit;
+}
+
+// What the i-th entry of a list waits for; of a chunk and a mesh the chunk, unless that is there.
+uint pending_unit(uint entry, uint path, uint i) {
+    const uint tile = pending_tile(entry, path, i);
+    if (tile != OWN_UNIT) return tile;
+    const bool is_shadow = (entry & SHADOW_BIT) != 0u;
+    const uint64_t pending = pending_address(path, is_shadow);
+    const uint chunk = pending_chunk(pending, path, i);
+    const uint mesh = pending_mesh(pending, path, i);
+    return mesh == NO_MESH || !is_chunk_resident(chunk) ? chunk : STREAMING.chunk_count + mesh;
+}
+
+bool is_tile_resident(uint unit) {
+    return TexturePages(FRAME.texture_pages).v[unit - STREAMING.first_tile] != 0ul;
 }
 
 uint path_of_entry(uint entry) {
@@ -72,12 +90,16 @@ uint ready_key(uint entry) {
     }
     const uint length = is_shadow && !HAS_CUTOUTS ? pending_length(path, true) : 1u;
     for (uint i = 0u; i < length; ++i) {
-        const uint unit = pending_unit(entry, path, i);
-        if (!is_resident(unit)) continue;
+        const uint tile = pending_tile(entry, path, i);
+        if (HAS_TEXTURES && (entry & MATERIAL_BIT) != 0u) {
+            if (!is_tile_resident(tile)) continue;
+            return 2u * STREAMING.chunk_count + (tile - STREAMING.first_tile) % TILE_KEYS;
+        }
         // Not answered: resolve_cutouts is to go on with it.
-        if (HAS_CUTOUTS && (entry & MATERIAL_BIT) == 0u && unit >= STREAMING.chunk_count) continue;
-        if (HAS_TEXTURES && (entry & MATERIAL_BIT) != 0u) return 2u * STREAMING.chunk_count + unit % TILE_KEYS;
-        const uint chunk = pending_chunk(pending_address(path, is_shadow), path, i);
+        if (tile != OWN_UNIT) continue;
+        const uint64_t pending = pending_address(path, is_shadow);
+        const uint chunk = pending_chunk(pending, path, i);
+        if (!is_chunk_resident(chunk) || !is_mesh_resident(pending_mesh(pending, path, i))) continue;
         return chunk + (is_shadow ? STREAMING.chunk_count : 0u);
     }
     return NOT_READY;

@@ -10,12 +10,12 @@
 
 const float ROULETTE_EPSILON = 1e-2; // as in measure_error
 
-// Whether an entry of the list of deferred rays waits for a chunk; if so for which first.
-bool waits_for_chunk(uint entry, out uint chunk) {
-    chunk = STREAMING.chunk_count;
+// Whether an entry of the list of deferred rays waits for a chunk or mesh; if so for which first.
+bool waits_for_geometry(uint entry, out uint unit) {
+    unit = STREAMING.first_tile;
     if ((entry & MATERIAL_BIT) != 0u) return false;
-    chunk = pending_unit(entry, path_of_entry(entry), 0u);
-    return chunk < STREAMING.chunk_count;
+    unit = pending_unit(entry, path_of_entry(entry), 0u);
+    return unit < STREAMING.first_tile;
 }
 
 // Camera rays are not played with: their radiance has no weight, nor has alpha.

@@ -297,7 +297,7 @@ uint noted_count;
 #ifdef NOTE_TILES
 // Notes a tile, unless it is there, is known, or is `but`.
 void note_tile(uint page, uint but) {
-    const uint unit = page + STREAMING.chunk_count;
+    const uint unit = page + STREAMING.first_tile;
     bool known = unit == but || noted_count == MOST_NOTED || TexturePages(FRAME.texture_pages).v[page] != 0ul;
     for (uint k = 0u; k < noted_count; ++k) known = known || noted_units[k] == unit;
     if (known) return;
@@ -370,7 +370,7 @@ vec4 kept_lookup(uint texture, vec2 st, float width, out uint missing_unit) {
         const uint fallback = said == TEXTURE_FALLBACK ? 1u << (LOOKUPS_FALLBACK_SHIFT + k) : 0u;
         Uints(STREAMING.resolve_progress).v[lookup_path] = others | fallback | (done + 1u);
     } else {
-        missing_unit = said + STREAMING.chunk_count;
+        missing_unit = said + STREAMING.first_tile;
         Uints(STREAMING.resolve_progress).v[lookup_path] = others | progress.taps << LOOKUPS_TAPS_SHIFT | done;
         noted_count = 0u;
         note_tiles(texture, st, width, missing_unit);

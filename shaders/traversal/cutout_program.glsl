@@ -32,7 +32,7 @@ vec4 cutout_lookup(uint texture, vec2 st, float width, out uint unit) {
     if (said < TEXTURE_FALLBACK) {
         const uint flags = QUESTION_OF_PROGRAM | k << QUESTION_LOOKUP_SHIFT | progress.taps;
         cutout_wait = Question(0.0, 0u, walk.chunk_instance, flags, progress.mean, texture, st, width, 1.0, 0.0, 0.0,
-                               STREAMING.chunk_count + said);
+                               STREAMING.first_tile + said);
     }
     return progress.mean;
 }
@@ -104,7 +104,7 @@ bool is_cut_in_by_program(Presence presence, uint triangle, vec2 uv, float t, ui
     cutout_made = 0u;
     cutout_known = 0u;
     cutout_wait.unit = OWN_UNIT;
-    if (HAS_STREAMING && answer.chunk_instance == walk.chunk_instance && t == answer.t && id == answer.id) {
+    if (HAS_STREAMING && is_same(answer_item, visited_item()) && t == answer.t && id == answer.id) {
         const uint asked = (answer.flags >> QUESTION_LOOKUP_SHIFT) & 3u;
         const uint64_t kept = question_values_address(QUESTIONS, walk.path);
         for (uint i = 0u; i < asked; ++i) cutout_values[i] = ConstVec4s(kept).v[i];
@@ -118,11 +118,10 @@ bool is_cut_in_by_program(Presence presence, uint triangle, vec2 uv, float t, ui
     if (HAS_STREAMING && cutout_wait.unit != OWN_UNIT) {
         cutout_wait.t = t;
         cutout_wait.id = id;
-        if (ask(walk.chunk_entry, cutout_wait)) {
+        if (ask(visited_item(), cutout_wait)) {
             for (uint i = 0u; i < CUTOUT_LOOKUPS - 1u; ++i) question_values[i] = cutout_values[i];
         }
-        if (!walk.chunk_pending) remember(walk.chunk_entry, walk.chunk_instance);
-        walk.chunk_pending = true;
+        remember(visited_item());
         return false;
     }
     const uint to = materials.v[presence.program].inputs[INPUT_OPACITY].texture & (PROGRAM_REGISTERS - 1u);

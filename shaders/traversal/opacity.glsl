@@ -4,6 +4,11 @@
 #ifndef OOCPT_OPACITY_GLSL
 #define OOCPT_OPACITY_GLSL
 
+// What the walk is in, in a mesh.
+Item visited_item() {
+    return Item(walk.chunk_entry, walk.chunk_instance, walk.record_entry, walk.mesh);
+}
+
 #include "traversal/cutout_program.glsl"
 
 // Items that are no triangles are closed: a ray that goes through their first surface comes to the second one, of which
@@ -65,15 +70,15 @@ bool is_opaque(uint triangle, vec2 uv, bool is_second) {
 }
 
 // Whether the material says that the surface is there for this ray. With streaming, where a tile of its texture is
-// absent, the ray leaves the surface out, asks, and puts the whole chunk instance on the list of pending ones. Of such
-// a chunk instance only the nearest cutout without an answer is asked about; resolve_cutouts answers, without the
-// chunk; the ray comes back with the answer when the chunk is there. All nearer ones are not there, or the ray would
-// have met them. So each tile or chunk that comes, by itself, gets it on.
+// absent, the ray leaves the surface out, asks, and puts the item on the list of pending ones. Of such an item only the
+// nearest cutout without an answer is asked about; resolve_cutouts answers, without the chunk and the mesh; the ray
+// comes back with the answer when these are there. All nearer ones of the item are not there, or the ray would have met
+// them. So each tile or unit that comes, by itself, gets it on.
 bool is_cut_in(uint triangle, vec2 uv, float t, bool is_second) {
     uint above = walk.chunk_instance;
     for (uint i = 0u; i <= level_index(); ++i) above = hash_combine(above, chain[i]);
     const uint id = hash_combine(above, HAS_LEAF_KINDS && is_second ? triangle | SECOND_SURFACE : triangle);
-    if (HAS_STREAMING && answer.chunk_instance == walk.chunk_instance) {
+    if (HAS_STREAMING && is_same(answer_item, visited_item())) {
         if (key_before(t, id, answer.t, answer.id)) return false;
         if (t == answer.t && id == answer.id && (answer.flags & QUESTION_OF_PROGRAM) == 0u) {
             return (answer.flags & QUESTION_PRESENT) != 0u;
@@ -108,11 +113,10 @@ bool is_cut_in(uint triangle, vec2 uv, float t, bool is_second) {
     }
     const uint flags = presence.channel << QUESTION_CHANNEL_SHIFT | (chance ? 0u : QUESTION_INCLUSIVE);
     if (HAS_STREAMING && said < TEXTURE_FALLBACK) {
-        ask(walk.chunk_entry, Question(t, id, walk.chunk_instance, flags | progress.taps, progress.mean,
+        ask(visited_item(), Question(t, id, walk.chunk_instance, flags | progress.taps, progress.mean,
                                        presence.texture, presence.st, presence.width, presence.scale, presence.bias,
-                                       limit, STREAMING.chunk_count + said));
-        if (!walk.chunk_pending) remember(walk.chunk_entry, walk.chunk_instance);
-        walk.chunk_pending = true;
+                                       limit, STREAMING.first_tile + said));
+        remember(visited_item());
         return false;
     }
     return is_there(progress.mean, said, presence.scale, presence.bias, flags, limit);

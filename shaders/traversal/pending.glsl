@@ -1,43 +1,70 @@
 // SPDX-License-Identifier: Apache-2.0
-// Streaming only: the absent chunk instances that a ray has come to. It keeps those
-// with the smallest keys (entry distance, chunk instance), in order, and knows whether there were others. A walk goes
-// on to the end with everything that is resident; a ray that comes back visits those of the list that are resident now,
-// then, if there were others, everything behind the last one. So a chunk instance is done or not begun; visiting one
-// twice changes nothing.
+// Streaming only: the items that a ray has come to and could not visit. An item is a chunk instance whose chunk is
+// absent (mesh = NO_MESH), or, in one whose chunk is there, all records of one mesh that the ray enters at one distance:
+// the mesh is absent, or a tile that decides about a cutout of it. Tables change between submissions only, so these
+// records are all there or all absent, and no path through nested levels has to be kept. The ray keeps the items with
+// the smallest keys (entry distance and number of the chunk instance, entry distance of the record, mesh), in order, and
+// knows whether there were others. A walk goes on to the end with everything that is resident; a ray that comes back
+// visits those of the list that are resident now, then, if there were others, everything behind the last one. So an item
+// is done or not begun; visiting one twice changes nothing.
 #ifndef OOCPT_PENDING_GLSL
 #define OOCPT_PENDING_GLSL
 
 #include "include/progress.glsl"
 
-float pending_entry[MAX_PENDING];
-uint pending_instance[MAX_PENDING];
+struct Item {
+    float entry; // of the chunk instance
+    uint chunk_instance;
+    float record_entry;
+    uint mesh;
+};
+
+Item pending[MAX_PENDING];
 uint pending_count;
 bool pending_more;
 
-bool key_before(float entry, uint instance, float other_entry, uint other_instance) {
-    return entry < other_entry || (entry == other_entry && instance < other_instance);
+bool key_before(float entry, uint number, float other_entry, uint other_number) {
+    return entry < other_entry || (entry == other_entry && number < other_number);
 }
 
-// Cutouts: the nearest one, in the chunk instance with the smallest key, that cannot be answered because a tile is
-// absent (unit = OWN_UNIT: there is none), and the answer that the ray came back with.
+bool is_same_chunk(Item a, Item b) {
+    return a.entry == b.entry && a.chunk_instance == b.chunk_instance;
+}
+
+bool is_same(Item a, Item b) {
+    return is_same_chunk(a, b) && a.record_entry == b.record_entry && a.mesh == b.mesh;
+}
+
+bool is_before(Item a, Item b) {
+    if (is_same_chunk(a, b)) return key_before(a.record_entry, a.mesh, b.record_entry, b.mesh);
+    return key_before(a.entry, a.chunk_instance, b.entry, b.chunk_instance);
+}
+
+Item chunk_item(float entry, uint chunk_instance) {
+    return Item(entry, chunk_instance, 0.0, NO_MESH);
+}
+
+// Cutouts: the nearest one, in the item with the smallest key, that cannot be answered because a tile is absent (unit =
+// OWN_UNIT: there is none), and the answer that the ray came back with.
 Question question;
-float question_entry; // of its chunk instance
+Item question_item;
 Question answer;
+Item answer_item;
 
 // With CUTOUT_PROGRAMS: what the finished lookups of the question's program gave.
 vec4 question_values[CUTOUT_LOOKUPS - 1u];
 
-// Asks, unless something before it was asked already: then false.
-bool ask(float entry, Question q) {
+// Asks about something in an item, unless something before it was asked already: then false.
+bool ask(Item item, Question q) {
     if (question.unit != OWN_UNIT) {
-        if (q.chunk_instance == question.chunk_instance) {
+        if (is_same(item, question_item)) {
             if (!key_before(q.t, q.id, question.t, question.id)) return false;
-        } else if (!key_before(entry, q.chunk_instance, question_entry, question.chunk_instance)) {
+        } else if (!is_before(item, question_item)) {
             return false;
         }
     }
     question = q;
-    question_entry = entry;
+    question_item = item;
     return true;
 }
 
@@ -49,43 +76,50 @@ bool ask(float entry, Question q) {
 #define QUESTIONS STREAMING.questions
 #endif
 
+// Item `i` of a path's list in memory.
+Item listed_item(uint path, uint i) {
+    return Item(PendingLists(PENDING_LISTS).v[path].entry[i], PendingLists(PENDING_LISTS).v[path].chunk_instance[i],
+                PendingLists(PENDING_LISTS).v[path].record_entry[i], PendingLists(PENDING_LISTS).v[path].mesh[i]);
+}
+
 // Where what the finished lookups of a path's question gave is kept: behind all questions.
 uint64_t question_values_address(uint64_t questions, uint path) {
     const uint64_t at = uint64_t(STREAMING.slots) * 64ul + uint64_t(path) * uint64_t(16u * (CUTOUT_LOOKUPS - 1u));
     return questions + at;
 }
 
-void remember(float entry, uint instance) {
+void remember(Item item) {
 #ifdef OOCPT_FAULTS
-    if (FAULT == FAULT_ALL || (FAULT != 0u && instance % FAULT_ONE_IN == FAULT - 1u)) return;
+    if (FAULT == FAULT_ALL || (FAULT != 0u && item.chunk_instance % FAULT_ONE_IN == FAULT - 1u)) return;
 #endif
     uint at = pending_count;
-    if (at == MAX_PENDING) {
-        pending_more = true;
-        --at;
-        if (!key_before(entry, instance, pending_entry[at], pending_instance[at])) return;
-    } else {
+    while (at > 0u && !is_before(pending[at - 1u], item)) --at;
+    if (at < pending_count && is_same(pending[at], item)) return;
+    if (pending_count < MAX_PENDING) {
         ++pending_count;
+    } else {
+        pending_more = true;
     }
-    for (; at > 0u && key_before(entry, instance, pending_entry[at - 1u], pending_instance[at - 1u]); --at) {
-        pending_entry[at] = pending_entry[at - 1u];
-        pending_instance[at] = pending_instance[at - 1u];
-    }
-    pending_entry[at] = entry;
-    pending_instance[at] = instance;
+    for (uint i = pending_count - 1u; i > at; --i) pending[i] = pending[i - 1u];
+    if (at < MAX_PENDING) pending[at] = item;
 }
 
-// Drops what is entered behind `limit`; the rest of the instances is behind all of the list.
+// Drops what is entered behind `limit`. Where other items may begin before it, the last one stays: it says which.
 void forget_behind(float limit) {
-    while (pending_count > 0u && pending_entry[pending_count - 1u] > limit) {
-        --pending_count;
-        pending_more = false;
+    if (pending_count == 0u || pending[pending_count - 1u].entry > limit) pending_more = false;
+    uint kept = 0u;
+    for (uint i = 0u; i < pending_count; ++i) {
+        const bool is_behind = max(pending[i].entry, pending[i].record_entry) > limit;
+        if (is_behind && !(pending_more && i + 1u == pending_count)) continue;
+        pending[kept] = pending[i];
+        ++kept;
     }
+    pending_count = kept;
 }
 
 // Whether what is asked is about the first of the list: then it is kept.
 bool keeps_question() {
-    return HAS_CUTOUTS && question.unit != OWN_UNIT && question.chunk_instance == pending_instance[0];
+    return HAS_CUTOUTS && question.unit != OWN_UNIT && is_same(question_item, pending[0]);
 }
 
 void store_pending(uint path) {
@@ -97,8 +131,10 @@ void store_pending(uint path) {
         }
     }
     for (uint i = 0u; i < pending_count; ++i) {
-        PendingLists(PENDING_LISTS).v[path].entry[i] = pending_entry[i];
-        PendingLists(PENDING_LISTS).v[path].chunk_instance[i] = pending_instance[i];
+        PendingLists(PENDING_LISTS).v[path].entry[i] = pending[i].entry;
+        PendingLists(PENDING_LISTS).v[path].chunk_instance[i] = pending[i].chunk_instance;
+        PendingLists(PENDING_LISTS).v[path].record_entry[i] = pending[i].record_entry;
+        PendingLists(PENDING_LISTS).v[path].mesh[i] = pending[i].mesh;
     }
 }
 
@@ -107,11 +143,18 @@ uint pending_flags() {
     return waiting == 0u ? 0u : waiting | (keeps_question() ? RAY_ASKED : 0u);
 }
 
-// Whether (entry, instance) is not behind the last key of the list in memory, which was full.
-bool in_list_before(uint path, float entry, uint instance) {
-    const uint last = MAX_PENDING - 1u;
-    return !key_before(PendingLists(PENDING_LISTS).v[path].entry[last],
-                       PendingLists(PENDING_LISTS).v[path].chunk_instance[last], entry, instance);
+// Whether a chunk instance is not behind that of the last of `count` items of the list in memory.
+bool in_list_before(uint path, uint count, float entry, uint chunk_instance) {
+    return !key_before(PendingLists(PENDING_LISTS).v[path].entry[count - 1u],
+                       PendingLists(PENDING_LISTS).v[path].chunk_instance[count - 1u], entry, chunk_instance);
+}
+
+// Whether records of a chunk instance of which items are listed are still to be visited: those of an item that is among
+// the `count` ones, and with `more` what is behind the last.
+bool is_due(uint path, uint count, bool more, Item item) {
+    bool due = more && is_before(listed_item(path, count - 1u), item);
+    for (uint i = 0u; i < count; ++i) due = due || is_same(listed_item(path, i), item);
+    return due;
 }
 
 #endif

@@ -76,11 +76,13 @@ struct Walk {
     float time; // of the path; with HAS_TIME only
     uint shadow_link; // any hit: category of the prims that count; 0: all
     uint visits;  // of resident chunks; streaming only
-    float chunk_entry; // where the chunk was entered, as its parent said; cutouts with streaming only
-    bool chunk_pending; // something in the chunk waits for a tile; the same
+    float chunk_entry;  // where the chunk was entered, as its parent said; streaming only, as the next two
+    float record_entry; // where the record of the mesh was
+    uint listed;   // items of the list that the ray came back with
+    bool filters;  // of the chunk, some items are listed: the others are done
     bool in_mesh;
     bool other; // the mesh's items are no triangles, but of walk_kind
-    bool resumed; // the ray has waited, and everything not behind the last of its list is done
+    bool resumed; // everything behind the last item of the list is to be visited
     bool hit_before;
     bool hit;
     // Distances of the nearest candidate that no mask knows, and of the next one; with DEFERS_CUTOUTS only.
@@ -204,6 +206,44 @@ void begin_level(vec3 o, vec3 d, uint64_t nodes, uint64_t instances) {
     level_instances[at] = instances;
 }
 
+// The listed items of a chunk instance whose chunk is gone: what of it is done stays done.
+void remember_again(uint chunk_instance) {
+    for (uint i = 0u; i < walk.listed; ++i) {
+        const Item item = listed_item(walk.path, i);
+        if (item.chunk_instance == chunk_instance) remember(item);
+    }
+}
+
+// Whether a listed chunk instance was absent when the ray came to it: nothing of it is done.
+bool is_listed_whole(uint chunk_instance) {
+    bool whole = false;
+    for (uint i = 0u; i < walk.listed; ++i) {
+        const Item item = listed_item(walk.path, i);
+        whole = whole || (item.chunk_instance == chunk_instance && item.mesh == NO_MESH);
+    }
+    return whole;
+}
+
+// Of the records of a mesh that the walk comes to. Streaming only.
+Item current_item(uint mesh) {
+    return Item(walk.chunk_entry, walk.chunk_instance, walk.entry, mesh);
+}
+
+// Streaming: whether the walk passes by a record of a mesh: its item is done, or it is absent and remembered.
+bool skips_mesh(uint mesh) {
+    const Item item = current_item(mesh);
+    if (walk.filters && !is_due(walk.path, walk.listed, walk.resumed, item)) return true;
+    if (Meshes(FRAME.meshes).v[mesh].nodes == 0ul) {
+        remember(item);
+        return true;
+    }
+    if (HAS_CHUNK_COUNTS && (walk.path & (COUNTED_PATHS - 1u)) == 0u) {
+        atomicAdd(Uints(STREAMING.unit_rays).v[STREAMING.chunk_count + mesh], COUNTED_PATHS);
+    }
+    walk.record_entry = walk.entry;
+    return false;
+}
+
 // From the top level into a chunk; returns its root, or the next reference where it is absent or done or there is no
 // room.
 uint enter_chunk(uint reference) {
@@ -212,17 +252,19 @@ uint enter_chunk(uint reference) {
     const uint64_t nodes = Chunks(FRAME.chunks).v[chunk].nodes;
     if (HAS_STREAMING) {
         const bool listed = (reference & LISTED) != 0u;
-        if (walk.resumed && !listed && in_list_before(walk.path, walk.entry, chunk_instance)) return pop();
+        if (walk.resumed && !listed && in_list_before(walk.path, walk.listed, walk.entry, chunk_instance)) return pop();
         if (nodes == 0ul) {
-            remember(walk.entry, chunk_instance);
+            if (listed) {
+                remember_again(chunk_instance);
+            } else {
+                remember(chunk_item(walk.entry, chunk_instance));
+            }
             return pop();
         }
         ++walk.visits;
-        if (HAS_CUTOUTS) {
-            walk.chunk_entry = walk.entry;
-            walk.chunk_pending = false;
-        }
-        if (HAS_CHUNK_COUNTS) atomicAdd(Uints(STREAMING.chunk_rays).v[chunk], 1u);
+        walk.chunk_entry = walk.entry;
+        walk.filters = listed && !is_listed_whole(chunk_instance);
+        if (HAS_CHUNK_COUNTS) atomicAdd(Uints(STREAMING.unit_rays).v[chunk], 1u);
     }
     if (stack_top >= STACK_SIZE) {
         stack_overflow = true;
@@ -242,13 +284,15 @@ uint enter_chunk(uint reference) {
 // Into the target of an instance record; returns its root, or the next reference where there is no room.
 uint enter(uint record) {
     const uint target = Instances(walk.instances).v[record].target;
-    const Affine map = placed_map(walk.instances, record, target, walk.time);
     const bool nested = HAS_NESTING && (target & TARGET_ASSEMBLY) != 0u;
+    const uint mesh = HAS_MOTION ? target & TARGET_NUMBER : target;
 #if ANY_HIT
     if (HAS_LIGHT_LINKS && !nested && walk.shadow_link != 0u) {
         if (!is_linked(walk.shadow_link, prim_link_set(Instances(walk.instances).v[record].prim_id))) return pop();
     }
 #endif
+    if (HAS_STREAMING && !nested && skips_mesh(mesh)) return pop();
+    const Affine map = placed_map(walk.instances, record, target, walk.time);
     if (stack_top >= STACK_SIZE || (nested && walk.level >= MAX_LEVELS)) {
         stack_overflow = true;
         return pop();
@@ -265,7 +309,6 @@ uint enter(uint record) {
         walk.d = d;
         walk.reciprocal = safe_reciprocal(d);
         walk.in_mesh = true;
-        const uint mesh = HAS_MOTION ? target & TARGET_NUMBER : target;
         walk.mesh = mesh;
         walk.nodes = Meshes(FRAME.meshes).v[mesh].nodes;
         walk.pad = MESH_PAD * (largest_of(o) + Meshes(FRAME.meshes).v[mesh].reach);
@@ -306,14 +349,26 @@ void leave() {
     come_back();
 }
 
+bool is_chunk_there(uint chunk_instance) {
+    const uint chunk = ChunkInstances(FRAME.chunk_instances).v[chunk_instance].chunk;
+    return Chunks(FRAME.chunks).v[chunk].nodes != 0ul;
+}
+
 // Streaming: puts what a ray that has waited is to visit on the stack; returns where to begin.
 uint begin_resumed(uint flags) {
-    const bool more = (flags & RAY_MORE) != 0u;
-    walk.resumed = more;
-    if (more) push_reference(0u, 0.0);
-    for (uint i = waiting_count(flags); i > 0u; --i) {
-        const float entry = PendingLists(PENDING_LISTS).v[walk.path].entry[i - 1u];
-        push_reference(LEAF | LISTED | PendingLists(PENDING_LISTS).v[walk.path].chunk_instance[i - 1u], entry);
+    walk.listed = waiting_count(flags);
+    walk.resumed = (flags & RAY_MORE) != 0u;
+    Item item = listed_item(walk.path, walk.listed - 1u);
+    // What is behind the last item begins in its chunk: it waits until that one is there again.
+    if (walk.resumed && item.mesh != NO_MESH && !is_chunk_there(item.chunk_instance)) {
+        walk.resumed = false;
+        pending_more = true;
+    }
+    if (walk.resumed) push_reference(0u, 0.0);
+    for (uint i = walk.listed; i > 0u; --i) {
+        item = listed_item(walk.path, i - 1u);
+        if (i > 1u && listed_item(walk.path, i - 2u).chunk_instance == item.chunk_instance) continue;
+        push_reference(LEAF | LISTED | item.chunk_instance, item.entry);
     }
     return pop();
 }
@@ -371,9 +426,14 @@ void begin_walk(uint64_t ray, uint path, float t_max, uint seed, uint flags) {
         pending_more = false;
         if (HAS_CUTOUTS) {
             question.unit = OWN_UNIT;
-            answer.chunk_instance = 0xffffffffu;
-            if ((flags & RAY_ASKED) != 0u) answer = Questions(QUESTIONS).v[path];
+            answer_item = chunk_item(0.0, 0xffffffffu);
+            if ((flags & RAY_ASKED) != 0u) {
+                answer = Questions(QUESTIONS).v[path];
+                answer_item = listed_item(path, 0u);
+            }
         }
+        walk.listed = 0u;
+        walk.filters = false;
         if ((flags & RAY_WAITED) != 0u) reference = begin_resumed(flags);
     }
 }

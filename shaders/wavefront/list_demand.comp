@@ -19,9 +19,10 @@ void main() {
         const uint waiting = demand.v[unit];
         const uint next = demand.v[unit + STREAMING.unit_count];
         if ((waiting | next) == 0u) continue;
-        for (uint part = 0u; part < 3u; ++part) demand.v[unit + part * STREAMING.unit_count] = 0u;
+        const uint partner = demand.v[unit + 3u * STREAMING.unit_count];
+        for (uint part = 0u; part < 4u; ++part) demand.v[unit + part * STREAMING.unit_count] = 0u;
         const uint entry = atomicAdd(counts.v[1], 1u);
         if (entry >= STREAMING.demand_capacity) continue;
-        DemandList(STREAMING.demand_list).v[entry] = UnitDemand(unit, waiting, next);
+        DemandList(STREAMING.demand_list).v[entry] = UnitDemand(unit, waiting, next, partner);
     }
 }

@@ -19,7 +19,7 @@ void main() {
     if ((entry & MATERIAL_BIT) != 0u || !is_asked(path, is_shadow)) return;
     Questions questions = Questions(question_list(is_shadow));
     const Question q = questions.v[path];
-    if (q.unit == OWN_UNIT || !is_resident(q.unit)) return;
+    if (q.unit == OWN_UNIT || !is_tile_resident(q.unit)) return;
     TextureProgress progress = TextureProgress(q.mean, q.flags & QUESTION_TAPS);
     const uint said = continue_lookup(q.texture, q.st, q.width, progress);
     uint flags = (q.flags & ~QUESTION_TAPS) | progress.taps;
@@ -28,5 +28,5 @@ void main() {
     }
     questions.v[path].mean = progress.mean;
     questions.v[path].flags = flags;
-    questions.v[path].unit = said < TEXTURE_FALLBACK ? STREAMING.chunk_count + said : OWN_UNIT;
+    questions.v[path].unit = said < TEXTURE_FALLBACK ? STREAMING.first_tile + said : OWN_UNIT;
 }

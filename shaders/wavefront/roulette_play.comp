@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Roulette on loads only. Weights or ends the rays that wait for a chunk that was decided about: one thread per
-// deferred ray, Counters::deferred_args. Ended rays go on like those whose chunk is there, so that intersect_* say that
+// Roulette on loads only. Weights or ends the rays that wait for a unit that was decided about: one thread per
+// deferred ray, Counters::deferred_args. Ended rays go on like those whose unit is there, so that intersect_* say that
 // they are done. arg0: which table of verdicts.
 // Reads: deferred, pending lists, verdicts. Reads and writes: rays (flags), shadow_rays (flags, contribution), paths
 // (throughput); adds to Roulette.
@@ -36,9 +36,9 @@ void main() {
     if (at >= COUNTERS.deferred_count[list]) return;
     const uint entry = ConstUints(STREAMING.deferred[list]).v[at];
     const bool is_shadow = (entry & SHADOW_BIT) != 0u;
-    uint chunk;
-    if (!waits_for_chunk(entry, chunk) || !is_played(entry)) return;
-    const float verdict = ConstFloats(STREAMING.verdicts[push.arg0]).v[chunk];
+    uint unit;
+    if (!waits_for_geometry(entry, unit) || !is_played(entry)) return;
+    const float verdict = ConstFloats(STREAMING.verdicts[push.arg0]).v[unit];
     if (verdict < 0.0) {
         end_ray(path_of_entry(entry), is_shadow);
     } else if (verdict > 0.0) {

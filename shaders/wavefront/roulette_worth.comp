@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Roulette on loads only. Adds up, chunk by chunk, the second moment of what the rays that wait for it first bring to a
+// Roulette on loads only. Adds up, unit by unit, the second moment of what the rays that wait for it first bring to a
 // pixel together, relative to the pixel, over the pixels: one thread per deferred ray, Counters::deferred_args.
 // Reads: deferred, rays, shadow_rays, paths, pending lists, segments, ended_radiance, film, Roulette. Adds to: worth,
 // worth_sums.
 //
 // All rays of a load end together, so m rays of a pixel that bring c each add m^2 c^2 to its variance. Each adds its
-// part to a sum of its chunk and pixel, and to the chunk by how much that grows the sum's square. Two sums that share
+// part to a sum of its unit and pixel, and to the unit by how much that grows the sum's square. Two sums that share
 // an element by their hash make too much of it, never too little.
 //
 // A shadow ray brings its contribution. What a closest ray brings is its path's throughput times a radiance nobody
@@ -22,7 +22,7 @@ const int OTHERS = 8;             // samples of a pixel before and behind
 const float PRIOR_SAMPLES = 4.0;  // of the picture's mean
 const float PART = 1024.0;        // one in worth_sums
 const float MOST_PART = 16.0;     // what one ray may bring: more is worth a load
-const float MOST = 64.0;          // what it may add to its chunk
+const float MOST = 64.0;          // what it may add to its unit
 const float LEAST = 1.0;          // in 1 / WORTH_ONE
 
 float pixel_level(uint path) {
@@ -50,8 +50,8 @@ void main() {
     const uint list = COUNTERS.deferred_parity;
     if (at >= COUNTERS.deferred_count[list]) return;
     const uint entry = ConstUints(STREAMING.deferred[list]).v[at];
-    uint chunk;
-    if (!waits_for_chunk(entry, chunk)) return;
+    uint unit;
+    if (!waits_for_geometry(entry, unit)) return;
     const uint path = path_of_entry(entry);
     const bool is_shadow = (entry & SHADOW_BIT) != 0u;
     float part = -1.0; // relative
@@ -67,15 +67,15 @@ void main() {
                                                       0.0) / squared;
     }
     if (!(part >= 0.0 && part < MOST_PART)) {
-        atomicOr(Uints(STREAMING.worth).v[chunk], WORTH_MUST);
+        atomicOr(Uints(STREAMING.worth).v[unit], WORTH_MUST);
         return;
     }
-    const uint key = hash_u32(hash_combine(chunk, path_pixel(path))) & (WORTH_SUMS - 1u);
+    const uint key = hash_u32(hash_combine(unit, path_pixel(path))) & (WORTH_SUMS - 1u);
     const float before = float(atomicAdd(Uints(STREAMING.worth_sums).v[key], uint(part * PART + 0.5))) / PART;
     const float added = part * (2.0 * before + part) + own;
     if (added < MOST) {
-        atomicAdd(Uints(STREAMING.worth).v[chunk], uint(max(added * float(WORTH_ONE), LEAST)));
+        atomicAdd(Uints(STREAMING.worth).v[unit], uint(max(added * float(WORTH_ONE), LEAST)));
     } else {
-        atomicOr(Uints(STREAMING.worth).v[chunk], WORTH_MUST);
+        atomicOr(Uints(STREAMING.worth).v[unit], WORTH_MUST);
     }
 }

@@ -35,20 +35,31 @@ pub enum RenderError {
     /// The textures that a render in core asks for have outgrown what there is; it goes on streaming.
     #[error("the textures that the picture shows do not fit beside the geometry")]
     TexturesOutgrow,
-    /// A part of the scene that rays need at once is larger than what is left for geometry.
+    /// Parts of the scene that a ray needs at once are larger than what is left for geometry.
     #[error(
-        "the memory budget is too small: chunk {chunk} of the scene needs {} KiB at once, {} KiB are left for geometry; raise \
+        "the memory budget is too small: a ray through {parts} needs {} KiB at once, {} KiB are left for geometry; raise \
          oocpt:memoryBudget or oocpt:geometryBudget, or lower oocpt:chunkSize",
         .bytes.div_ceil(1 << 10),
         .budget >> 10
     )]
-    ChunkTooLarge {
-        /// Its number.
-        chunk: u32,
-        /// Bytes of it and of everything it needs.
+    PartsTooLarge {
+        /// In words.
+        parts: String,
+        /// Bytes of them together.
         bytes: u64,
         /// Bytes that geometry may take.
         budget: u64,
+    },
+    /// What is loaded brings no ray on.
+    #[error(
+        "the memory budget is too small: {loads} loads have brought none of {left} paths to its end; raise oocpt:memoryBudget \
+         or oocpt:geometryBudget"
+    )]
+    NoProgress {
+        /// Loads since a path ended last.
+        loads: u64,
+        /// Paths in flight.
+        left: u64,
     },
     /// A mesh that is not in memory cannot be had.
     #[error(transparent)]

@@ -102,8 +102,9 @@ impl Renderer {
         let _ = lost;
         self.is_frugal = false;
         let mut result = self.render_on(&device, job, gate, progress);
-        if let Err(error @ RenderError::Budget { .. }) = &result {
+        if let Err(error @ (RenderError::Budget { .. } | RenderError::NoProgress { .. })) = &result {
             tracing::info!(%error, "trying again with as little memory as possible");
+            progress.begin_again();
             self.scene.clear(&device)?;
             *self = Self { device: Some(Arc::clone(&device)), is_frugal: true, ..Self::default() };
             device.gpu.wait_idle()?;

@@ -17,7 +17,7 @@ const PRESENT: u32 = 128;
 impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     /// The question that is kept with what the ray waits for: one about the first of its list.
     pub(crate) fn kept_question(&self) -> Option<&Question> {
-        self.asking.question_about(self.pending.keys().first()?.1)
+        self.asking.question_about(self.pending.items().first()?)
     }
 
     /// The flags of a ray that waits for what is pending (`pending_flags`).
@@ -33,7 +33,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         let records = &self.chain[..=self.level_index()];
         let above = records.iter().fold(self.chunk_instance, |id, &record| combine(id, record));
         let id = combine(above, triangle | (number & SECOND_SURFACE));
-        if let Some(answer) = self.asking.answer_about(self.chunk_instance) {
+        if let Some(answer) = self.asking.answer_about(&self.item) {
             if before((t, id), (answer.t, answer.id)) {
                 return false;
             }
@@ -66,7 +66,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             Looked::Waits { page, taps, mean } => {
                 let Lookup { texture, st, width, channel } = lookup;
                 let flags = channel << CHANNEL_SHIFT | if is_chance { 0 } else { INCLUSIVE } | taps;
-                let unit = self.scene.streaming.chunk_count.wrapping_add(page);
+                let unit = self.scene.streaming.first_tile.wrapping_add(page);
                 let (chunk_instance, mean) = (self.chunk_instance, [mean; 4]);
                 self.wait_for(Question {
                     t,
@@ -87,10 +87,9 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         }
     }
 
-    /// Asks, and puts the chunk instance on the list of what the ray waits for.
+    /// Asks, and puts the item on the list of what the ray waits for.
     fn wait_for(&mut self, question: Question) {
-        if let Some(entry) = self.asking.ask(question) {
-            self.pending.remember((entry, self.chunk_instance));
-        }
+        self.asking.ask(self.item, question);
+        self.pending.remember(self.item);
     }
 }

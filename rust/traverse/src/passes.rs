@@ -9,6 +9,7 @@ mod rays;
 #[cfg(target_arch = "x86_64")]
 use crate::Instructions;
 use crate::asking::{load_question, store_question};
+use crate::pending::{Item, Listed};
 use crate::passes::rays::{Block, ClosestRays, Rays, ShadowRays};
 use crate::scene::Scene;
 #[cfg(target_arch = "x86_64")]
@@ -19,7 +20,7 @@ use crate::walk::{Walk, WorldRay};
 use crate::{Special, TraceError};
 use oocpt_gpu::{HostView, HostWords};
 use oocpt_shader_abi::{
-    Counters, Features, MAX_PENDING, PathProgress, Pending, Push, RAY_WORD_IN_SHADOW, Ray, RayFlags, ShadowRay,
+    Counters, Features, PathProgress, Pending, Push, RAY_WORD_IN_SHADOW, Ray, RayFlags, ShadowRay,
     hit_stride, unpack_color,
 };
 use rayon::prelude::*;
@@ -194,24 +195,23 @@ impl<'s, 'v> Shared<'s, 'v> {
     }
 
     /// The pending list of a path.
-    fn listed(&self, path: u32) -> [(f32, u32); MAX_PENDING as usize] {
-        let mut list = [(0.0, 0); MAX_PENDING as usize];
-        let at = path as usize * PENDING_WORDS;
-        for (i, key) in list.iter_mut().enumerate() {
-            let instance = self.pending.load(at + MAX_PENDING as usize + i);
-            *key = (f32::from_bits(self.pending.load(at + i)), instance);
-        }
-        list
+    fn listed(&self, path: u32, flags: u32) -> Listed {
+        let list: Pending = bytemuck::cast(self.pending.load_all::<PENDING_WORDS>(path as usize * PENDING_WORDS));
+        let item = |i: usize| Item {
+            chunk: (list.entry[i], list.chunk_instance[i]),
+            record: (list.record_entry[i], list.mesh[i]),
+        };
+        Listed::new(flags, [0, 1, 2, 3].map(item))
     }
 
     #[inline(always)]
     fn begin<const ANY_HIT: bool>(&self, simd: impl Simd, walk: &mut Walk<'s, 'v, ANY_HIT>, path: u32, ray: WorldRay) {
-        let listed = if ray.flags == 0 { [(0.0, 0); MAX_PENDING as usize] } else { self.listed(path) };
+        let listed = if ray.flags == 0 { Listed::default() } else { self.listed(path, ray.flags) };
         if self.scene.has(Features::STREAMING) && self.scene.has(Features::CUTOUTS) {
             let is_asked = ray.flags & RayFlags::ASKED.bits() != 0;
-            walk.asking.begin(is_asked.then(|| load_question(self.questions, path)));
+            walk.asking.begin(is_asked.then(|| (listed.items[0], load_question(self.questions, path))));
         }
-        walk.begin(simd, ray, &listed);
+        walk.begin(simd, ray, listed);
     }
 
     /// Keeps what a ray waits for.
@@ -219,10 +219,13 @@ impl<'s, 'v> Shared<'s, 'v> {
         if let Some(question) = walk.kept_question() {
             store_question(self.questions, path, question);
         }
-        let at = path as usize * PENDING_WORDS;
-        for (i, (entry, instance)) in walk.pending.keys().iter().enumerate() {
-            self.pending.store(at + i, entry.to_bits());
-            self.pending.store(at + MAX_PENDING as usize + i, *instance);
+        let mut list = Pending::default();
+        for (i, item) in walk.pending.items().iter().enumerate() {
+            ((list.entry[i], list.chunk_instance[i]), (list.record_entry[i], list.mesh[i])) = (item.chunk, item.record);
+        }
+        let words: [u32; PENDING_WORDS] = bytemuck::cast(list);
+        for (i, word) in words.into_iter().enumerate() {
+            self.pending.store(path as usize * PENDING_WORDS + i, word);
         }
     }
 

@@ -111,10 +111,10 @@ impl<'v> Scene<'v> {
         self.meshes.get(index as usize)
     }
 
-    /// Counts a ray that enters a chunk.
-    pub(crate) fn count_chunk(&self, chunk: u32) {
+    /// Counts rays that enter a unit.
+    pub(crate) fn count_rays(&self, unit: u32, rays: u32) {
         // Memory that is not there counts nothing.
-        self.view.words(self.streaming.chunk_rays).add(chunk as usize, 1).unwrap_or_default();
+        self.view.words(self.streaming.unit_rays).add(unit as usize, rays).unwrap_or_default();
     }
 
     /// Whether a prim is in the way of rays of `category`, which is not 0 (`is_linked`).

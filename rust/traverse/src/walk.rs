@@ -14,7 +14,7 @@ mod stack;
 use crate::asking::Asking;
 use crate::leaf::triangle::Shear;
 use crate::node::{BoxRay, NUMBER};
-use crate::pending::Pending;
+use crate::pending::{Item, Listed, Pending};
 use crate::pose::Pose;
 use crate::scene::Scene;
 use crate::simd::Simd;
@@ -24,8 +24,8 @@ use crate::walk::mesh::triangles_of;
 use crate::walk::stack::{Key, Stack};
 use oocpt_gpu::{HostBytes, HostSpan};
 use oocpt_shader_abi::{
-    DONE, Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuPoint, GpuTriangle, LEAF, LISTED, MAX_PENDING,
-    RETURN, RayFlags, waiting_count,
+    DONE, Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuPoint, GpuTriangle, LEAF, LISTED, RETURN,
+    RayFlags,
 };
 
 /// Boxes are culled only this far behind the closest hit (traverse.glsl).
@@ -120,8 +120,11 @@ pub(crate) struct Walk<'s, 'v, const ANY_HIT: bool> {
     level: usize,
     pub(crate) chunk_instance: u32,
     in_mesh: bool,
-    /// The last key of the list that the ray came back with, if there was more behind it.
-    resumed: Option<(f32, u32)>,
+    /// What the ray came back with, and whether of the current chunk only some of it is to be visited; streaming.
+    listed: Listed,
+    filters: bool,
+    /// Where the walk is: the chunk instance and, in a mesh, its records; streaming.
+    pub(crate) item: Item,
     pub(crate) mesh: GpuMesh,
     /// Its items, with what of them moves.
     pub(crate) pose: Pose<'v>,
@@ -157,7 +160,9 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
             level: 0,
             chunk_instance: 0,
             in_mesh: false,
-            resumed: None,
+            listed: Listed::default(),
+            filters: false,
+            item: Item::default(),
             mesh: bytemuck::Zeroable::zeroed(),
             pose: Pose::NONE,
             shear: Shear::default(),
@@ -195,9 +200,9 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     }
 
     /// Begins the walk of a ray. With streaming one that has waited goes on: `found` is its hit so far if its flags say
-    /// so, and `listed` the chunk instances that it waited for.
+    /// so, and `listed` what it waited for.
     #[inline(always)]
-    pub(crate) fn begin(&mut self, simd: impl Simd, world: WorldRay, listed: &[(f32, u32); MAX_PENDING as usize]) {
+    pub(crate) fn begin(&mut self, simd: impl Simd, world: WorldRay, listed: Listed) {
         self.world = world;
         self.hit_before = self.is_streaming && world.flags & RayFlags::HIT.bits() != 0;
         if !self.hit_before {
@@ -208,14 +213,15 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
         // NaN: nothing is nearer, and boxes are entered as if there were no limit.
         self.limit = if limit.is_nan() { f32::INFINITY } else { limit };
         (self.entry, self.level, self.in_mesh) = (0.0, 0, false);
-        (self.hit, self.visits, self.resumed) = (false, 0, None);
+        (self.hit, self.visits) = (false, 0);
         self.begin_top(simd);
         self.stack.reset();
         (self.next, self.steps) = (Key::new(0, 0.0), 0);
         if self.is_streaming {
             self.pending.clear();
+            (self.listed, self.filters) = (listed, false);
             if world.flags & RayFlags::WAITED.bits() != 0 {
-                self.next = self.begin_resumed(listed);
+                self.next = self.begin_resumed();
             }
         }
     }
@@ -250,16 +256,29 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     }
 
     /// Puts what a ray that has waited is to visit on the stack; returns where to begin.
-    fn begin_resumed(&mut self, listed: &[(f32, u32); MAX_PENDING as usize]) -> Key {
+    fn begin_resumed(&mut self) -> Key {
+        let is_gone = |item: &Item| !item.is_whole() && !self.is_chunk_there(item.chunk.1);
         if self.world.flags & RayFlags::MORE.bits() != 0 {
-            self.resumed = listed.last().copied();
+            // What is behind the last item begins in its chunk: it waits until that one is there again.
+            self.listed.more = !self.listed.items().last().is_some_and(is_gone);
+            self.pending.more = !self.listed.more;
+        }
+        if self.listed.more {
             self.stack.push(Key::new(0, 0.0));
         }
-        let count = waiting_count(self.world.flags);
-        for &(entry, chunk_instance) in listed.iter().take(count as usize).rev() {
-            self.stack.push(Key::new(LEAF | LISTED | chunk_instance, entry));
+        for i in (0..self.listed.count).rev() {
+            let (entry, chunk_instance) = self.listed.items[i].chunk;
+            let is_first = i == 0 || self.listed.items[i - 1].chunk.1 != chunk_instance;
+            if is_first {
+                self.stack.push(Key::new(LEAF | LISTED | chunk_instance, entry));
+            }
         }
         self.pop()
+    }
+
+    fn is_chunk_there(&self, chunk_instance: u32) -> bool {
+        let instance = self.scene.chunk_instance(chunk_instance);
+        instance.and_then(|instance| self.scene.chunk(instance.chunk)).is_some_and(|chunk| chunk.nodes != 0)
     }
 
     /// Behind it nothing is visited that was put off: a ray that any hit ends takes whatever comes.

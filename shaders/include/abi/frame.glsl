@@ -144,7 +144,7 @@ struct Streaming {
     uint64_t demand_list;
     uint64_t sort_counts;
     uint64_t sort_sums;
-    uint64_t chunk_rays;
+    uint64_t unit_rays;
     uint64_t places;
     uint64_t ended_radiance;
     uint64_t free_slots;
@@ -166,12 +166,15 @@ struct Streaming {
     uint segment_count;
     uint demanded_capacity;
     uint demand_capacity;
+    uint first_tile;
+    uint unused;
 };
 
 struct UnitDemand {
     uint unit;
     uint waiting;
     uint next;
+    uint partner;
 };
 
 struct Roulette {
@@ -193,6 +196,8 @@ struct Segment {
 struct Pending {
     float entry[4];
     uint chunk_instance[4];
+    float record_entry[4];
+    uint mesh[4];
 };
 
 struct Question {

@@ -17,19 +17,18 @@ const ROOMY: usize = 64;
 const PREFETCHES: usize = 32;
 
 impl Planner {
-    /// Loads what is waited for at all, as long as all of it has room beside what there is: it will be asked for until
-    /// it comes, at the latest by the last rays of a render, which have nothing else to do.
+    /// Loads what is waited for at all, as far as it has room beside what there is: it will be asked for until it
+    /// comes, at the latest by the last rays of a render, which have nothing else to do.
     pub(super) fn fill_room(&mut self, plan: &mut Plan<'_>) {
         let limit = ROOMY_IN_FLIGHT.min(self.in_flight_limit(plan));
         if self.in_flight[LoadKind::Demanded as usize] >= limit {
             return;
         }
         let absent = |unit: &UnitId| self.entries[*unit as usize].state == UnitState::Absent;
-        let wanted: Vec<UnitId> = plan.demanded.iter().copied().filter(absent).collect();
-        let bytes: u64 = wanted.iter().map(|unit| self.catalog.closure_bytes(*unit)).sum();
-        if self.holdings.held().saturating_add(bytes) > self.allowance {
+        if self.holdings.held() >= self.allowance {
             return;
         }
+        let wanted: Vec<UnitId> = plan.demanded.iter().copied().filter(absent).collect();
         let rays = |unit: &UnitId| (f64::from(at(plan.demand.waiting, *unit)), *unit);
         for (_, unit) in top(wanted.iter().map(rays).collect(), ROOMY) {
             // Worth nothing, so that nothing goes for it.
@@ -60,5 +59,18 @@ impl Planner {
                 break;
             }
         }
+    }
+
+    /// With all that is held now, demanded loads still find room for all that may be in flight and one unit more: in
+    /// what is free and what only unpinned units hold.
+    pub(super) fn leaves_room(&self, plan: &Plan<'_>) -> bool {
+        let reserve = self.in_flight_limit(plan).saturating_add(self.largest);
+        let mut missing = self.holdings.held().saturating_add(reserve).saturating_sub(self.allowance);
+        let mut unpinned = self.residents.iter().filter(|&&unit| self.is_unpinned(unit));
+        while missing > 0 {
+            let Some(&unit) = unpinned.next() else { return false };
+            missing = missing.saturating_sub(self.holdings.exclusive(unit));
+        }
+        true
     }
 }

@@ -2,6 +2,7 @@
 //! What there is to load: the bytes of each asset and the assets of each unit. Immutable, shared by planners.
 
 use super::{AssetId, UnitId};
+use std::ops::Range;
 
 /// Bytes per asset and assets per unit (compressed rows). Every unit's own block is an asset of its own.
 #[derive(Clone, Debug, Default)]
@@ -11,6 +12,7 @@ pub struct Catalog {
     assets: Vec<AssetId>,
     closures: Vec<u64>,
     total: u64,
+    bases: usize,
 }
 
 /// Why a catalog was refused.
@@ -46,11 +48,17 @@ impl Catalog {
         for &size in &bytes {
             total = total.checked_add(size).ok_or(CatalogError::Overflow)?;
         }
-        let mut catalog = Self { bytes, starts: vec![0], assets: Vec::new(), closures: Vec::new(), total };
+        let mut catalog = Self { bytes, starts: vec![0], assets: Vec::new(), closures: Vec::new(), total, bases: 0 };
         for row in units {
             catalog.push(row.as_ref())?;
         }
         Ok(catalog)
+    }
+
+    /// The first `count` units are *bases*: a ray that waits for any other unit may need one of them at the same time.
+    #[must_use]
+    pub fn with_bases(self, count: usize) -> Self {
+        Self { bases: count.min(self.closures.len()), ..self }
     }
 
     /// Adds `bytes.len()` assets of so many bytes, and for each a unit that consists of it alone.
@@ -123,12 +131,21 @@ impl Catalog {
         self.closures.get(unit as usize).copied().unwrap_or(0)
     }
 
-    /// The unit of the largest closure and its bytes; the first of equals.
-    pub fn largest_closure(&self) -> Option<(UnitId, u64)> {
-        (0..).zip(&self.closures).fold(None, |best, (unit, &bytes)| match best {
-            Some((_, most)) if most >= bytes => best,
-            _ => Some((unit, bytes)),
-        })
+    /// The largest base and the largest of the other units, with their bytes; the first of equals.
+    pub fn largest(&self) -> [Option<(UnitId, u64)>; 2] {
+        let largest = |units: Range<usize>| {
+            let closures = (0..).zip(&self.closures).skip(units.start).take(units.len());
+            closures.fold(None, |best, (unit, &bytes)| match best {
+                Some((_, most)) if most >= bytes => best,
+                _ => Some((unit, bytes)),
+            })
+        };
+        [largest(0..self.bases), largest(self.bases..self.closures.len())]
+    }
+
+    /// Bytes of the two together: with less, some ray could never go on.
+    pub fn least_budget(&self) -> u64 {
+        self.largest().into_iter().flatten().fold(0, |sum, (_, bytes)| sum.saturating_add(bytes))
     }
 
     /// Bytes of all assets.
@@ -160,9 +177,18 @@ mod tests {
             assert_eq!(added.closure_bytes(unit), named.closure_bytes(unit), "unit {unit}");
         }
         assert_eq!((0..6).map(|asset| added.bytes(asset)).sum::<u64>(), 42);
-        assert_eq!(added.largest_closure(), named.largest_closure());
+        assert_eq!(added.largest(), named.largest());
         added.push_singles(&[]).expect("nothing");
         assert_eq!(added.unit_count(), 6, "nothing more");
+    }
+
+    #[test]
+    fn the_least_budget_holds_a_base_beside_another_unit() {
+        let catalog = || Catalog::new(vec![10, 20, 7, 40], [vec![0], vec![1], vec![2], vec![3]]).expect("sound");
+        let least = |bases: usize| (catalog().with_bases(bases).largest(), catalog().with_bases(bases).least_budget());
+        assert_eq!(least(0), ([None, Some((3, 40))], 40), "none");
+        assert_eq!(least(3), ([Some((1, 20)), Some((3, 40))], 60), "three");
+        assert_eq!(least(9), ([Some((3, 40)), None], 40), "all");
     }
 
     #[test]

@@ -33,6 +33,8 @@ pub(super) struct Entry {
     pub(super) retry: u32,
     /// Rays that needed it lately; halves every `HALF_LIFE_STEPS`, as of step `used`.
     pub(super) heat: f32,
+    /// Pairs that it is kept for.
+    pub(super) holds: u32,
     /// Place in the list of resident units.
     pub(super) slot: u32,
     /// It was resident at least once.
@@ -71,6 +73,11 @@ impl Entry {
             return 0.0;
         }
         self.heat * FRACTIONS[(age % HALF_LIFE_STEPS) as usize] * f32::from_bits((127 - whole) << 23)
+    }
+
+    /// A load failed a short time ago.
+    pub(super) fn pauses(&self, step: u32) -> bool {
+        self.retry != 0 && self.retry.wrapping_sub(step).cast_signed() > 0
     }
 
     /// `rays` visited it in `step`.

@@ -12,7 +12,8 @@ use super::step::Plan;
 const CANDIDATES: usize = 256;
 
 impl Planner {
-    /// Loads mapped units by the policy's measure of their visits, as far as they are worth more than what goes.
+    /// Loads mapped units by the policy's measure of their visits: as far as they are worth more than what goes, and
+    /// where nothing has to go, whatever is visited at all.
     pub(super) fn load_mapped(&mut self, plan: &mut Plan<'_>) {
         // The bus is for what rays wait for, and the few that still go on read little.
         if plan.is_idle() || plan.demand.keep_below > 0 {
@@ -24,6 +25,9 @@ impl Planner {
             self.entries.get(*unit as usize).is_some_and(|entry| entry.state == UnitState::Absent && entry.heat > 0.0)
         });
         let values = absent.filter_map(|unit| Some((self.policy.visited(&view, unit)?, unit)));
-        self.try_each(plan, &top(values.collect(), CANDIDATES));
+        let least = self.policy.least_visited();
+        let worth = |(value, unit): (f64, UnitId)| (if value >= least { value } else { 0.0 }, unit);
+        let candidates: Vec<_> = top(values.collect(), CANDIDATES).into_iter().map(worth).collect();
+        self.try_each(plan, &candidates);
     }
 }

@@ -15,7 +15,8 @@
 //! - A load lists all its unit still needs; it relies on no other load in flight.
 //! - A unit is not evicted before [`PlannerOptions::pin_steps`] steps have seen it usable.
 //! - No starvation: a unit with waiting rays is loaded after at most a bounded number of loads and steps, also when
-//!   the budget holds a single unit.
+//!   the budget holds a single unit. Where rays need a base of the catalog with it ([`Demand::partners`]), the two are
+//!   usable together for as many steps, also when the budget holds no more than the two.
 //! - Prefetches take no room from a unit with waiting rays and keep room for the largest unit free of themselves.
 //!
 //! Units: bytes, rays, steps. Called by one thread. Sources: GPU-Motunui's loop over partitions (`sweep`), the schedule
@@ -26,6 +27,7 @@ mod catalog;
 mod entry;
 mod holdings;
 mod mapped;
+mod pairs;
 mod planner;
 pub mod policy;
 pub mod roulette;
@@ -54,6 +56,9 @@ pub struct Demand<'a> {
     pub waiting: &'a [u32],
     /// Rays that wait for another unit first and have this one further down their list.
     pub next: &'a [u32],
+    /// 1 + a unit that rays which wait for this one need at the same time; 0: none. Rays that need two units wait for
+    /// both, whether the other one is resident or not.
+    pub partners: &'a [u32],
     /// Rays that visited this unit since the last step because it was resident or `mapped`. May be empty when nobody
     /// counts; then what stays resident is judged by the demand that was seen before its load.
     pub visits: &'a [u32],

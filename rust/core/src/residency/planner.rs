@@ -10,12 +10,12 @@ use std::sync::Arc;
 /// Why a budget was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PlanError {
-    /// A unit that can never be resident.
-    #[error("unit {unit} needs {bytes} bytes of device memory at once, the budget is {budget}")]
-    ClosureTooLarge {
-        /// The largest unit.
-        unit: UnitId,
-        /// Its bytes with all it needs.
+    /// Units that can never be resident together.
+    #[error("units {units:?} need {bytes} bytes of device memory at once, the budget is {budget}")]
+    TooLarge {
+        /// The largest base and the largest other unit, as far as there are such.
+        units: [Option<UnitId>; 2],
+        /// Bytes of both with all they need.
         bytes: u64,
         /// What there is.
         budget: u64,
@@ -64,6 +64,10 @@ pub struct Planner {
     pub(super) holdings: Holdings,
     pub(super) residents: Vec<UnitId>,
     pub(super) loading: Vec<Load>,
+    /// Units that stay until rays could use them together.
+    pub(super) pairs: Vec<[UnitId; 2]>,
+    /// Two that starve together, of which one has no room yet.
+    pub(super) owed: Option<[UnitId; 2]>,
     /// Evictions that the next step has to say first: what failed loads held of what was there.
     pub(super) dropped: Vec<Command>,
     pub(super) stats: ResidencyStats,
@@ -76,7 +80,7 @@ pub struct Planner {
 }
 
 impl Planner {
-    /// Nothing is resident. An error when a unit does not fit the budget.
+    /// Nothing is resident. An error when what rays need at once does not fit the budget.
     pub fn new(catalog: Arc<Catalog>, budget: u64, kind: PolicyKind) -> Result<Self, PlanError> {
         Self::with_policy(catalog, budget, kind.policy(), PlannerOptions::default())
     }
@@ -99,6 +103,8 @@ impl Planner {
             holdings: Holdings::new(&catalog),
             residents: Vec::new(),
             loading: Vec::new(),
+            pairs: Vec::new(),
+            owed: None,
             dropped: Vec::new(),
             stats: ResidencyStats::default(),
             step: 0,
@@ -273,10 +279,12 @@ const RECOVERY: u64 = 128;
 /// The longest pause after failures is 2 to this power steps.
 const MAX_PAUSE_LOG2: u64 = 4;
 
-/// The largest closure, if it fits.
+/// Bytes of the largest units that rays need at once, if they fit.
 fn check_budget(catalog: &Catalog, budget: u64) -> Result<u64, PlanError> {
-    match catalog.largest_closure() {
-        Some((unit, bytes)) if bytes > budget => Err(PlanError::ClosureTooLarge { unit, bytes, budget }),
-        largest => Ok(largest.map_or(0, |(_, bytes)| bytes)),
+    let bytes = catalog.least_budget();
+    if bytes <= budget {
+        return Ok(bytes);
     }
+    let units = catalog.largest().map(|largest| largest.map(|(unit, _)| unit));
+    Err(PlanError::TooLarge { units, bytes, budget })
 }

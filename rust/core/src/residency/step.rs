@@ -101,7 +101,8 @@ impl Planner {
             Plan { demand: *demand, demanded: Vec::new(), rays_waiting: 0, victims: None, commands, issued: 0, agrees };
         self.observe(&mut plan);
         self.shrink(&mut plan);
-        if self.load_starving(&mut plan) {
+        self.settle_pairs();
+        if self.pay_owed(&mut plan) && self.load_starving(&mut plan) {
             self.load_demanded(&mut plan);
             self.fill_room(&mut plan);
             self.load_mapped(&mut plan);
@@ -132,8 +133,7 @@ impl Planner {
             }
             entry.seen = step;
             plan.rays_waiting += u64::from(rays);
-            let pause = entry.retry != 0 && entry.retry.wrapping_sub(step).cast_signed() > 0;
-            if entry.state == UnitState::Absent && !pause {
+            if entry.state == UnitState::Absent && !entry.pauses(step) {
                 plan.demanded.push(unit);
             }
         });
@@ -168,7 +168,7 @@ impl Planner {
         }
         starving.sort_unstable();
         for &(_, unit) in &starving {
-            if !matches!(self.try_load(plan, unit, Press::Must), Try::Issued | Try::Refused) {
+            if !self.load_with_partner(plan, unit) {
                 return false;
             }
         }
@@ -221,7 +221,7 @@ impl Planner {
         refusals
     }
 
-    pub(super) fn try_load(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: Press) -> Try {
+    pub(super) fn try_load_alone(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: Press) -> Try {
         let Some(missing) = self.holdings.missing(&self.catalog, unit) else { return Try::Shared };
         let (kind, limit) = match press {
             Press::Must | Press::Worth(_) => (LoadKind::Demanded, self.in_flight_limit(plan)),
@@ -232,8 +232,7 @@ impl Planner {
             return Try::Full;
         }
         if self.holdings.held() + missing > self.allowance {
-            self.find_victims(plan);
-            let first = plan.victims.as_ref().and_then(Victims::first);
+            let first = self.first_victim(plan);
             if !first.is_some_and(|first| self.may_displace(plan, press, first)) {
                 return Try::NoRoom;
             }
@@ -261,8 +260,7 @@ impl Planner {
     fn make_room(&mut self, plan: &mut Plan<'_>, press: Press) -> Option<Vec<(Victim, Vec<AssetId>)>> {
         let mut gone: Vec<(Victim, Vec<AssetId>)> = Vec::new();
         while self.holdings.held() > self.allowance {
-            self.find_victims(plan);
-            let next = plan.victims.as_ref().and_then(Victims::first);
+            let next = self.first_victim(plan);
             let Some(victim) = next.filter(|&victim| self.may_displace(plan, press, victim)) else {
                 let victims = plan.victims.get_or_insert_default();
                 for (victim, _) in gone {
@@ -289,17 +287,22 @@ impl Planner {
         }
     }
 
-    /// With all that is held now, demanded loads still find room for all that may be in flight and one unit more: in
-    /// what is free and what only unpinned units hold.
-    fn leaves_room(&self, plan: &Plan<'_>) -> bool {
-        let unpinned = self.residents.iter().filter(|&&unit| self.is_unpinned(unit));
-        let evictable: u64 = unpinned.map(|&unit| self.holdings.exclusive(unit)).sum();
-        let reserve = self.in_flight_limit(plan).saturating_add(self.largest);
-        self.allowance.saturating_add(evictable) >= self.holdings.held().saturating_add(reserve)
+    pub(super) fn is_unpinned(&self, unit: UnitId) -> bool {
+        let entry = &self.entries[unit as usize];
+        entry.holds == 0 && self.step.wrapping_sub(entry.usable) >= self.pin_steps()
     }
 
-    fn is_unpinned(&self, unit: UnitId) -> bool {
-        self.step.wrapping_sub(self.entries[unit as usize].usable) >= self.pin_steps()
+    /// The next one that may go.
+    fn first_victim(&mut self, plan: &mut Plan<'_>) -> Option<Victim> {
+        loop {
+            self.find_victims(plan);
+            let first = plan.victims.as_ref().and_then(Victims::first)?;
+            // Since it was listed, it may have become what is loaded needs.
+            if self.entries[first.unit as usize].holds == 0 {
+                return Some(first);
+            }
+            plan.victims.get_or_insert_default().pop();
+        }
     }
 
     /// Lists who may go: first some of the resident units, from a hand that goes round; when these are used up the

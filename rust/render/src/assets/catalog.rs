@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What a snapshot consists of as device data: assets (meshes, assemblies that are referenced whole, chunks' own
-//! blocks, tiles of textures) and the units that the planner brings and evicts: chunks, each with all it needs, then
-//! tiles.
+//! blocks, tiles of textures) and the units that the planner brings and evicts: chunks, each with the assemblies that
+//! it needs, then meshes, then tiles. A ray that comes to a mesh needs its chunk at the same time: chunks are the
+//! *bases* of the planner's catalog.
 //!
 //! Asset ids: meshes first (the mesh index), then assemblies (index + meshes), then chunks (index + meshes +
-//! assemblies), then tiles (their number + all those). Unit ids: chunks first, then tiles; the planner calls all of
-//! them chunks. Pure; any thread.
+//! assemblies), then tiles (their number + all those). Unit ids: chunks first, then meshes, then tiles. Pure; any thread.
 
 use super::source::{AssetKey, Source};
 use crate::error::RenderError;
@@ -34,7 +34,7 @@ pub(crate) struct SceneAssets {
     sources: Vec<Source>,
     /// Bytes of every asset and the assets of every unit.
     pub(crate) catalog: Arc<Catalog>,
-    /// The assets that some chunk needs: all but tiles.
+    /// The assets that some chunk or ray needs: all but tiles.
     pub(crate) needed: Vec<AssetId>,
     /// Bytes of them and of all tiles.
     pub(crate) bytes: u64,
@@ -89,18 +89,16 @@ impl SceneAssets {
         let sources: Vec<Source> = meshes.chain(assemblies).chain(chunks).collect();
         let (meshes, assemblies) = (snapshot.meshes.len(), snapshot.assemblies.len());
         let closures = closures(snapshot, meshes);
-        let per_unit: Vec<Vec<AssetId>> = world
+        let chunk_rows: Vec<Vec<AssetId>> = world
             .chunks
             .iter()
             .enumerate()
             .map(|(index, chunk)| {
                 let own = asset_id(meshes + assemblies + index);
-                closure_of(chunk.targets().iter().copied(), own, meshes, &closures)
+                closure_of(chunk.targets().iter().copied(), own, &closures)
             })
             .collect();
-        let mut needed: Vec<AssetId> =
-            per_unit.iter().flatten().copied().collect::<FxHashSet<_>>().into_iter().collect();
-        needed.sort_unstable();
+        let needed = needed(snapshot, meshes, &chunk_rows);
         let of_needed = || needed.iter().filter_map(|id| sources.get(*id as usize));
         let tiles: Vec<u64> = textures.images().flat_map(|(image, _)| image.layout().all_tile_bytes()).collect();
         let tiles: Vec<u64> = tiles.into_iter().map(Source::held_bytes).collect();
@@ -112,9 +110,10 @@ impl SceneAssets {
             sections.iter_mut().zip(source.sections()).for_each(|(sum, bytes)| *sum += bytes);
         }
         sections[Source::TILES] = tile_bytes;
-        let listed = Catalog::new(sources.iter().map(Source::bytes).collect(), per_unit).and_then(|mut catalog| {
+        let rows = chunk_rows.into_iter().chain((0..meshes).map(|mesh| vec![asset_id(mesh)]));
+        let listed = Catalog::new(sources.iter().map(Source::bytes).collect(), rows).and_then(|mut catalog| {
             catalog.push_singles(&tiles)?;
-            Ok(catalog)
+            Ok(catalog.with_bases(world.chunks.len()))
         });
         let catalog = listed.map_err(|error| RenderError::Internal(format!("the scene's assets: {error}")))?;
         Ok(Self {
@@ -159,7 +158,41 @@ impl SceneAssets {
 
     /// The unit of a tile of the scene.
     pub(crate) fn tile_unit(&self, tile: u32) -> UnitId {
-        u32::try_from(self.chunk_count()).unwrap_or(u32::MAX).saturating_add(tile)
+        self.geometry_count().saturating_add(tile)
+    }
+
+    /// The unit of a mesh.
+    pub(crate) fn mesh_unit(&self, mesh: u32) -> UnitId {
+        u32::try_from(self.chunk_count()).unwrap_or(u32::MAX).saturating_add(mesh)
+    }
+
+    /// Number of chunks and meshes, which are the units before the tiles.
+    pub(crate) fn geometry_count(&self) -> u32 {
+        u32::try_from(self.chunk_count() + self.meshes).unwrap_or(u32::MAX)
+    }
+
+    /// Chunks, and the meshes that some chunk needs.
+    pub(crate) fn geometry_units(&self) -> impl Iterator<Item = UnitId> + '_ {
+        let meshes = self.needed.iter().copied().take_while(|asset| (*asset as usize) < self.meshes);
+        (0..).take(self.chunk_count()).chain(meshes.map(|mesh| self.mesh_unit(mesh)))
+    }
+
+    /// Whether the unit is a tile.
+    pub(crate) fn is_tile(&self, unit: UnitId) -> bool {
+        unit >= self.geometry_count()
+    }
+
+    /// A unit in words.
+    pub(crate) fn describe(&self, unit: UnitId) -> String {
+        match self.slot(self.own_asset(unit)) {
+            Slot::Mesh(mesh) => {
+                let triangles = self.snapshot.meshes.get(mesh).map_or(0, |mesh| mesh.triangles);
+                format!("mesh {mesh} of {triangles} items")
+            }
+            Slot::Assembly(assembly) => format!("assembly {assembly}"),
+            Slot::Chunk(chunk) => format!("chunk {chunk}"),
+            Slot::Tile(tile) => format!("tile {tile} of the textures"),
+        }
     }
 
     /// Bytes of all but tiles.
@@ -188,14 +221,19 @@ impl SceneAssets {
         }
     }
 
-    /// Number of chunks, which are the units before the tiles.
+    /// Number of chunks, which are the first units.
     pub(crate) fn chunk_count(&self) -> usize {
         self.snapshot.world.chunks.len()
     }
 
-    /// The asset that is a unit's own block: of a chunk its records, of a tile all of it.
-    pub(crate) fn own_asset(&self, chunk: UnitId) -> AssetId {
-        asset_id(self.meshes + self.assemblies + chunk as usize)
+    /// The asset that is a unit's own block: of a chunk its records, of a mesh or tile all of it.
+    pub(crate) fn own_asset(&self, unit: UnitId) -> AssetId {
+        let (unit, chunks) = (unit as usize, self.chunk_count());
+        match unit.checked_sub(chunks) {
+            None => asset_id(self.meshes + self.assemblies + unit),
+            Some(mesh) if mesh < self.meshes => asset_id(mesh),
+            Some(later) => asset_id(self.sources.len() + later - self.meshes),
+        }
     }
 
     /// Every needed asset with its content key.
@@ -203,9 +241,12 @@ impl SceneAssets {
         self.needed.iter().filter_map(|id| Some((*id, self.sources.get(*id as usize)?.key())))
     }
 
-    /// Traversal stack entries below the top level that a walk through `chunk` may need; `own` tells those of an
-    /// asset's own tree.
+    /// Traversal stack entries below the top level that a walk through a chunk may need; `own` tells those of the trees
+    /// of chunks and assemblies. 0 for other units.
     pub(crate) fn stack_of(&self, chunk: UnitId, own: impl Fn(AssetId) -> u32) -> u32 {
+        if chunk as usize >= self.chunk_count() {
+            return 0;
+        }
         // Ids of a closure ascend, so children come before what places them and the chunk itself comes last.
         let mut entries: FxHashMap<AssetId, u32> = FxHashMap::default();
         let mut last = 0;
@@ -245,11 +286,12 @@ impl SceneAssets {
     }
 
     fn deepest(&self, targets: &[Target], entries: &FxHashMap<AssetId, u32>) -> u32 {
-        let asset = |target: &Target| match *target {
-            Target::Mesh(mesh) => mesh,
-            Target::Assembly(index) => asset_id(self.meshes + index as usize),
+        // Meshes say how deep they are before they come.
+        let of = |target: &Target| match *target {
+            Target::Mesh(mesh) => self.sources.get(mesh as usize).map(Source::likely_stack),
+            Target::Assembly(index) => entries.get(&asset_id(self.meshes + index as usize)).copied(),
         };
-        targets.iter().filter_map(|target| entries.get(&asset(target))).copied().max().unwrap_or(0)
+        targets.iter().filter_map(of).max().unwrap_or(0)
     }
 }
 
@@ -277,29 +319,45 @@ fn asset_id(index: usize) -> AssetId {
     AssetId::try_from(index).unwrap_or(AssetId::MAX)
 }
 
-/// The assets of every assembly that is referenced whole, its own included; children come before parents.
+/// The assemblies that every assembly needs which is referenced whole, its own included; children come before parents.
 fn closures(snapshot: &Snapshot, meshes: usize) -> Vec<Vec<AssetId>> {
     let mut closures: Vec<Vec<AssetId>> = Vec::with_capacity(snapshot.assemblies.len());
     for (index, assembly) in snapshot.assemblies.iter().enumerate() {
-        let closure = closure_of(assembly.targets().into_iter(), asset_id(meshes + index), meshes, &closures);
+        let closure = closure_of(assembly.targets().into_iter(), asset_id(meshes + index), &closures);
         closures.push(closure);
     }
     closures
 }
 
-/// `own` and everything that the targets need, sorted.
+/// The assets of all chunks and what they place, sorted.
+fn needed(snapshot: &Snapshot, meshes: usize, chunk_rows: &[Vec<AssetId>]) -> Vec<AssetId> {
+    let mut needed: FxHashSet<AssetId> = chunk_rows.iter().flatten().copied().collect();
+    let is_placed = |index: &usize| needed.contains(&asset_id(meshes + index));
+    let assemblies: Vec<usize> = (0..snapshot.assemblies.len()).filter(is_placed).collect();
+    let mut place = |target: &Target| {
+        if let Target::Mesh(mesh) = *target {
+            needed.insert(mesh);
+        }
+    };
+    for assembly in assemblies.into_iter().filter_map(|index| snapshot.assemblies.get(index)) {
+        assembly.targets().iter().for_each(&mut place);
+    }
+    snapshot.world.chunks.iter().flat_map(|chunk| chunk.targets()).for_each(&mut place);
+    let mut needed: Vec<AssetId> = needed.into_iter().collect();
+    needed.sort_unstable();
+    needed
+}
+
+/// `own` and all assemblies that the targets need, sorted.
 fn closure_of(
     targets: impl Iterator<Item = Target>,
     own: AssetId,
-    meshes: usize,
     assemblies: &[Vec<AssetId>],
 ) -> Vec<AssetId> {
-    debug_assert!(own as usize >= meshes, "a mesh has no closure");
     let mut closure = vec![own];
     for target in targets {
-        match target {
-            Target::Mesh(mesh) => closure.push(mesh),
-            Target::Assembly(index) => closure.extend(assemblies.get(index as usize).into_iter().flatten()),
+        if let Target::Assembly(index) = target {
+            closure.extend(assemblies.get(index as usize).into_iter().flatten());
         }
     }
     closure.sort_unstable();

@@ -15,7 +15,7 @@ use oocpt_shader_abi::{
 };
 use std::sync::Arc;
 
-/// Most units whose demand the host reads in a step, 12 bytes each; the others ask again in the next one.
+/// Most units whose demand the host reads in a step, 16 bytes each; the others ask again in the next one.
 const MOST_LISTED: u32 = 1 << 16;
 
 /// What of a scene decides how much memory there has to be.
@@ -23,7 +23,9 @@ const MOST_LISTED: u32 = 1 << 16;
 pub(crate) struct Needs {
     pub(crate) levels: u32,
     pub(crate) chunks: u32,
-    /// Chunks, then tiles of textures.
+    /// Chunks, then meshes.
+    pub(crate) geometry: u32,
+    /// These, then tiles of textures.
     pub(crate) units: u32,
     /// Paths wait for tiles.
     pub(crate) textures: bool,
@@ -41,8 +43,16 @@ pub(crate) struct Needs {
     pub(crate) shadows: bool,
     /// Roulette on loads is played.
     pub(crate) roulette: bool,
-    /// The rays that enter each chunk are counted.
+    /// The rays that enter each chunk and mesh are counted.
     pub(crate) visits: bool,
+}
+
+impl Needs {
+    /// The same with one unit of each kind, where there is none: buffers have some bytes.
+    fn at_least_one(self) -> Self {
+        let [chunks, geometry, units] = [self.chunks, self.geometry, self.units].map(|count| count.max(1));
+        Self { chunks, geometry, units, ..self }
+    }
 }
 
 /// See the module.
@@ -73,7 +83,7 @@ pub(crate) struct StreamBuffers {
     demand_list: Buffer,
     sort_counts: Buffer,
     sort_sums: Buffer,
-    chunk_rays: Buffer,
+    unit_rays: Buffer,
     streaming: Buffer,
     /// What the host reads of a step: counters, segments, demand; one for each step under way.
     readback: [Buffer; 2],
@@ -92,13 +102,13 @@ impl StreamBuffers {
             Buffer::new(gpu, name, u64::from(count) * stride as u64, Usage::Device)
         };
         let slots = |name: &str, stride: usize| array(name, capacity, stride);
-        let needs = Needs { chunks: needs.chunks.max(1), units: needs.units.max(1), ..needs };
-        let Needs { levels, chunks, units, .. } = needs;
+        let needs = needs.at_least_one();
+        let Needs { levels, geometry, units, .. } = needs;
         let ended = Places::new(gpu, capacity, Bounds { total: asked.1, host_bytes })?;
         let segment_count = ended.segment_count;
-        let played = if needs.roulette { size_of::<Roulette>() + 4 * chunks as usize } else { 0 };
+        let played = if needs.roulette { size_of::<Roulette>() + 4 * geometry as usize } else { 0 };
         let demand_bytes = Extents::demand_bytes(listed(needs) as usize);
-        let visited = if needs.visits { 4 * chunks as usize } else { 0 };
+        let visited = if needs.visits { 4 * geometry as usize } else { 0 };
         let read =
             size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + demand_bytes + visited + played;
         let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
@@ -108,7 +118,7 @@ impl StreamBuffers {
             asked,
             needs,
             textures: needs.textures.then(|| TextureBuffers::new(needs, slots)).transpose()?,
-            roulette: needs.roulette.then(|| RouletteBuffers::new(gpu, chunks)).transpose()?,
+            roulette: needs.roulette.then(|| RouletteBuffers::new(gpu, geometry)).transpose()?,
             progress: slots("progress", 4)?,
             places: slots("places", 4)?,
             free_slots: slots("free_slots", 4)?,
@@ -121,13 +131,13 @@ impl StreamBuffers {
                 .transpose()?,
             deferred: [slots("deferred 0", 8)?, slots("deferred 1", 8)?],
             segments: array("segments", segment_count, size_of::<Segment>())?,
-            demand: array("demand", units, 12)?,
+            demand: array("demand", units, 16)?,
             demand_counts: array("demand counts", 2, 4)?,
             demanded: array("demanded units", listed(needs), 4)?,
             demand_list: array("demand list", listed(needs), size_of::<UnitDemand>())?,
             sort_counts: array("sort_counts", sorted(needs), 8)?,
             sort_sums: array("sort_sums", sort_blocks(sorted(needs)).max(1), 4)?,
-            chunk_rays: array("chunk_rays", chunks, 4)?,
+            unit_rays: array("unit_rays", geometry, 4)?,
             streaming: Buffer::new(gpu, "streaming", size_of::<Streaming>() as u64, Usage::Upload)?,
             readback: [readback("steps 0")?, readback("steps 1")?],
         };
@@ -140,9 +150,9 @@ impl StreamBuffers {
         self.paths.list(inventory);
         let Self { progress, places, free_slots, pending, surfaces, deferred, readback, .. } = self;
         let waiting = [progress, places, free_slots, pending, surfaces, &deferred[0], &deferred[1]];
-        let Self { segments, sort_counts, sort_sums, chunk_rays, streaming, .. } = self;
+        let Self { segments, sort_counts, sort_sums, unit_rays, streaming, .. } = self;
         let Self { demand, demand_counts, demanded, demand_list, .. } = self;
-        let tables = [segments, demand, demand_counts, demanded, demand_list, sort_counts, sort_sums, chunk_rays];
+        let tables = [segments, demand, demand_counts, demanded, demand_list, sort_counts, sort_sums, unit_rays];
         let tables = tables.into_iter().chain([streaming, &self.ended.radiance]);
         for buffer in waiting.into_iter().chain(tables).chain(readback) {
             inventory.add(buffer.name(), buffer.size());
@@ -153,7 +163,7 @@ impl StreamBuffers {
                     .into_iter()
                     .for_each(|buffer| inventory.add(buffer.name(), buffer.size()));
             }
-            None => inventory.leave_out("roulette", 4 * (3 * u64::from(self.needs.chunks) + u64::from(WORTH_SUMS))),
+            None => inventory.leave_out("roulette", 4 * (3 * u64::from(self.needs.geometry) + u64::from(WORTH_SUMS))),
         }
         let capacity = u64::from(self.paths.capacity);
         match &self.shadow_pending {
@@ -178,8 +188,7 @@ impl StreamBuffers {
     /// Whether this memory serves such a scene and so many paths, or is as much as there could be for them.
     pub(crate) fn serves(&self, needs: Needs, asked: (u64, u64)) -> bool {
         let enough = self.asked.0 >= asked.0 && self.asked.1 >= asked.1;
-        let needs = Needs { chunks: needs.chunks.max(1), units: needs.units.max(1), ..needs };
-        self.needs == needs && enough
+        self.needs == needs.at_least_one() && enough
     }
 
     fn block(&self) -> Streaming {
@@ -206,7 +215,7 @@ impl StreamBuffers {
             demand_list: self.demand_list.address(),
             sort_counts: self.sort_counts.address(),
             sort_sums: self.sort_sums.address(),
-            chunk_rays: self.chunk_rays.address(),
+            unit_rays: self.unit_rays.address(),
             places: self.places.address(),
             ended_radiance: self.ended.radiance.address(),
             free_slots: self.free_slots.address(),
@@ -223,6 +232,8 @@ impl StreamBuffers {
             lookups: self.needs.lookups,
             demanded_capacity: listed(self.needs),
             demand_capacity: listed(self.needs),
+            first_tile: self.needs.geometry,
+            unused: 0,
         }
     }
 
@@ -234,8 +245,8 @@ impl StreamBuffers {
 
     /// What the trace passes write, besides what belongs to the paths.
     pub(crate) fn written(&self) -> Vec<&Buffer> {
-        let Self { progress, free_slots, pending, deferred, segments, chunk_rays, .. } = self;
-        let always = [progress, free_slots, pending, &deferred[0], &deferred[1], segments, chunk_rays];
+        let Self { progress, free_slots, pending, deferred, segments, unit_rays, .. } = self;
+        let always = [progress, free_slots, pending, &deferred[0], &deferred[1], segments, unit_rays];
         let textures = self.textures.as_ref();
         let questions = textures.and_then(|textures| textures.questions.as_ref()).into_iter().flatten();
         let waiting = self.shadow_pending.iter().chain(textures.map(|textures| &textures.resolve_queue));
@@ -244,7 +255,7 @@ impl StreamBuffers {
 
     /// Forgets everything, before a stage.
     pub(crate) fn clear(&self, commands: &mut Commands) {
-        for buffer in [&self.paths.counters, &self.segments, &self.chunk_rays, &self.demand] {
+        for buffer in [&self.paths.counters, &self.segments, &self.unit_rays, &self.demand] {
             commands.fill(buffer, 0, buffer.size(), 0);
         }
         if let Some(roulette) = &self.roulette {
@@ -293,7 +304,7 @@ impl StreamBuffers {
             let mut offset = 0;
             let played = self.roulette.iter().flat_map(|roulette| [&roulette.block, &roulette.worth]);
             let listed = [&self.demand_counts, &self.demand_list];
-            let visited = self.needs.visits.then_some(&self.chunk_rays);
+            let visited = self.needs.visits.then_some(&self.unit_rays);
             let sources = [&self.paths.counters, &self.segments].into_iter().chain(listed).chain(visited).chain(played);
             for source in sources {
                 c.copy(source, 0, target, offset, source.size());
@@ -312,16 +323,16 @@ impl StreamBuffers {
             segments: self.ended.segment_count as usize,
             listed: listed(self.needs) as usize,
             units: self.needs.units as usize,
-            visited: if self.needs.visits { self.needs.chunks as usize } else { 0 },
+            visited: if self.needs.visits { self.needs.geometry as usize } else { 0 },
         };
         Ok(self.readback_of(number).map(|bytes| seen.read(number, bytes, extents))?)
     }
 
-    /// Rays that entered each chunk, if they were counted; waits for the device.
-    pub(crate) fn chunk_rays(&self, gpu: &Arc<Gpu>) -> Result<Vec<u32>, RenderError> {
-        let target = Buffer::new(gpu, "chunk rays", self.chunk_rays.size(), Usage::Readback)?;
-        let mut commands = gpu.commands("chunk rays")?;
-        commands.copy(&self.chunk_rays, 0, &target, 0, self.chunk_rays.size());
+    /// Rays that entered each chunk and mesh, if they were counted; waits for the device.
+    pub(crate) fn unit_rays(&self, gpu: &Arc<Gpu>) -> Result<Vec<u32>, RenderError> {
+        let target = Buffer::new(gpu, "unit rays", self.unit_rays.size(), Usage::Readback)?;
+        let mut commands = gpu.commands("unit rays")?;
+        commands.copy(&self.unit_rays, 0, &target, 0, self.unit_rays.size());
         commands.submit()?.wait(crate::device::WAVE_TIMEOUT)?;
         Ok(target.map(|bytes| bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())?)
     }
@@ -374,6 +385,7 @@ mod tests {
             let needs = Needs {
                 levels: 2,
                 chunks: 3,
+                geometry: 4,
                 units: 5,
                 textures,
                 lookups: 7,

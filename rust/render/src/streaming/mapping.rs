@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Brings chunks into host memory where rays read them (`reach`): those that rays wait for and the device has no room
+//! Brings chunks and meshes into host memory where rays read them (`reach`): those that rays wait for and the device has no room
 //! for. Render thread only.
 
 use super::reach::Reach;
@@ -9,9 +9,9 @@ use crate::error::RenderError;
 use oocpt_core::residency::{AssetId, Demand, UnitId, UnitState};
 use rustc_hash::FxHashSet;
 
-/// Chunks that are begun in a step, those that most rays wait for first.
+/// Units that are begun in a step, those that most rays wait for first.
 const MAPPED_A_STEP: usize = 256;
-/// Chunks that no ray has asked for that are begun in a step in which none is asked for, and how much may be on the
+/// Units that no ray has asked for that are begun in a step in which none is asked for, and how much may be on the
 /// way then.
 const REST_A_STEP: usize = 64;
 const REST_ON_THE_WAY: usize = 256;
@@ -23,7 +23,8 @@ impl Residency<'_> {
             return;
         }
         let Some(mut reach) = self.reach.take() else { return };
-        for unit in (0..).take(self.assets.chunk_count()) {
+        let units: Vec<UnitId> = self.assets.geometry_units().collect();
+        for unit in units {
             if self.unmapped(unit).is_empty() {
                 reach.expect(unit, &[]);
                 if !self.planner.is_resident(unit) {
@@ -34,7 +35,7 @@ impl Residency<'_> {
         self.reach = Some(reach);
     }
 
-    /// Assets of a chunk that host memory does not have.
+    /// Assets of a unit that host memory does not have.
     fn unmapped(&self, unit: UnitId) -> Vec<AssetId> {
         let is_mapped = |asset: &AssetId| self.assets.key(*asset).is_some_and(|key| self.store.mapped(&key).is_some());
         self.assets.catalog.assets(unit).iter().copied().filter(|asset| !is_mapped(asset)).collect()
@@ -78,7 +79,7 @@ impl Residency<'_> {
         Ok(())
     }
 
-    /// Begins to bring a chunk into host memory; false when no memory is made for it yet.
+    /// Begins to bring a unit into host memory; false when no memory is made for it yet.
     fn map(&mut self, unit: UnitId, reach: &mut Reach) -> Result<bool, RenderError> {
         let missing = self.unmapped(unit);
         for &asset in &missing {
@@ -94,18 +95,17 @@ impl Residency<'_> {
         Ok(true)
     }
 
-    /// Chunks that rays can use neither on the device nor in host memory.
+    /// Chunks and meshes that rays can use neither on the device nor in host memory.
     fn rest(&self, reach: &Reach) -> impl Iterator<Item = UnitId> {
-        let chunks = (0..).take(self.assets.chunk_count());
-        chunks.filter(|unit| !reach.is_there(*unit) && !self.planner.is_resident(*unit))
+        self.assets.geometry_units().filter(|unit| !reach.is_there(*unit) && !self.planner.is_resident(*unit))
     }
 
-    /// Whether rays can use every chunk.
+    /// Whether rays can use all geometry.
     pub(super) fn is_all_there(&self) -> bool {
         self.reach.as_ref().is_some_and(|reach| self.rest(reach).next().is_none())
     }
 
-    /// Bytes that tiles of textures have or may take without a chunk that goes.
+    /// Bytes that tiles of textures have or may take without geometry that goes.
     pub(super) fn room_for_tiles(&self) -> u64 {
         self.planner.budget().saturating_sub(self.planner.stats().bytes_held) + self.textures.bytes_held
     }
@@ -129,7 +129,7 @@ impl Residency<'_> {
         }
     }
 
-    /// Shows a chunk where its assets are.
+    /// Shows a unit where its assets are.
     fn show_all(&mut self, unit: UnitId) {
         let closure: Vec<AssetId> = self.assets.catalog.assets(unit).to_vec();
         for asset in closure {

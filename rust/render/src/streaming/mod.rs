@@ -24,6 +24,7 @@ mod rounds;
 mod segments;
 mod share;
 mod stage;
+mod stall;
 mod stragglers;
 
 use buffers::Needs;
@@ -132,6 +133,7 @@ pub(crate) fn render(
         mib = budget >> 20,
         of_mib = assets.bytes >> 20,
         chunks = assets.chunk_count(),
+        meshes = assets.snapshot.meshes.len(),
         tiles = assets.textures.tile_count(),
         may_leave,
         paths = buffers.paths.capacity,
@@ -152,8 +154,8 @@ pub(crate) fn render(
 }
 
 fn stragglers(setting: &Setting<'_>) -> Stragglers {
-    let chunks = setting.job.snapshot.world.chunks.len();
-    let stragglers = Stragglers::new(setting.job.settings.seed, chunks);
+    let units = setting.job.snapshot.world.chunks.len() + setting.job.snapshot.meshes.len();
+    let stragglers = Stragglers::new(setting.job.settings.seed, units);
     #[cfg(feature = "faults")]
     let stragglers = stragglers.with_faults(setting.job.options.faults);
     stragglers
@@ -173,6 +175,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
     let needs = Needs {
         levels: scene.levels(),
         chunks: scene.chunk_count(),
+        geometry: scene.assets.geometry_count(),
         units: scene.unit_count(),
         textures,
         lookups: lookups(setting),
@@ -193,7 +196,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
     *kept = None;
     let slot_bytes = buffers::slot_bytes(&device.gpu, needs);
     let unused = |memory: MemoryUse| memory.budget.saturating_sub(memory.used);
-    let largest_unit = scene.assets.catalog.largest_closure().map_or(0, |(_, bytes)| bytes);
+    let largest_unit = scene.assets.catalog.least_budget();
     let room = Room {
         bytes: unused(device.gpu.memory()) + scene.bytes_to_clear(device),
         slot_bytes,

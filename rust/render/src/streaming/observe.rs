@@ -14,7 +14,7 @@ pub(crate) struct Extents {
     pub(crate) listed: usize,
     /// Units.
     pub(crate) units: usize,
-    /// Chunks whose rays are counted.
+    /// Chunks and meshes whose rays are counted.
     pub(crate) visited: usize,
 }
 
@@ -37,13 +37,15 @@ pub(crate) struct Observation {
     pub(crate) waiting: Vec<u32>,
     /// Rays that have each unit further down their list.
     pub(crate) next: Vec<u32>,
-    /// The units of which one of the two is not 0, ascending.
+    /// 1 + a unit that rays need at the same time as this one, 0: none.
+    pub(crate) partners: Vec<u32>,
+    /// The units of which one of `waiting` and `next` is not 0, ascending.
     pub(crate) asked: Vec<UnitId>,
-    /// Rays that entered each chunk since the stage began, modulo 2^32; empty when nobody counts.
+    /// Rays that entered each chunk and mesh since the stage began, modulo 2^32; empty when nobody counts.
     pub(crate) visited: Vec<u32>,
     /// With roulette on loads: what it knows and counts.
     pub(crate) roulette: Roulette,
-    /// With it: what the rays that wait for each chunk first may bring, in `1 / WORTH_ONE`; empty when nobody looked.
+    /// With it: what the rays that wait for each chunk and mesh first may bring, in `1 / WORTH_ONE`; empty when nobody looked.
     pub(crate) worth: Vec<u32>,
 }
 
@@ -75,19 +77,21 @@ impl Observation {
 
     fn read_demand(&mut self, bytes: &[u8], units: usize) {
         for unit in self.asked.drain(..) {
-            for of_unit in [&mut self.waiting, &mut self.next].map(|rays| rays.get_mut(unit as usize)) {
-                of_unit.into_iter().for_each(|rays| *rays = 0);
+            for of_unit in [&mut self.waiting, &mut self.next, &mut self.partners] {
+                of_unit.get_mut(unit as usize).into_iter().for_each(|rays| *rays = 0);
             }
         }
         self.waiting.resize(units, 0);
         self.next.resize(units, 0);
+        self.partners.resize(units, 0);
         let (counts, entries) = bytes.split_at(2 * size_of::<u32>());
         let [_, count] = bytemuck::pod_read_unaligned::<[u32; 2]>(counts).map(|count| count as usize);
         for entry in entries.chunks_exact(size_of::<UnitDemand>()).take(count) {
-            let UnitDemand { unit, waiting, next } = bytemuck::pod_read_unaligned(entry);
+            let UnitDemand { unit, waiting, next, partner } = bytemuck::pod_read_unaligned(entry);
             let at = unit as usize;
-            if let (Some(waits), Some(follows)) = (self.waiting.get_mut(at), self.next.get_mut(at)) {
-                (*waits, *follows) = (waiting, next);
+            let of = (self.waiting.get_mut(at), self.next.get_mut(at), self.partners.get_mut(at));
+            if let (Some(waits), Some(follows), Some(with)) = of {
+                (*waits, *follows, *with) = (waiting, next, partner);
                 self.asked.push(unit);
             }
         }
@@ -123,12 +127,12 @@ mod tests {
 
     const EXTENTS: Extents = Extents { segments: 2, listed: 3, units: 9, visited: 0 };
 
-    fn bytes(list: &[[u32; 3]], count: u32) -> Vec<u8> {
+    fn bytes(list: &[[u32; 4]], count: u32) -> Vec<u8> {
         let mut counters = Counters { shadow_count: 7, deferred_parity: 1, ..Counters::default() };
         counters.ray_count = [5, 0];
         counters.deferred_count = [1, 9];
         let segments = [Segment { alive: 3, ..Segment::default() }, Segment { alive: 4, ..Segment::default() }];
-        let mut entries = [[0xdddd_dddd_u32; 3]; 3];
+        let mut entries = [[0xdddd_dddd_u32; 4]; 3];
         entries[..list.len()].copy_from_slice(list);
         let list = [bytemuck::bytes_of(&[99, count]), bytemuck::cast_slice(&entries)].concat();
         [bytemuck::bytes_of(&counters), bytemuck::cast_slice(&segments), &list].concat()
@@ -137,11 +141,12 @@ mod tests {
     #[test]
     fn feedback_sections_are_read_from_their_offsets() {
         let mut seen = Observation::default();
-        seen.read(3, &bytes(&[[6, 10, 20], [2, 0, 21]], 2), EXTENTS);
+        seen.read(3, &bytes(&[[6, 10, 20, 3], [2, 0, 21, 0]], 2), EXTENTS);
         assert!(seen.worth.is_empty(), "nobody plays");
         assert_eq!((seen.step, seen.active(), seen.waiting(), seen.paths_alive()), (3, 12, 9, 7), "counters, segments");
         assert_eq!(seen.waiting, [0, 0, 0, 0, 0, 0, 10, 0, 0], "waiting");
         assert_eq!((&*seen.next, &*seen.asked), (&[0, 0, 21, 0, 0, 0, 20, 0, 0][..], &[2, 6][..]), "next");
+        assert_eq!(seen.partners, [0, 0, 0, 0, 0, 0, 3, 0, 0], "partners");
         let known = Roulette { mean: 0.5, ended_paths: 6, ..Roulette::default() };
         let played = [&*bytes(&[], 0), bytemuck::bytes_of(&known), bytemuck::cast_slice(&[30_u32, 31])].concat();
         seen.read(4, &played, EXTENTS);
@@ -151,16 +156,16 @@ mod tests {
     #[test]
     fn demand_comes_from_the_last_step_only() {
         let mut seen = Observation::default();
-        seen.read(1, &bytes(&[[6, 10, 20], [2, 1, 0], [8, 1, 1]], 3), EXTENTS);
-        seen.read(2, &bytes(&[[2, 0, 4]], 1), EXTENTS);
+        seen.read(1, &bytes(&[[6, 10, 20, 9], [2, 1, 0, 0], [8, 1, 1, 0]], 3), EXTENTS);
+        seen.read(2, &bytes(&[[2, 0, 4, 0]], 1), EXTENTS);
         assert_eq!((&*seen.waiting, &*seen.asked), (&[0; 9][..], &[2][..]), "the others ask no more");
-        assert_eq!(seen.next, [0, 0, 4, 0, 0, 0, 0, 0, 0], "next");
+        assert_eq!((&*seen.next, &*seen.partners), (&[0, 0, 4, 0, 0, 0, 0, 0, 0][..], &[0; 9][..]), "next, partners");
     }
 
     #[test]
     fn out_of_range_feedback_is_ignored() {
         let mut seen = Observation::default();
-        seen.read(1, &bytes(&[[0, 1, 2], [9, 3, 3], [5, 1, 0]], 4_000_000_000), EXTENTS);
+        seen.read(1, &bytes(&[[0, 1, 2, 0], [9, 3, 3, 0], [5, 1, 0, 77]], 4_000_000_000), EXTENTS);
         assert_eq!(seen.asked, [0, 5], "unit 9 of 9 is none, a fourth entry was not kept");
     }
 }

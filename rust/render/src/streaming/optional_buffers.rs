@@ -31,8 +31,8 @@ pub(super) struct RouletteBuffers {
 }
 
 impl RouletteBuffers {
-    pub(super) fn new(gpu: &Arc<Gpu>, chunks: u32) -> Result<Self, GpuError> {
-        let table = |name: &str, usage| Buffer::new(gpu, name, 4 * u64::from(chunks), usage);
+    pub(super) fn new(gpu: &Arc<Gpu>, units: u32) -> Result<Self, GpuError> {
+        let table = |name: &str, usage| Buffer::new(gpu, name, 4 * u64::from(units), usage);
         Ok(Self {
             block: Buffer::new(gpu, "roulette", size_of::<Roulette>() as u64, Usage::Device)?,
             worth: table("worth", Usage::Device)?,

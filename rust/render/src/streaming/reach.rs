@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Chunks that rays read in host memory, across the bus, while the device has no room for them: none waits for these.
+//! Chunks and meshes that rays read in host memory, across the bus, while the device has no room for them: none waits for these.
 //! What is visited most comes to the device (`Planner`), what has to go is read in host memory again.
 //!
-//! A chunk is reached when all assets of its closure lie in host memory. Pure bookkeeping.
+//! A unit is reached when all assets of its closure lie in host memory. Pure bookkeeping.
 
 use oocpt_core::residency::{AssetId, Demand, UnitId};
 use rustc_hash::FxHashMap;
 
-/// Where a chunk is on its way into host memory.
+/// Where a unit is on its way into host memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum State {
     #[default]
@@ -21,15 +21,15 @@ enum State {
 #[derive(Debug, Default)]
 pub(super) struct Reach {
     states: Vec<State>,
-    /// Chunks that wait for an asset.
+    /// Units that wait for an asset.
     dependents: FxHashMap<AssetId, Vec<UnitId>>,
-    /// By chunk, for the planner: whether it is there.
+    /// By unit, for the planner: whether it is there.
     mapped: Vec<bool>,
     /// Rays that wait for each unit and have to.
     waiting: Vec<u32>,
     /// Units that `waiting` has something of.
     asked: Vec<UnitId>,
-    /// Rays that entered each chunk since the step before.
+    /// Rays that entered each unit since the step before.
     visits: Vec<u32>,
     /// Rays that entered it until then, modulo 2^32.
     counted: Vec<u32>,
@@ -37,12 +37,12 @@ pub(super) struct Reach {
 
 impl Reach {
     /// Nothing is there.
-    pub(super) fn new(chunks: usize) -> Self {
+    pub(super) fn new(units: usize) -> Self {
         Self {
-            states: vec![State::Absent; chunks],
-            mapped: vec![false; chunks],
-            visits: vec![0; chunks],
-            counted: vec![0; chunks],
+            states: vec![State::Absent; units],
+            mapped: vec![false; units],
+            visits: vec![0; units],
+            counted: vec![0; units],
             ..Self::default()
         }
     }
@@ -62,7 +62,7 @@ impl Reach {
         self.states.get(unit as usize) == Some(&State::Absent)
     }
 
-    /// A chunk is there as soon as these assets are.
+    /// A unit is there as soon as these assets are.
     pub(super) fn expect(&mut self, unit: UnitId, missing: &[AssetId]) {
         for &asset in missing {
             self.dependents.entry(asset).or_default().push(unit);
@@ -77,7 +77,7 @@ impl Reach {
         }
     }
 
-    /// An asset is there; gives the chunks that are with it.
+    /// An asset is there; gives the units that are with it.
     pub(super) fn arrived(&mut self, asset: AssetId) -> Vec<UnitId> {
         let mut there = Vec::new();
         for unit in self.dependents.remove(&asset).unwrap_or_default() {
@@ -91,7 +91,7 @@ impl Reach {
         there
     }
 
-    /// Takes note of how many rays have entered each chunk since the counts began.
+    /// Takes note of how many rays have entered each unit since the counts began.
     pub(super) fn count(&mut self, counts: &[u32]) {
         for ((visits, counted), count) in self.visits.iter_mut().zip(&mut self.counted).zip(counts) {
             *visits = count.wrapping_sub(*counted);
@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_chunk_is_reachable_when_all_its_assets_are_resident() {
+    fn a_unit_is_reachable_when_all_its_assets_are_resident() {
         let mut reach = Reach::new(3);
         reach.expect(0, &[7, 8]);
         reach.expect(2, &[8]);
@@ -141,7 +141,7 @@ mod tests {
         assert_eq!(reach.arrived(7), [0; 0], "nobody waits any more");
         reach.expect(1, &[]);
         assert!(reach.is_there(1), "nothing was missing");
-        assert!(!reach.is_there(3) && !reach.is_absent(3), "no chunk");
+        assert!(!reach.is_there(3) && !reach.is_absent(3), "no such unit");
     }
 
     #[test]

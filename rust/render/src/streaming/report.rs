@@ -15,7 +15,7 @@ impl Streamer<'_, '_> {
         if file.is_empty() {
             return Ok(());
         }
-        let rays = self.buffers.chunk_rays(&self.tracer.setting.device.gpu)?;
+        let rays = self.buffers.unit_rays(&self.tracer.setting.device.gpu)?;
         self.chunk_report(&rays).write(Path::new(file)).map_err(|error| RenderError::Report(error.to_string()))
     }
 

@@ -53,11 +53,11 @@ pub(crate) struct Residency<'a> {
     /// Entries to write before the next step.
     changed: Vec<AssetId>,
     copies: Vec<Arc<Submission>>,
-    /// Where rays read chunks in host memory.
+    /// Where rays read chunks and meshes in host memory.
     pub(super) reach: Option<Reach>,
     /// What no ray has asked for is brought into host memory too.
     pub(super) brings_rest: bool,
-    /// Every chunk is there and the passes that come next count on it: none goes any more.
+    /// All geometry is there and the passes that come next count on it: none goes any more.
     pub(super) stays: bool,
     pub(super) filler: Option<HostHeapFiller>,
     /// Units that the rays of the next step see for the first time.
@@ -96,7 +96,7 @@ impl<'a> Residency<'a> {
         let Start { device, assets, store, tables, budget, policy, filler } = start;
         let options = PlannerOptions { in_flight_bytes: (budget / IN_FLIGHT_SHARE).min(MOST_IN_FLIGHT), pin_steps: 3 };
         let planner = Planner::with_policy(Arc::clone(&assets.catalog), budget, policy.policy(), options)
-            .map_err(|error| plan_error(&error))?;
+            .map_err(|error| plan_error(assets, &error))?;
         let mut residency = Self {
             device,
             assets: Arc::clone(assets),
@@ -110,7 +110,7 @@ impl<'a> Residency<'a> {
             orphans: FxHashSet::default(),
             changed: Vec::new(),
             copies: Vec::new(),
-            reach: filler.is_some().then(|| Reach::new(assets.chunk_count())),
+            reach: filler.is_some().then(|| Reach::new(assets.geometry_count() as usize)),
             brings_rest: false,
             stays: false,
             filler,
@@ -125,12 +125,12 @@ impl<'a> Residency<'a> {
 
     fn take_over(&mut self) {
         let mut kept: FxHashSet<AssetId> = FxHashSet::default();
-        let chunks = (0..).take(self.assets.chunk_count());
+        let geometry: Vec<UnitId> = self.assets.geometry_units().collect();
         // There may be millions of tiles: only those that are there are looked at.
         let tiles = self.store.tiles().filter_map(|(image, tile)| self.assets.textures.number_of(image, tile));
         let mut tiles: Vec<UnitId> = tiles.map(|tile| self.assets.tile_unit(tile)).collect();
         tiles.sort_unstable();
-        for unit in chunks.chain(tiles.iter().copied()) {
+        for unit in geometry.into_iter().chain(tiles.iter().copied()) {
             let complete = self.assets.catalog.assets(unit).iter().all(|&asset| self.is_ready(asset));
             if complete && self.planner.keep_resident(unit) {
                 let closure: Vec<AssetId> = self.assets.catalog.assets(unit).to_vec();
@@ -196,10 +196,9 @@ impl<'a> Residency<'a> {
         self.place_waiting()
     }
 
-    /// Bytes of a unit that is a tile, 0 of a chunk.
+    /// Bytes of a unit that is a tile, 0 of others.
     fn bytes_of_tile(&self, unit: UnitId) -> u64 {
-        let is_tile = unit as usize >= self.assets.chunk_count();
-        if is_tile { self.assets.catalog.closure_bytes(unit) } else { 0 }
+        if self.assets.is_tile(unit) { self.assets.catalog.closure_bytes(unit) } else { 0 }
     }
 
     fn evict(&mut self, unit: UnitId, assets: &[AssetId]) {
@@ -214,7 +213,7 @@ impl<'a> Residency<'a> {
         let is_reached = self.reach.as_ref().is_some_and(|reach| reach.is_there(unit));
         for &asset in assets.iter().chain((!assets.contains(&own)).then_some(&own)) {
             let is_mapped = self.assets.key(asset).is_some_and(|key| self.store.mapped(&key).is_some());
-            // Other chunks may read it in host memory; the chunk's own is seen when all that it needs is there.
+            // Other chunks may read it in host memory; the unit's own is seen when all that it needs is there.
             if is_mapped && (asset != own || is_reached) {
                 self.show(asset);
             } else {
@@ -369,9 +368,12 @@ impl<'a> Residency<'a> {
     }
 }
 
-/// A closure that does not fit is the one thing no planner can help.
-fn plan_error(error: &PlanError) -> RenderError {
+/// What does not fit together is the one thing no planner can help.
+fn plan_error(assets: &SceneAssets, error: &PlanError) -> RenderError {
     match *error {
-        PlanError::ClosureTooLarge { unit, bytes, budget } => RenderError::ChunkTooLarge { chunk: unit, bytes, budget },
+        PlanError::TooLarge { units, bytes, budget } => {
+            let parts: Vec<String> = units.into_iter().flatten().map(|unit| assets.describe(unit)).collect();
+            RenderError::PartsTooLarge { parts: parts.join(" and "), bytes, budget }
+        }
     }
 }

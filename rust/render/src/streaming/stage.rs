@@ -12,6 +12,7 @@ use super::observe::Observation;
 use super::record::StepPlan;
 use super::rounds::{self, Done};
 use super::segments::Segments;
+use super::stall::Stall;
 use super::stragglers::{Moment, Spent, Stragglers};
 use crate::adaptive::Adaptive;
 use crate::engine::{Feed, Flight, LeftOff, Tracer, Work};
@@ -74,6 +75,7 @@ pub(crate) struct Stage<'a, 'r> {
     last_waited: Instant,
     patience: Patience,
     leave: Leave,
+    stall: Stall,
 }
 
 impl<'a, 'r> Stage<'a, 'r> {
@@ -86,6 +88,7 @@ impl<'a, 'r> Stage<'a, 'r> {
             begun: Vec::new(),
             seen: Observation::default(),
             is_cpu: is_cpu(streamer.tracer.setting.device),
+            stall: Stall::new(streamer.residency.planner.catalog().unit_count()),
             streamer,
             kind: Kind::Samples,
             segments: Segments::new(0, 1, 1, 0),
@@ -151,8 +154,8 @@ impl<'a, 'r> Stage<'a, 'r> {
     fn plan(&mut self, active: u64, progress: &Progress<'_>) -> Result<(), RenderError> {
         let (are_few, prices) = (self.are_stragglers(), self.prices(progress).unwrap_or_default());
         let (seen, next_step) = (&self.seen, self.next_step);
-        let (waiting, next) = (&*seen.waiting, &*seen.next);
-        let demand = Demand { waiting, next, active, asked: Some(&seen.asked), ..Demand::default() };
+        let (waiting, next, partners) = (&*seen.waiting, &*seen.next, &*seen.partners);
+        let demand = Demand { waiting, next, partners, active, asked: Some(&seen.asked), ..Demand::default() };
         let Streamer { residency, stragglers, .. } = &mut self.streamer;
         match stragglers {
             Some(stragglers) if self.kind == Kind::Samples => {
@@ -342,6 +345,9 @@ impl Feed for Stage<'_, '_> {
         }
         self.ended += u64::from(self.seen.counters.freed.wrapping_sub(before.freed));
         self.log(&work.of, secs, &before);
+        if let Some(loads) = self.stall.note(self.ended, self.streamer.residency.planner.stats().loads) {
+            return Err(RenderError::NoProgress { loads, left: self.seen.paths_alive() });
+        }
         self.last_event = Instant::now();
         self.plan(self.seen.active(), progress)?;
         if self.kind == Kind::Samples {

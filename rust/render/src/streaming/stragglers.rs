@@ -87,18 +87,18 @@ impl Price {
 pub(crate) struct Stragglers {
     roulette: Roulette,
     price: Price,
-    chunks: usize,
+    units: usize,
     #[cfg(feature = "faults")]
     faults: crate::faults::Faults,
 }
 
 impl Stragglers {
-    /// For a scene of so many chunks.
-    pub(crate) fn new(seed: u32, chunks: usize) -> Self {
+    /// For a scene of so many chunks and meshes.
+    pub(crate) fn new(seed: u32, units: usize) -> Self {
         Self {
-            roulette: Roulette::new(seed, chunks),
+            roulette: Roulette::new(seed, units),
             price: Price::default(),
-            chunks,
+            units,
             #[cfg(feature = "faults")]
             faults: crate::faults::Faults::default(),
         }
@@ -199,7 +199,7 @@ impl Stragglers {
         if !self.has_verdicts() {
             return None;
         }
-        let mut table = vec![0.0; self.chunks];
+        let mut table = vec![0.0; self.units];
         for verdict in self.roulette.take_verdicts() {
             let weight = verdict.weight;
             #[cfg(feature = "faults")]

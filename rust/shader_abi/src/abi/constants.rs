@@ -47,6 +47,8 @@ constants! {
     SHADOW_BIT;
     MATERIAL_BIT;
     MAX_PENDING;
+    NO_MESH;
+    COUNTED_PATHS;
     SEGMENT_WORDS;
     SEGMENT_WORD_ALIVE;
     LEAF;

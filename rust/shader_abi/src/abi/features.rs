@@ -93,8 +93,8 @@ features! {
     DOME_SHADOW_RAYS: "shadow rays to constant domes", [DOME], Never;
     /// Chunks may be absent: rays wait for them, paths live in segments. `Frame::streaming` counts.
     STREAMING: "streaming of what does not fit", [], Never;
-    /// `Streaming::chunk_rays` counts the rays that entered each chunk.
-    CHUNK_COUNTS: "counts of rays by chunk", [STREAMING], Never;
+    /// `Streaming::unit_rays` counts the rays that entered each chunk and mesh.
+    CHUNK_COUNTS: "counts of rays by chunk and mesh", [STREAMING], Never;
     /// Rays that wait for a load that is too dear for what they bring may end (`Streaming::roulette`).
     ROULETTE: "roulette on loads for stragglers", [STREAMING], Never;
     /// Some mesh has a material: `Frame::materials`, `prims` and `material_slots` count.

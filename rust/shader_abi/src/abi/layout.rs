@@ -159,7 +159,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         demand_list,
         sort_counts,
         sort_sums,
-        chunk_rays,
+        unit_rays,
         places,
         ended_radiance,
         free_slots,
@@ -180,12 +180,14 @@ pub const LAYOUTS: &[StructLayout] = &[
         lookups,
         segment_count,
         demanded_capacity,
-        demand_capacity
+        demand_capacity,
+        first_tile,
+        unused
     }),
-    layout!(UnitDemand { unit, waiting, next }),
+    layout!(UnitDemand { unit, waiting, next, partner }),
     layout!(Roulette { mean, second_moment, ended_paths, ended_shadows, variance, looks }),
     layout!(Segment { first_pixel, first_sample, count, alive }),
-    layout!(Pending { entry, chunk_instance }),
+    layout!(Pending { entry, chunk_instance, record_entry, mesh }),
     layout!(Question { t, id, chunk_instance, flags, mean, texture, st, width, scale, bias, limit, unit }),
     layout!(GpuSurface {
         position,

@@ -69,9 +69,9 @@ pub use scene::{
     TARGET_MOVING,
 };
 pub use stream::{
-    GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, Roulette, SEGMENT_WORD_ALIVE,
-    SEGMENT_WORDS, SHADOW_BIT, Segment, Streaming, TILE_KEYS, UnitDemand, WORTH_MUST, WORTH_ONE, WORTH_SUMS,
-    sort_blocks,
+    COUNTED_PATHS, GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, NO_MESH, Pending, Question, Roulette,
+    SEGMENT_WORD_ALIVE, SEGMENT_WORDS, SHADOW_BIT, Segment, Streaming, TILE_KEYS, UnitDemand, WORTH_MUST, WORTH_ONE,
+    WORTH_SUMS, sort_blocks,
 };
 pub use texture::{
     GpuTexture, PAGE_BROKEN, TEXTURE_BORDER, TEXTURE_CHANNELS, TEXTURE_F16, TEXTURE_F32, TEXTURE_FORMAT_SHIFT,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What paths need when chunks may be absent: lists of chunks that rays wait for, surfaces kept while their chunk
+//! What paths need when chunks and meshes may be absent: lists of items that rays wait for, surfaces kept while their chunk
 //! leaves, segments of paths, and the demand that the host reads.
 //!
 //! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
@@ -8,7 +8,7 @@ use super::SCAN_BLOCK;
 use bytemuck::{Pod, Zeroable};
 use core::mem::offset_of;
 
-/// Absent chunk instances that a ray remembers; of more it only knows that there are some.
+/// Items that a ray remembers because something is absent ([`Pending`]); of more it only knows that there are some.
 pub const MAX_PENDING: u32 = 4;
 
 /// Set in an entry of `Streaming::deferred` when the path's shadow ray waits, else its closest ray does.
@@ -40,8 +40,8 @@ pub struct Streaming {
     /// Two lists of rays that wait, u32 each (slot, [`SHADOW_BIT`]), `2 * slots` entries each.
     pub deferred: [u64; 2],
     /// u32 `waiting[unit_count]`, then u32 `next[unit_count]`: what `count_demand` adds to; then u32
-    /// `is_demanded[unit_count]`: 1 once the unit was pushed to `demanded`. Zero at first; `list_demand` leaves it
-    /// zero.
+    /// `is_demanded[unit_count]`: 1 once the unit was pushed to `demanded`; then u32 `partner[unit_count]`. Zero at
+    /// first; `list_demand` leaves it zero.
     pub demand: u64,
     /// Two u32: what was pushed to `demanded`, and to `demand_list`; beyond their capacities it was counted alone. The
     /// host zeroes both before demand is counted.
@@ -54,9 +54,9 @@ pub struct Streaming {
     pub sort_counts: u64,
     /// u32 per block, see [`sort_blocks`]. Any contents.
     pub sort_sums: u64,
-    /// u32 `[chunk_count]`: rays that entered each chunk since the host zeroed it. May be 0 without
-    /// `Features::CHUNK_COUNTS`.
-    pub chunk_rays: u64,
+    /// u32 `[first_tile]`: rays that entered each chunk and mesh since the host zeroed it; those of meshes are
+    /// estimated by the paths of which one is in [`COUNTED_PATHS`]. May be 0 without `Features::CHUNK_COUNTS`.
+    pub unit_rays: u64,
     /// u32 per slot: the place of its path in the segments, which is where its radiance goes when it ends.
     pub places: u64,
     /// f32x4 (rgb, alpha) per place: radiance of paths that have ended; host memory where the device has memory of its
@@ -78,14 +78,14 @@ pub struct Streaming {
     pub resolve_progress: u64,
     /// One [`Roulette`]; 0 without `Features::ROULETTE`, as the next three.
     pub roulette: u64,
-    /// u32 `[chunk_count]`: what the rays that wait for each chunk first may bring, see [`WORTH_ONE`]. The host zeroes
-    /// it before.
+    /// u32 `[first_tile]`: what the rays that wait for each chunk or mesh first may bring, see [`WORTH_ONE`]. The host
+    /// zeroes it before.
     pub worth: u64,
-    /// u32 `[WORTH_SUMS]`: what the rays bring that wait for a chunk and belong to a pixel, by a hash of both. The host
+    /// u32 `[WORTH_SUMS]`: what the rays bring that wait for a unit and belong to a pixel, by a hash of both. The host
     /// zeroes it before.
     pub worth_sums: u64,
-    /// Two tables of f32 `[chunk_count]`, used in turn: 0 = nothing, above 0: a weight for the rays that wait for the
-    /// chunk first, below: they end. Written by the host.
+    /// Two tables of f32 `[first_tile]`, used in turn: 0 = nothing, above 0: a weight for the rays that wait for the
+    /// unit first, below: they end. Written by the host.
     pub verdicts: [u64; 2],
     /// Places of a segment; the last one may be used in part.
     pub segment_size: u32,
@@ -93,7 +93,7 @@ pub struct Streaming {
     pub chunk_count: u32,
     /// Paths in flight at most; a power of two.
     pub slots: u32,
-    /// Units of the planner: chunks, then tiles of textures.
+    /// Units of the planner: chunks, then meshes, then tiles of textures.
     pub unit_count: u32,
     /// Most lookups of textures that a material makes, at most 16.
     pub lookups: u32,
@@ -103,18 +103,24 @@ pub struct Streaming {
     pub demanded_capacity: u32,
     /// Most entries of `demand_list`.
     pub demand_capacity: u32,
+    /// The unit of the first tile of a texture: `chunk_count` and the number of meshes.
+    pub first_tile: u32,
+    /// Zero.
+    pub unused: u32,
 }
 
-/// The rays that ask for a unit, 12 B.
+/// The rays that ask for a unit, 16 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct UnitDemand {
-    /// The planner's number of it: a chunk's, then those of tiles of textures.
+    /// The planner's number of it: a chunk's, then those of meshes and of tiles of textures.
     pub unit: u32,
     /// Rays that wait for it first.
     pub waiting: u32,
     /// Rays that have it further down their list.
     pub next: u32,
+    /// 1 + a unit that rays which wait for it first need with it, 0: none.
+    pub partner: u32,
 }
 
 /// One in `Streaming::worth`; relative squared radiances.
@@ -166,18 +172,30 @@ pub const SEGMENT_WORDS: u32 = (size_of::<Segment>() / 4) as u32;
 #[allow(clippy::cast_possible_truncation, reason = "small")]
 pub const SEGMENT_WORD_ALIVE: u32 = (offset_of!(Segment, alive) / 4) as u32;
 
-/// The chunk instances a ray waits for, 32 B, ordered by (entry, instance). How many count is in the ray's flags.
+/// [`Pending::mesh`] of an item that is a whole chunk instance.
+pub const NO_MESH: u32 = u32::MAX;
+
+/// Of so many paths one counts its rays that enter meshes, for all: a power of two.
+pub const COUNTED_PATHS: u32 = 16;
+
+/// The items that a ray waits for, 64 B, ordered by (entry, chunk instance, record entry, mesh). How many count is in
+/// the ray's flags. An item is a chunk instance whose chunk is absent, or, in one that is not, all records of a mesh
+/// that the ray enters at one distance: the mesh is absent, or a tile that decides about its cutouts.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Pending {
-    /// Where the ray enters it.
+    /// Where the ray enters the chunk instance.
     pub entry: [f32; 4],
-    /// Which it is.
+    /// Which it is. Of a material: the unit of a tile that it waits for.
     pub chunk_instance: [u32; 4],
+    /// Where the ray enters the records; 0 of a whole chunk instance.
+    pub record_entry: [f32; 4],
+    /// Their mesh, or [`NO_MESH`].
+    pub mesh: [u32; 4],
 }
 
 /// Whether a cutout is there, which a ray could not tell because a tile of its texture is absent, 64 B. It is about the
-/// first chunk instance of the ray's list: all its cutouts nearer than this one are known not to be there.
+/// first item of the ray's list: all its cutouts nearer than this one are known not to be there.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Question {
@@ -203,7 +221,7 @@ pub struct Question {
     pub bias: f32,
     /// The opacity from which on it is there.
     pub limit: f32,
-    /// The unit of the planner that it waits for; `u32::MAX`: it is answered, and the ray waits for the chunk.
+    /// The unit of the planner that it waits for; `u32::MAX`: it is answered, and the ray waits for the item itself.
     pub unit: u32,
 }
 

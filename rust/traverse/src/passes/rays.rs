@@ -137,7 +137,7 @@ impl<'s, 'v> Rays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
         let at = path as usize * RAY_WORDS + RAY_WORD_FLAGS as usize;
         shared.rays.store(at, flags.bits() | walk.waiting_flags());
         pushes.visits += walk.visits;
-        if walk.pending.keys().is_empty() {
+        if walk.pending.items().is_empty() {
             let end = if is_ended {
                 PathProgress::PATH_ENDS
             } else if hit {
@@ -191,7 +191,7 @@ impl<'s, 'v> Rays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
     fn end(&self, walk: &mut Walk<'s, 'v, true>, Begun { path, is_ended }: Begun, pushes: &mut Pushes) {
         let Self { shared, radiance, .. } = self;
         let at = path as usize * SHADOW_WORDS;
-        let waits = !walk.hit && !walk.pending.keys().is_empty();
+        let waits = !walk.hit && !walk.pending.items().is_empty();
         shared.add_light(at, path, walk.hit, waits || is_ended, *radiance);
         if !shared.scene.has(Features::STREAMING) {
             return;

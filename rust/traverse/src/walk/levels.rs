@@ -6,11 +6,11 @@ use super::stack::Key;
 use super::{Level, MESH_PAD, TOP_PAD, Walk, WorldRay};
 use crate::leaf::triangle::Shear;
 use crate::node::NUMBER;
-use crate::pending::before;
+use crate::pending::Item;
 use crate::simd::Simd;
 use crate::vector::{V3, apply_point, apply_vector, difference};
 use oocpt_gpu::HostBytes;
-use oocpt_shader_abi::{Features, GpuInstance, GpuLevelNode, LEAF, LISTED, RETURN, TARGET_ASSEMBLY};
+use oocpt_shader_abi::{COUNTED_PATHS, Features, GpuInstance, GpuLevelNode, LEAF, LISTED, RETURN, TARGET_ASSEMBLY};
 
 impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     /// From node to node of a level, until a mesh is entered, a level is behind the ray, the walk or its turn ends.
@@ -52,21 +52,19 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         let Some(instance) = self.scene.chunk_instance(number) else { return false };
         let Some(chunk) = self.scene.chunk(instance.chunk) else { return false };
         if self.is_streaming {
-            let key = (self.entry, number);
-            if reference & LISTED == 0
-                && let Some(last) = self.resumed
-                && !before(last, key)
-            {
+            let (key, is_listed) = ((self.entry, number), reference & LISTED != 0);
+            if !is_listed && !self.listed.has_chunk_due(key) {
                 return false;
             }
             if chunk.nodes == 0 {
-                self.pending.remember(key);
+                self.remember_chunk(key, is_listed);
                 return false;
             }
             self.visits += 1;
-            self.asking.enter(self.entry);
+            self.item.chunk = key;
+            self.filters = is_listed && !self.listed.of_chunk(number).any(Item::is_whole);
             if self.scene.has(Features::CHUNK_COUNTS) {
-                self.scene.count_chunk(instance.chunk);
+                self.scene.count_rays(instance.chunk, 1);
             }
         }
         if !self.stack.push(Key::RETURN) {
@@ -81,7 +79,34 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         true
     }
 
-    /// Into the target of an instance record; false where there is no room.
+    /// The chunk of a chunk instance is absent. What of it is done stays done.
+    #[inline(never)]
+    fn remember_chunk(&mut self, key: (f32, u32), is_listed: bool) {
+        if is_listed {
+            self.listed.of_chunk(key.1).for_each(|item| self.pending.remember(*item));
+        } else {
+            self.pending.remember(Item::of_chunk(key));
+        }
+    }
+
+    /// Streaming: whether the walk passes by a record of a mesh: its item is done, or it is absent and remembered.
+    #[inline(always)]
+    fn skips_mesh(&mut self, number: u32, nodes: u64) -> bool {
+        self.item.record = (self.entry, number);
+        if self.filters && !self.listed.is_due(&self.item) {
+            return true;
+        }
+        if nodes == 0 {
+            self.pending.remember(self.item);
+            return true;
+        }
+        if self.scene.has(Features::CHUNK_COUNTS) && self.world.path.is_multiple_of(COUNTED_PATHS) {
+            self.scene.count_rays(self.scene.streaming.chunk_count.wrapping_add(number), COUNTED_PATHS);
+        }
+        false
+    }
+
+    /// Into the target of an instance record; false where there is no room, or nothing to visit now.
     #[inline(always)]
     pub(super) fn enter(&mut self, simd: impl Simd, record: u32) -> bool {
         let Some(instance) = self.at.instances.get::<GpuInstance>(record as usize) else { return false };
@@ -106,7 +131,11 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             self.chain[depth] = record;
             self.begin_level(simd, o, d, [assembly.nodes, assembly.instances]);
         } else {
-            let Some(mesh) = self.scene.mesh(self.scene.target_number(instance.target)) else { return false };
+            let number = self.scene.target_number(instance.target);
+            let Some(mesh) = self.scene.mesh(number) else { return false };
+            if self.is_streaming && self.skips_mesh(number, mesh.nodes) {
+                return false;
+            }
             if !self.stack.push(Key::RETURN) {
                 return false;
             }

@@ -30,8 +30,8 @@ const DROP: f64 = 0.5;
 const IDLE_HEAT: f64 = 1e-9;
 /// Units whose assets are looked at in a step, the best by their whole closures.
 const LOOKED_AT: usize = 1024;
-/// Bytes that a visit reads in host memory, some nodes and triangles: a unit is worth a load when its recent visits
-/// have read as much there as the load moves.
+/// Bytes that a visit reads in host memory, some nodes and triangles: a unit is worth what goes for it when its recent
+/// visits have read as much there as the load moves.
 const VISIT_BYTES: f64 = 1024.0;
 /// A load's fixed cost, as bytes.
 const LOAD_BYTES: f64 = 65536.0;
@@ -71,8 +71,11 @@ impl Policy for Benefit {
     }
 
     fn visited(&self, view: &View<'_>, unit: UnitId) -> Option<f64> {
-        let value = view.heat(unit) / cost(view.missing_bytes(unit)?);
-        (value * VISIT_BYTES >= 1.0).then_some(value)
+        Some(view.heat(unit) / cost(view.missing_bytes(unit)?))
+    }
+
+    fn least_visited(&self) -> f64 {
+        1.0 / VISIT_BYTES
     }
 
     fn prefetch(&self, view: &View<'_>, unit: UnitId) -> Option<f64> {

@@ -38,6 +38,11 @@ pub trait Policy: std::fmt::Debug + Send {
         None
     }
 
+    /// The value of [`Self::visited`] from which on other units may go for such a load.
+    fn least_visited(&self) -> f64 {
+        f64::INFINITY
+    }
+
     /// A load was issued.
     fn issued(&mut self, _unit: UnitId) {}
 }

@@ -87,7 +87,6 @@ impl Workload {
 
     /// The budget that is this percentage of all bytes, or the smallest possible one.
     pub fn budget(&self, percent: u64) -> u64 {
-        let largest = self.catalog.largest_closure().map_or(0, |(_, bytes)| bytes);
-        (self.catalog.total_bytes() / 100).saturating_mul(percent).max(largest)
+        (self.catalog.total_bytes() / 100).saturating_mul(percent).max(self.catalog.least_budget())
     }
 }

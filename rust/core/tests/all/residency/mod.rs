@@ -5,6 +5,7 @@
 mod decisions;
 mod guarantees;
 mod mapped;
+mod pairs;
 mod policies;
 mod progress;
 mod witness;

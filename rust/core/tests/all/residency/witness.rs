@@ -174,7 +174,7 @@ pub(crate) fn catalogs() -> impl Strategy<Value = Arc<Catalog>> {
 
 /// A budget between one unit (`0`) and everything (`100`).
 pub(crate) fn budget_of(catalog: &Catalog, percent: u64) -> u64 {
-    let least = catalog.largest_closure().map_or(0, |(_, bytes)| bytes);
+    let least = catalog.least_budget();
     least + catalog.total_bytes().saturating_sub(least) * percent / 100
 }
 

@@ -16,6 +16,10 @@ use std::sync::Arc;
 pub(super) const FAR: DVec3 = DVec3::new(1.0e6, -7.0e5, 3.0e5);
 /// Chunks of the world.
 pub(super) const CHUNKS: u32 = 37;
+/// Its meshes.
+pub(super) const MESHES: u32 = 3;
+/// What may be absent: chunks, then meshes.
+pub(super) const UNITS: u32 = CHUNKS + MESHES;
 
 /// A small generator (PCG, O'Neill 2014); the same numbers everywhere.
 pub(super) struct Random(pub(super) u64);
@@ -53,7 +57,8 @@ pub(super) struct Scene {
     pub(super) top_nodes: u64,
     pub(super) chunk_instances: u64,
     pub(super) assemblies: u64,
-    pub(super) meshes: u64,
+    /// The mesh table with every mesh resident.
+    pub(super) meshes: Vec<GpuMesh>,
     /// The chunk table with every chunk resident.
     pub(super) chunks: Vec<GpuChunk>,
     /// Chunk of each chunk instance.
@@ -112,12 +117,12 @@ impl Scene {
             top_nodes: 0,
             chunk_instances: 0,
             assemblies: 0,
-            meshes: 0,
+            meshes: Vec::new(),
             chunks: Vec::new(),
             chunk_of: Vec::new(),
         };
         let mut random = Random(seed);
-        let (meshes, mut targets): (Vec<_>, Vec<_>) = (0..3_u32)
+        let (meshes, mut targets): (Vec<_>, Vec<_>) = (0..MESHES)
             .map(|i| {
                 let (mesh, bounds) = scene.mesh(&mut random, i == 1);
                 (mesh, (i, bounds))
@@ -126,7 +131,7 @@ impl Scene {
         let clump = scene.group(&mut random, &targets, 3);
         targets.push((TARGET_ASSEMBLY, clump.bounds));
         let groups: Vec<Group> = (0..CHUNKS).map(|_| scene.group(&mut random, &targets, 6)).collect();
-        scene.meshes = scene.put(&meshes);
+        scene.meshes = meshes;
         scene.assemblies = scene.put(&[clump.place]);
         scene.chunks = groups
             .iter()

@@ -2,14 +2,14 @@
 //! Runs the passes on a scene, with everything resident or with chunks that come and go, in the order that `shader_abi`
 //! tells.
 
-use super::handmade_scene::{CHUNKS, Scene};
+use super::handmade_scene::{CHUNKS, Scene, UNITS};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use oocpt_gpu::{Buffer, Commands, Gpu, Pipeline, Usage};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::{
-    Counters, Features, FilmPixel, Frame, GpuChunk, GpuInfiniteLight, GpuLightKind, LightFlags, Lighting, Module,
-    NO_INDEX, Push, PushFlags, Streaming, UnitDemand, groups, passes, sort_blocks,
+    Counters, Features, FilmPixel, Frame, GpuChunk, GpuInfiniteLight, GpuLightKind, GpuMesh, LightFlags, Lighting,
+    Module, NO_INDEX, Push, PushFlags, Streaming, UnitDemand, groups, passes, sort_blocks,
 };
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -64,7 +64,7 @@ impl<'a> Tracer<'a> {
             streaming: Streaming::zeroed(),
             round: 0,
             walkers: 1 << 18,
-            demand_capacities: [CHUNKS; 2],
+            demand_capacities: [UNITS; 2],
             fault: 0,
         };
         let streams = features.contains(Features::STREAMING);
@@ -77,8 +77,8 @@ impl<'a> Tracer<'a> {
         }
         let per_slot = [
             ("progress", 4),
-            ("pending", 32),
-            ("shadow pending", 32),
+            ("pending", 64),
+            ("shadow pending", 64),
             ("kept", 80),
             ("deferred 0", 8),
             ("deferred 1", 8),
@@ -90,14 +90,15 @@ impl<'a> Tracer<'a> {
         }
         tracer.make("ended", 16 * slots);
         tracer.make("segments", 16 * u64::from(SEGMENTS));
-        tracer.make("demand", 12 * u64::from(CHUNKS));
+        tracer.make("demand", 16 * u64::from(UNITS));
         tracer.make("demand counts", 8);
-        tracer.make("demanded", 4 * u64::from(CHUNKS));
-        tracer.make("demand list", size_of::<UnitDemand>() as u64 * u64::from(CHUNKS));
+        tracer.make("demanded", 4 * u64::from(UNITS));
+        tracer.make("demand list", size_of::<UnitDemand>() as u64 * u64::from(UNITS));
         tracer.make("counts", 8 * u64::from(CHUNKS));
         tracer.make("sums", 4 * u64::from(sort_blocks(CHUNKS)));
-        tracer.make("chunk rays", 4 * u64::from(CHUNKS));
+        tracer.make("unit rays", 4 * u64::from(UNITS));
         tracer.make("chunks", size_of::<GpuChunk>() as u64 * u64::from(CHUNKS));
+        tracer.make("meshes", size_of_val(&*scene.meshes) as u64);
         tracer.make("counters", size_of::<Counters>() as u64);
         tracer.make("film", u64::from(PIXELS) * size_of::<FilmPixel>() as u64);
         tracer.make("depth", 4 * u64::from(PIXELS));
@@ -149,7 +150,7 @@ impl<'a> Tracer<'a> {
             demand: self.address("demand"),
             sort_counts: self.address("counts"),
             sort_sums: self.address("sums"),
-            chunk_rays: self.address("chunk rays"),
+            unit_rays: self.address("unit rays"),
             places: self.address("places"),
             ended_radiance: self.address("ended"),
             free_slots: self.address("free slots"),
@@ -157,7 +158,8 @@ impl<'a> Tracer<'a> {
             segment_size: SEGMENT_SIZE,
             chunk_count: CHUNKS,
             slots: SEGMENTS * SEGMENT_SIZE,
-            unit_count: CHUNKS,
+            unit_count: UNITS,
+            first_tile: UNITS,
             demand_counts: self.address("demand counts"),
             demanded: self.address("demanded"),
             demand_list: self.address("demand list"),
@@ -203,7 +205,7 @@ impl<'a> Tracer<'a> {
             chunk_instances: self.scene.chunk_instances,
             chunks: self.address("chunks"),
             assemblies: self.scene.assemblies,
-            meshes: self.scene.meshes,
+            meshes: self.address("meshes"),
             lighting: self.address("lighting"),
             rays: self.address("rays"),
             shadow_rays: self.address("shadow_rays"),
@@ -282,6 +284,10 @@ impl<'a> Tracer<'a> {
         self.submit(|c| c.update(&self.buffers["chunks"], 0, bytemuck::cast_slice(chunks)));
     }
 
+    pub(super) fn set_meshes(&self, meshes: &[GpuMesh]) {
+        self.submit(|c| c.update(&self.buffers["meshes"], 0, bytemuck::cast_slice(meshes)));
+    }
+
     pub(super) fn images(&self) -> Images {
         Images { film: self.read("film"), depth: self.read("depth"), ids: self.read("ids") }
     }
@@ -290,6 +296,7 @@ impl<'a> Tracer<'a> {
     pub(super) fn wave(&mut self) -> Images {
         self.clear(&["counters", "film"]);
         self.set_chunks(&self.scene.chunks);
+        self.set_meshes(&self.scene.meshes);
         let mut commands = self.gpu.commands("wave").expect("a list");
         let q = Push::wave(self.address("frame"), 0, PIXELS, PIXELS).flagged(PushFlags::AOVS);
         self.run(&mut commands, &passes::GENERATE_AOV_RAYS, q, Launch::Threads(PIXELS));

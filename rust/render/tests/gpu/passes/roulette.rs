@@ -6,7 +6,7 @@ use super::{close_device, open};
 use bytemuck::{Pod, Zeroable};
 use oocpt_gpu::{Buffer, Gpu, Pipeline, Usage};
 use oocpt_shader_abi::{
-    Counters, Features, FilmPixel, Frame, GpuChunkInstance, Module, Pending, Push, Roulette, SHADOW_BIT, Segment,
+    Counters, Features, FilmPixel, Frame, GpuChunkInstance, Module, NO_MESH, Pending, Push, Roulette, SHADOW_BIT, Segment,
     Streaming, WORTH_MUST, WORTH_ONE, WORTH_SUMS, passes,
 };
 use std::sync::Arc;
@@ -65,6 +65,7 @@ impl Waiting {
 
     fn wait(&mut self, chunk: u32, path: u32, kind: u32) {
         self.pending[path as usize].chunk_instance[0] = chunk;
+        self.pending[path as usize].mesh[0] = NO_MESH;
         self.entries.push(path | kind);
     }
 
@@ -99,6 +100,7 @@ impl Waiting {
             segment_size: SEGMENT,
             segment_count: PATHS / SEGMENT,
             chunk_count: CHUNKS,
+            first_tile: CHUNKS,
             slots: PATHS,
             unit_count: CHUNKS,
             ..Streaming::zeroed()

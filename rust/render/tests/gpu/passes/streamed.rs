@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Streaming: submissions while chunks come and go, with the queues and the demand checked each time.
+//! Streaming: submissions while chunks and meshes come and go, with the queues and the demand checked each time.
 
-use super::handmade_scene::{CHUNKS, Random};
+use super::handmade_scene::{CHUNKS, MESHES, Random, UNITS};
 use super::pass_runner::{Images, Launch, PATHS, PIXELS, SEGMENT_SIZE, SEGMENTS, Tracer};
+use bytemuck::Zeroable;
 use oocpt_shader_abi as abi;
-use oocpt_shader_abi::{Counters, GpuChunk, Push, PushFlags, SHADOW_BIT, Segment, UnitDemand, passes, sort_blocks};
+use oocpt_shader_abi::{
+    Counters, GpuChunk, GpuMesh, NO_MESH, Push, PushFlags, SHADOW_BIT, Segment, UnitDemand, passes, sort_blocks,
+};
 use std::collections::HashMap;
 
 /// What a run reports beside its images.
@@ -12,19 +15,25 @@ use std::collections::HashMap;
 pub(super) struct Totals {
     pub(super) submissions: u32,
     pub(super) counters: Counters,
-    pub(super) chunk_rays: Vec<u32>,
+    pub(super) unit_rays: Vec<u32>,
 }
 
+/// An item of a ray's list: its chunk, and its mesh unless all of the chunk is meant.
+type Item = (u32, Option<u32>);
+
+/// A deferred ray and its items.
+type Deferred = (u32, Vec<Item>);
+
 impl Tracer<'_> {
-    /// The same images with at most `resident` chunks at a time, `rounds` rounds a submission; chunks come by demand
-    /// and go at random.
+    /// The same images with at most `resident` chunks at a time and a few meshes, `rounds` rounds a submission; units
+    /// come by demand and go at random.
     pub(super) fn stream(&mut self, resident: usize, rounds: u32, seed: u64) -> (Images, Totals) {
-        self.clear(&["film", "chunk rays"]);
+        self.clear(&["film", "unit rays"]);
         let mut random = Random(seed);
         let mut totals = Totals::default();
         self.stream_paths(PIXELS, PushFlags::AOVS, (resident, rounds), &mut random, &mut totals);
         self.stream_paths(PATHS, PushFlags::empty(), (resident, rounds), &mut random, &mut totals);
-        totals.chunk_rays = self.read("chunk rays");
+        totals.unit_rays = self.read("unit rays");
         (self.images(), totals)
     }
 
@@ -39,17 +48,15 @@ impl Tracer<'_> {
         self.clear(&["counters", "segments", "demand"]);
         self.round = 0;
         let mut here: Vec<u32> = Vec::new();
-        let mut demand = vec![0_u32; 2 * CHUNKS as usize];
+        let mut demand = Vec::new();
         let mut flying: Vec<Option<u32>> = vec![None; SEGMENTS as usize]; // first path of each segment
         let (mut given, mut taken) = (0, 0);
         while taken < paths {
             totals.submissions += 1;
-            assert!(totals.submissions < 5000, "the paths do not end: {:?}", self.read::<Counters>("counters"));
+            assert!(totals.submissions < 20_000, "the paths do not end: {:?}", self.read::<Counters>("counters"));
             here = choose(&here, &demand, resident, random);
-            let present = |(i, chunk): (u32, &GpuChunk)| if here.contains(&i) { *chunk } else { GpuChunk::default() };
-            let table: Vec<GpuChunk> = (0..).zip(&self.scene.chunks).map(present).collect();
-            self.set_chunks(&table);
-            self.sort(flags, &table);
+            self.show(&here);
+            self.sort(flags, &here);
             let mut fresh = Vec::new();
             for (segment, first) in (0..).zip(&mut flying) {
                 if first.is_none() && given < paths {
@@ -59,7 +66,7 @@ impl Tracer<'_> {
                 }
             }
             self.trace(&fresh, paths, flags, rounds);
-            demand = self.demand();
+            demand = self.demand(&here);
             let segments: Vec<Segment> = self.read("segments");
             while let Some(s) = flying.iter().position(|first| *first == Some(taken)) {
                 if segments[s].alive > 0 {
@@ -78,13 +85,21 @@ impl Tracer<'_> {
         totals.counters = self.read("counters")[0];
     }
 
+    /// Fills the tables with these units.
+    fn show(&self, here: &[u32]) {
+        let chunk = |(i, chunk): (u32, &GpuChunk)| if here.contains(&i) { *chunk } else { GpuChunk::default() };
+        let mesh = |(i, mesh): (u32, &GpuMesh)| if here.contains(&i) { *mesh } else { GpuMesh::zeroed() };
+        self.set_chunks(&(0..).zip(&self.scene.chunks).map(chunk).collect::<Vec<_>>());
+        self.set_meshes(&(CHUNKS..).zip(&self.scene.meshes).map(mesh).collect::<Vec<_>>());
+    }
+
     fn segment_push(&self, segment: u32, first: u32, count: u32, flags: PushFlags) -> Push {
         let q = Push::wave(self.address("frame"), u64::from(first), count, PIXELS);
         q.with(self.round, segment * SEGMENT_SIZE).flagged(flags)
     }
 
     /// Sends deferred rays on, and checks where they went.
-    fn sort(&mut self, flags: PushFlags, table: &[GpuChunk]) {
+    fn sort(&mut self, flags: PushFlags, here: &[u32]) {
         let q = Push::wave(self.address("frame"), 0, 0, PIXELS).with(self.round, 0).flagged(flags);
         let before = self.waiting();
         let old: Counters = self.read("counters")[0];
@@ -103,14 +118,17 @@ impl Tracer<'_> {
         commands.submit().expect("submitted");
         let new: Counters = self.read("counters")[0];
         let parity = (self.round & 1) as usize;
-        let ready = |chunks: &[u32], shadow: bool| {
-            let asked = if shadow { chunks } else { &chunks[..1] };
-            asked.iter().copied().find(|chunk| table[*chunk as usize].nodes != 0)
+        let ready = |items: &[Item], shadow: bool| {
+            let asked = if shadow { items } else { &items[..1] };
+            let is_there = |(chunk, mesh): &&Item| {
+                here.contains(chunk) && mesh.is_none_or(|mesh| here.contains(&(CHUNKS + mesh)))
+            };
+            asked.iter().find(is_there).map(|(chunk, _)| *chunk)
         };
         let (mut stay, mut go) = (Vec::new(), [Vec::new(), Vec::new()]);
-        for (entry, chunks) in &before {
+        for (entry, items) in &before {
             let shadow = entry & SHADOW_BIT != 0;
-            match ready(chunks, shadow) {
+            match ready(items, shadow) {
                 Some(chunk) => go[usize::from(shadow)].push((chunk, entry & !SHADOW_BIT)),
                 None => stay.push(*entry),
             }
@@ -132,8 +150,8 @@ impl Tracer<'_> {
         assert_eq!(left, stay, "the others wait on");
     }
 
-    /// The deferred rays and the chunks on their lists.
-    fn waiting(&self) -> Vec<(u32, Vec<u32>)> {
+    /// The deferred rays and their lists.
+    fn waiting(&self) -> Vec<Deferred> {
         let counters: Counters = self.read("counters")[0];
         let list = counters.deferred_parity as usize;
         let entries: Vec<u32> = self.read(["deferred 0", "deferred 1"][list]);
@@ -147,9 +165,11 @@ impl Tracer<'_> {
             let count = (flags[kind][path] >> 4 & 7) as usize;
             let keys = &pending[kind][path];
             assert!(count >= 1, "a ray waits for something");
-            assert!(keys.entry[..count].is_sorted(), "nearest first: {keys:?}");
-            let instances = &keys.chunk_instance[..count];
-            (*entry, instances.iter().map(|i| self.scene.chunk_of[*i as usize]).collect())
+            let key = |i: usize| (keys.entry[i], keys.chunk_instance[i], keys.record_entry[i], keys.mesh[i]);
+            assert!((1..count).all(|i| key(i - 1) < key(i)), "in order, each once: {keys:?}");
+            let mesh = |i: usize| (keys.mesh[i] != NO_MESH).then_some(keys.mesh[i]);
+            let item = |i: usize| (self.scene.chunk_of[keys.chunk_instance[i] as usize], mesh(i));
+            (*entry, (0..count).map(item).collect())
         };
         entries[..counters.deferred_count[list] as usize].iter().map(lists).collect()
     }
@@ -176,46 +196,64 @@ impl Tracer<'_> {
         commands.submit().expect("submitted");
     }
 
-    /// The demand that the device has listed, once checked: `waiting`, then `next` of each chunk.
-    fn demand(&self) -> Vec<u32> {
-        let mut expected = vec![0; 2 * CHUNKS as usize];
-        for (_, chunks) in self.waiting() {
-            for (i, chunk) in chunks.iter().enumerate() {
-                expected[*chunk as usize + if i == 0 { 0 } else { CHUNKS as usize }] += 1;
-            }
-        }
+    /// The demand that the device has listed, once checked; by unit, nothing where none is listed.
+    fn demand(&self, here: &[u32]) -> Vec<UnitDemand> {
+        let expected = expected_demand(&self.waiting(), here);
         let [_, listed]: [u32; 2] = self.read("demand counts")[0];
-        let of = |unit: u32| [expected[unit as usize], expected[(unit + CHUNKS) as usize]];
-        let asked = (0..CHUNKS).filter(|unit| of(*unit) != [0, 0]).count();
+        let asked = expected.iter().filter(|of| (of.waiting, of.next) != (0, 0)).count();
         assert_eq!(listed as usize, asked, "every unit that is asked for is counted once");
-        let mut demand = vec![0; 2 * CHUNKS as usize];
+        let mut demand = vec![UnitDemand::default(); UNITS as usize];
         let list: Vec<UnitDemand> = self.read("demand list");
-        for UnitDemand { unit, waiting, next } in list.into_iter().take(asked.min(self.demand_capacities[1] as usize)) {
-            assert_eq!([waiting, next], of(unit), "the list has what the rays' lists say of {unit}");
-            let [first, later] = [unit, unit + CHUNKS].map(|at| at as usize);
-            assert_eq!([demand[first], demand[later]], [0, 0], "{unit} is in it once");
-            (demand[first], demand[later]) = (waiting, next);
+        for of in list.into_iter().take(asked.min(self.demand_capacities[1] as usize)) {
+            let known = expected[of.unit as usize];
+            assert_eq!((of.waiting, of.next), (known.waiting, known.next), "what the rays' lists say of {}", of.unit);
+            assert_eq!(of.partner == 0, known.partner == 0, "{of:?}: a partner where some ray has one");
+            let seen = std::mem::replace(&mut demand[of.unit as usize], of);
+            assert_eq!(seen, UnitDemand::default(), "{} is in it once", of.unit);
         }
         assert!(self.read::<u32>("demand").iter().all(|rays| *rays == 0), "nothing is left for the next step");
         demand
     }
 }
 
-/// The next chunks: the one most waited for, some of those before, and some at random.
-fn choose(here: &[u32], demand: &[u32], resident: usize, random: &mut Random) -> Vec<u32> {
-    let most = (0..CHUNKS).max_by_key(|chunk| demand[*chunk as usize]);
-    let mut next: Vec<u32> = most.into_iter().collect();
-    for chunk in here {
-        if random.word().is_multiple_of(3) && !next.contains(chunk) {
-            next.push(*chunk);
+/// The demand of these rays, with one of several partners.
+fn expected_demand(waiting: &[Deferred], here: &[u32]) -> Vec<UnitDemand> {
+    let mut expected: Vec<_> = (0..UNITS).map(|unit| UnitDemand { unit, ..UnitDemand::default() }).collect();
+    for (_, items) in waiting {
+        for (i, &(chunk, mesh)) in items.iter().enumerate() {
+            let mesh = mesh.map(|mesh| CHUNKS + mesh);
+            let unit = mesh.filter(|_| here.contains(&chunk)).unwrap_or(chunk);
+            if i > 0 {
+                expected[unit as usize].next += 1;
+                continue;
+            }
+            expected[chunk as usize].waiting += 1;
+            if let Some(mesh) = mesh {
+                expected[mesh as usize].waiting += 1;
+                expected[chunk as usize].partner = mesh + 1;
+                expected[mesh as usize].partner = chunk + 1;
+            }
         }
     }
-    while next.len() < resident {
-        let chunk = random.word() % CHUNKS;
-        if !next.contains(&chunk) {
-            next.push(chunk);
-        }
+    expected
+}
+
+/// The next units: the one most waited for with its partner, some of those before, and some at random.
+fn choose(here: &[u32], demand: &[UnitDemand], resident: usize, random: &mut Random) -> Vec<u32> {
+    let mut next: Vec<u32> = Vec::new();
+    if let Some(most) = demand.iter().max_by_key(|of| of.waiting).filter(|of| of.waiting > 0) {
+        next.extend([Some(most.unit), most.partner.checked_sub(1)].into_iter().flatten());
     }
-    next.truncate(resident);
+    next.extend(here.iter().filter(|_| random.word().is_multiple_of(3)));
+    next.extend((0..8 * UNITS).map(|_| random.word() % UNITS));
+    let (mut chunks, mut meshes) = (resident, (1 + resident / 4).min(MESHES as usize));
+    let mut seen = Vec::new();
+    next.retain(|unit| {
+        let left = if *unit < CHUNKS { &mut chunks } else { &mut meshes };
+        let fits = *left > 0 && !seen.contains(unit);
+        *left -= usize::from(fits);
+        seen.push(*unit);
+        fits
+    });
     next
 }

@@ -17,7 +17,7 @@ use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{Faults, RenderRequest, Session, SessionOptions};
-use scenes::BEACH;
+use scenes::{BEACH, SET};
 pub(crate) use scenes::{SCENES, Scene};
 use std::sync::Arc;
 
@@ -72,13 +72,18 @@ fn percent(bytes: u64, percent: u64) -> u32 {
 
 /// Renders `scene` at every budget under every policy and compares with everything resident.
 pub(crate) fn same_bits(scene: &Scene) {
+    let without = POLICIES.map(|policy| (policy, HostMapped::Off));
+    same_bits_under(scene, without.into_iter().chain([(PolicyKind::Benefit, HostMapped::On)]));
+}
+
+/// The same under these policies, with geometry that rays read in host memory or without.
+fn same_bits_under(scene: &Scene, policies: impl IntoIterator<Item = (PolicyKind, HostMapped)>) {
     let whole = render(scene, small_chunks(), options());
     assert!(whole.stats.in_core, "{}: the scene fits", scene.name);
     assert!(whole.stats.chunks >= 8, "{}: {} chunks are too few to test anything", scene.name, whole.stats.chunks);
     let smallest = smallest_budget(scene);
     let parts = [100, 50, 25, 10].map(|part| percent(whole.stats.scene_bytes, part).max(smallest));
-    let without = POLICIES.map(|policy| (policy, HostMapped::Off));
-    for (policy, host_mapped) in without.into_iter().chain([(PolicyKind::Benefit, HostMapped::On)]) {
+    for (policy, host_mapped) in policies {
         let mut budgets = parts.to_vec();
         budgets.push(smallest);
         budgets.dedup();
@@ -138,6 +143,16 @@ fn overlapping_chunks_same_bits_at_every_budget() {
 #[test]
 fn one_huge_mesh_same_bits_at_every_budget() {
     same_bits(&SCENES[3]);
+}
+
+/// Every chunk places every mesh: what a ray needs at once is a chunk's records and one mesh all the same.
+#[test]
+fn chunks_that_all_place_the_same_meshes_same_bits_at_every_budget() {
+    let whole = render(&SET, small_chunks(), options());
+    let smallest = u64::from(smallest_budget(&SET)) << 10;
+    assert!(8 * smallest < whole.stats.scene_bytes, "{smallest} bytes of {:?}", whole.stats);
+    // The others wait long for two units that a ray needs at once.
+    same_bits_under(&SET, [HostMapped::Off, HostMapped::On].map(|mapped| (PolicyKind::Benefit, mapped)));
 }
 
 #[test]

@@ -5,8 +5,8 @@ use crate::lights::TestFiles;
 use crate::scenes::{constant, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::{
-    CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, Interpolation, MeshDesc, NamedPrimvar, PrimDesc, Primvar,
-    SceneDb, Shape, TransformSample,
+    CurveBasis, CurveWrap, CurvesDesc, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc,
+    NamedPrimvar, PrimDesc, Primvar, SceneDb, Shape, TransformSample,
 };
 use oocpt_core::{DomeFormat, LightDesc, LightKind, Shaping, TypedArray};
 
@@ -191,6 +191,40 @@ fn huge_mesh(db: &mut SceneDb) {
         * DMat4::from_rotation_x(1.0)
         * DMat4::from_scale(DVec3::splat(0.4));
     db.upsert_mesh(mesh(prim("/leaning", above), 2, points, &faces, 0.6));
+}
+
+/// Props of which every part of the set has each one, in place of cells with props of their own.
+pub(crate) const SET: Scene = Scene { name: "set", build: set, eye: DVec3::new(5.0, 4.0, 11.0), target: DVec3::ZERO };
+
+/// Meshes of [`SET`], and placements of them.
+const PROPS: u32 = 24;
+const PLACED: u32 = 1000;
+
+fn set(db: &mut SceneDb) {
+    lights(db);
+    ground(db, 12.0, -1.0);
+    let places: Vec<_> = (0..PLACED)
+        .map(|i| {
+            let at = (scattered(i) - 0.5) * DVec3::new(14.0, 2.5, 14.0);
+            (at, DQuat::from_rotation_y(f64::from(i)), DVec3::splat(0.25))
+        })
+        .collect();
+    let root = |prop: u32| format!("/set/prop_{prop}");
+    let mut placed = instancer(prim("/set", DMat4::IDENTITY), "", &places);
+    placed.prototypes = (0..PROPS)
+        .map(|prop| {
+            let indices: Vec<i32> = (0..PLACED).filter(|i| i % PROPS == prop).map(u32::cast_signed).collect();
+            InstancerPrototype { root: root(prop).into(), indices: TypedArray::of(indices) }
+        })
+        .collect();
+    db.upsert_instancer(placed);
+    for prop in 0..PROPS {
+        let number = i32::try_from(prop).expect("small");
+        let mut of = prim(&root(prop), DMat4::IDENTITY);
+        of.instanced_by = vec![InstancedBy { instancer: "/set".into(), prototype_root: root(prop).into() }];
+        let albedo = 0.4 + 0.01 * f32::from(u8::try_from(prop).expect("small"));
+        db.upsert_mesh(sphere(of, 10 + number, 8 + number % 5, albedo));
+    }
 }
 
 /// Tens of thousands of grains: ten MiB of instance records.

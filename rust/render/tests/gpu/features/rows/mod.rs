@@ -63,7 +63,7 @@ pub(crate) const OF_STREAMING: Names = &[
     "demand list",
     "sort_counts",
     "sort_sums",
-    "chunk_rays",
+    "unit_rays",
     "streaming",
     "steps 0",
     "steps 1",
