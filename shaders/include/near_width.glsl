@@ -1,19 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The width of a texture lookup, less than 1/256 of it off, in few instructions: for masks, which allow for that
-// (decisions/0058). What is looked up has the exact one (include/footprint.glsl).
+// The width of a lookup in a mask (decisions/0058), in few instructions. It says which level of the mask answers, and
+// any level has the same coverage, so it need not be exact; but it has the same bits wherever it is asked.
 #ifndef OOCPT_NEAR_WIDTH_GLSL
 #define OOCPT_NEAR_WIDTH_GLSL
 
 #include "include/footprint.glsl"
 
-// Where the width cannot be told so well.
-const float UNKNOWN_WIDTH = -1.0;
-// Bounds for the squares of (area in the texture over the product of the sides), and of (cosine of the ray times the
-// sine of the triangle's angle).
-const float LEAST_AREA = 1.0e-4;
-const float LEAST_ACROSS = 1.0e-5;
-
-// Fused, for speed: nothing here has to be the same bits everywhere.
 float fused_dot(vec2 a, vec2 b) {
     return fma(a.x, b.x, a.y * b.y);
 }
@@ -26,9 +18,9 @@ vec3 fused_cross(vec3 a, vec3 b) {
     return fma(a.yzx, b.zxy, -(a.zxy * b.yzx));
 }
 
-// How wide a lookup is, in texels: what footprint_width says of make_footprint, but for less than 1/256 of it. e, f:
-// edges of the triangle; at_e, at_f: what the place in the texture grows by along them, in texels; cone: width of the
-// ray's cone over the length of d.
+// How wide a lookup is, in texels: what footprint_width says of make_footprint, but for rounding; 0 where it cannot be
+// told. e, f: edges of the triangle; at_e, at_f: what the place in the texture grows by along them, in texels; cone:
+// width of the ray's cone over the length of d.
 //
 // The gradient g on the cone's cross section of a coordinate that grows by a along e and b along f has g.e = a, g.f = b
 // and g.d = 0, so it is (a (f x d) - b (e x d)) / (e . (f x d)). The ellipse's longer axis is the square root of the
@@ -39,8 +31,6 @@ float near_lookup_width(vec3 e, vec3 f, vec2 at_e, vec2 at_f, vec3 d, float cone
     const float dd = fused_dot(d, d);
     const float across = fused_dot(e, q);
     const float area = fma(at_e.x, at_f.y, -(at_e.y * at_f.x));
-    const bool is_well = area * area > LEAST_AREA * fused_dot(at_e, at_e) * fused_dot(at_f, at_f) &&
-                         across * across > LEAST_ACROSS * fused_dot(e, e) * fused_dot(f, f) * dd;
     const vec3 u = fma(vec3(at_e.x), q, -(at_f.x * p));
     const vec3 v = fma(vec3(at_e.y), q, -(at_f.y * p));
     const float a = fused_dot(u, u);
@@ -49,10 +39,11 @@ float near_lookup_width(vec3 e, vec3 f, vec2 at_e, vec2 at_f, vec3 d, float cone
     const float half_difference = 0.5 * (a - c);
     const float longer = sqrt(0.5 * (a + c) + sqrt(fma(half_difference, half_difference, b * b)));
     const float shorter = abs(area) * sqrt(dd) / longer;
-    const float width = cone * sqrt(dd) * max(shorter, longer / (MOST_ANISOTROPY * abs(across)));
+    const float least = longer / (MOST_ANISOTROPY * abs(across));
+    const float width = cone * sqrt(dd) * (shorter > least ? shorter : least);
     // Where squares of squares neither over- nor underflow, and nothing is NaN.
     const bool has_range = across * across > 1.0e-30 && a + c > 1.0e-16 && a + c < 1.0e17;
-    return is_well && has_range && width < 1.0e9 ? width : UNKNOWN_WIDTH;
+    return has_range && width < 1.0e9 ? width : 0.0;
 }
 
 #endif

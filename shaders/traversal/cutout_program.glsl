@@ -2,6 +2,9 @@
 // Cutouts by programs: the program for a material's opacity alone, run at a candidate of a hit. A part of opacity.glsl;
 // only with CUTOUT_PROGRAMS.
 //
+// A program may compare what it looks up, so its lookups are of the finest level: what is filtered first is not there
+// in the share that is covered (decisions/0058).
+//
 // In core lookups request their tiles as those of shading do. With streaming a program makes at most CUTOUT_LOOKUPS of
 // them; those that are done are kept with the question, so one tile at a time gets it on: the one under way is the
 // question, resolve_cutouts goes on with it, and the ray comes back and runs the program again with what is known.
@@ -15,7 +18,8 @@ vec4 cutout_values[CUTOUT_LOOKUPS];
 // The one that waits: as in a question.
 Question cutout_wait;
 
-vec4 cutout_lookup(uint texture, vec2 st, float width, out uint unit) {
+vec4 cutout_lookup(uint texture, vec2 st, float, out uint unit) {
+    const float width = 0.0;
     unit = TEXTURE_DONE;
     const uint k = min(cutout_made, CUTOUT_LOOKUPS - 1u);
     ++cutout_made;

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // What masks say of a candidate (decisions/0058), in as few loads and instructions as it takes: most candidates need no
-// more. A mask allows for a width that is a little off, so the width is worked out from what the hit test has loaded. A
-// part of traverse.glsl; only with DEFERRED_CUTOUTS.
+// more. It says what is_cut_in would. A part of traverse.glsl; only with DEFERRED_CUTOUTS.
+// Reads: the walk, tables of the mesh and its material, masks. Writes nothing.
 #ifndef OOCPT_MASKED_PRESENCE_GLSL
 #define OOCPT_MASKED_PRESENCE_GLSL
 
-#include "include/near_width.glsl"
+const uint PRESENCE_UNKNOWN = 0u;
+const uint PRESENCE_NEVER = 1u;
+const uint PRESENCE_ALWAYS = 2u;
 
 // Whether the surface is there for this ray, as far as masks know. v0, v1, v2: corners of the triangle.
 uint masked_presence(uint triangle, vec3 v0, vec3 v1, vec3 v2, vec2 uv, float t) {
@@ -17,7 +19,7 @@ uint masked_presence(uint triangle, vec3 v0, vec3 v1, vec3 v2, vec2 uv, float t)
                                     item_subset(walk.pose, triangle));
     if (slot == NO_MATERIAL || (slot & SLOT_PRESENCE) == 0u) return PRESENCE_ALWAYS;
     const GpuCutout cutout = Materials(FRAME.materials).v[material_number(slot)].cutout;
-    if (cutout.mask == 0ul || cutout.is_even == 0u || (HAS_LEAF_KINDS && walk.other)) return PRESENCE_UNKNOWN;
+    if (cutout.mask == 0ul || (HAS_LEAF_KINDS && walk.other)) return PRESENCE_UNKNOWN;
     if (set.name != cutout.set) {
         const uint entry = find_primvar(walk.mesh, cutout.set);
         if (entry == NO_NAME) return PRESENCE_UNKNOWN;
@@ -30,17 +32,9 @@ uint masked_presence(uint triangle, vec3 v0, vec3 v1, vec3 v2, vec2 uv, float t)
     const vec2 a = uintBitsToFloat(ConstUVec2s(values).v[corners.x]);
     const vec2 b = uintBitsToFloat(ConstUVec2s(values).v[corners.y]);
     const vec2 c = uintBitsToFloat(ConstUVec2s(values).v[corners.z]);
-    const vec2 along_e = b - a;
-    const vec2 along_f = c - a;
-    const vec2 size = vec2(cutout.size & 0xffffu, cutout.size >> 16);
-    const vec2 at_e = size * vec2(fused_dot(cutout.row_s.xy, along_e), fused_dot(cutout.row_t.xy, along_e));
-    const vec2 at_f = size * vec2(fused_dot(cutout.row_s.xy, along_f), fused_dot(cutout.row_t.xy, along_f));
-    const float width = near_lookup_width(v1 - v0, v2 - v0, at_e, at_f, walk.d, ray_cone(walk.path, t));
-    if (width == UNKNOWN_WIDTH) return PRESENCE_UNKNOWN;
-    const vec2 st = a * (1.0 - uv.x - uv.y) + b * uv.x + c * uv.y;
-    const vec2 place = vec2(cutout.row_s.x * st.x + cutout.row_s.y * st.y + cutout.row_s.z,
-                            cutout.row_t.x * st.x + cutout.row_t.y * st.y + cutout.row_t.z);
-    return presence_in_mask(cutout.mask, uvec2(cutout.size, cutout.modes), place, width);
+    const uint coverage = coverage_at(cutout, a, b, c, uv, v1 - v0, v2 - v0, walk.d, ray_cone(walk.path, t));
+    if (coverage == COVERAGE_UNKNOWN) return PRESENCE_UNKNOWN;
+    return is_covered(coverage, cutout.is_chance != 0u, triangle, false) ? PRESENCE_ALWAYS : PRESENCE_NEVER;
 }
 
 #endif

@@ -26,6 +26,23 @@ uint surface_number(uint triangle, bool is_second) {
     return HAS_LEAF_KINDS && is_second ? number | SECOND_SURFACE : number;
 }
 
+// A number from 0 up to but not 1 that decides whether this ray meets a surface; the same for every chunk, tile and
+// order of the walk.
+float opacity_number(uint triangle, bool is_second) {
+    uint above = walk.chunk_instance;
+    for (uint i = 0u; i <= level_index(); ++i) above = hash_combine(above, chain[i]);
+    const uint number = hash_combine(above, surface_number(triangle, is_second));
+    return float(hash_u32(hash_combine(walk.seed, number)) >> 8) * 5.9604644775390625e-8;
+}
+
+// Whether this ray meets a surface of which so many parts of 255 are there. Rays of AOVs have no random numbers: they
+// meet what is there at all by chance, and what is there for the most part where a threshold cuts.
+bool is_covered(uint coverage, bool is_chance, uint triangle, bool is_second) {
+    if (coverage == 0u || coverage >= 255u) return coverage != 0u;
+    if ((push.flags & PUSH_AOVS) != 0u) return is_chance || coverage >= 128u;
+    return opacity_number(triangle, is_second) * 255.0 < float(coverage);
+}
+
 // The second surface of an item whose first one, at distance `first`, is not there. Not before that one: so it is as
 // far behind the entries of boxes.
 bool meets_second(uint triangle, float first, out float t, out vec2 uv) {
@@ -86,21 +103,16 @@ bool is_cut_in(uint triangle, vec2 uv, float t, bool is_second) {
     }
     const Presence presence = presence_of(walk.pose, walk.mesh,
                                           Instances(walk.instances).v[chain[level_index()]].prim_id, triangle, uv,
-                                          ray_cone(walk.path, t) * sqrt(dot3(walk.d, walk.d)), walk.d);
+                                          ray_cone(walk.path, t), walk.d);
     if (!presence.is_asked) return true;
     const bool chance = presence.threshold <= 0.0;
-    float limit = presence.threshold;
-    if (chance) {
-        const uint number = hash_combine(above, surface_number(triangle, is_second));
-        limit = (push.flags & PUSH_AOVS) != 0u ? 0.0
-            : float(hash_u32(hash_combine(walk.seed, number)) >> 8) * 5.9604644775390625e-8;
+    if (HAS_OPACITY_MASKS && presence.coverage != COVERAGE_UNKNOWN) {
+        return is_covered(presence.coverage, chance, triangle, is_second);
     }
+    float limit = presence.threshold;
+    if (chance) limit = (push.flags & PUSH_AOVS) != 0u ? 0.0 : opacity_number(triangle, is_second);
     if (HAS_CUTOUT_PROGRAMS && presence.program != NO_MATERIAL) {
         return is_cut_in_by_program(presence, triangle, uv, t, id, chance, limit);
-    }
-    if (HAS_OPACITY_MASKS && presence.mask != 0ul) {
-        const uint known = known_presence(presence.mask, presence.st, presence.width);
-        if (known != PRESENCE_UNKNOWN) return known == PRESENCE_ALWAYS;
     }
     TextureProgress progress = TextureProgress(HAS_STREAMING ? vec4(0.0) : UNKNOWN_TEXEL, 0u);
     uint said = TEXTURE_FALLBACK;

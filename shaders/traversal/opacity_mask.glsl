@@ -1,43 +1,71 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is known of a cutout without its texture (decisions/0058): for every place and every pair of levels that a
-// lookup can mix, whether all that it could give means the surface is there, or not, or neither. Only with
-// OPACITY_MASKS. Made by rust/core/src/texture/opacity_mask.rs, which has the layout.
+// How much of a cutout is there around a place, without its texture (decisions/0058). Only with OPACITY_MASKS. Made by
+// rust/core/src/texture/opacity_mask.rs, which has the layout.
+// Reads: the mask of a material. Writes nothing.
 #ifndef OOCPT_OPACITY_MASK_GLSL
 #define OOCPT_OPACITY_MASK_GLSL
 
+#include "include/near_width.glsl"
 #include "include/texture.glsl"
 
-// As in rust/core/src/texture/opacity_mask.rs.
-const uint PRESENCE_UNKNOWN = 0u;
-const uint PRESENCE_NEVER = 1u;
-const uint PRESENCE_ALWAYS = 2u;
+// In place of a share in 255 parts: the finest level of the texture says it.
+const uint COVERAGE_UNKNOWN = 256u;
+// GpuCutout::modes, as in rust/core/src/texture/opacity_mask.rs.
+const uint MASK_SET = 1u << 7;
+// In place of a coordinate: around a picture that is not continued.
+const float AROUND_IMAGE = -1.0;
 
-// A coordinate in the image; negative where the mask does not say.
-float inside_image(float s, uint wrap) {
+// A coordinate in the image, or AROUND_IMAGE. `narrow`: set where the edge of the image goes on.
+float inside_image(float s, uint wrap, inout bool narrow) {
     s = near_image(s, wrap);
     if (s >= 0.0 && s <= 1.0) return s;
     if (wrap == WRAP_REPEAT) return s - floor(s);
-    return wrap == WRAP_CLAMP ? clamp(s, 0.0, 1.0) : -1.0;
+    if (wrap == WRAP_MIRROR) return s < 0.0 ? -s : 2.0 - s;
+    if (wrap == WRAP_BLACK) return AROUND_IMAGE;
+    narrow = true;
+    return clamp(s, 0.0, 1.0);
 }
 
-// What a lookup at st says, as wide as `width` texels. `head`: the first two words of the mask.
-uint presence_in_mask(uint64_t mask, uvec2 head, vec2 st, float width) {
-    st = vec2(inside_image(st.x, head.y & 3u), inside_image(st.y, (head.y >> 2) & 3u));
-    float share;
-    const uint pair = select_level((head.y >> 16) & 0xffu, width, share);
-    const uint first = (head.y >> 8) & 0xffu;
-    if (!(min(st.x, st.y) >= 0.0) || pair < first) return PRESENCE_UNKNOWN;
-    const uvec2 begin = ConstUVec2s(mask).v[1u + pair - first];
-    const uint fine = (begin.y >> 16) & 0xffu;
-    const uvec2 sides = max(uvec2(head.x & 0xffffu, head.x >> 16) >> pair, uvec2(1u)) << fine;
-    const uvec2 at = uvec2(floor(st * vec2(sides) + (fine == 0u ? 0.5 : 0.0)));
-    const uint bin = uint(share * float(1u << (begin.y >> 24)));
-    const uint cell = begin.x + (bin * (sides.y + 1u) + at.y) * (begin.y & 0xffffu) + at.x;
-    return (ConstUints(mask).v[cell >> 4] >> ((cell & 15u) * 2u)) & 3u;
+// How much is there around st for a lookup as wide as `width` texels. `head`: the first two words of the mask.
+uint coverage_in_mask(uint64_t mask, uvec2 head, vec2 st, float width) {
+    const uint first = (head.y >> 8) & 31u;
+    const uint last = (head.y >> 13) & 31u;
+    const uint level = width >= 2.0 ? min((floatBitsToUint(width) >> 23) - 127u, last) : 0u;
+    bool narrow = level < max(first, 1u);
+    st = vec2(inside_image(st.x, head.y & 3u, narrow), inside_image(st.y, (head.y >> 2) & 3u, narrow));
+    if (min(st.x, st.y) < 0.0) return narrow ? COVERAGE_UNKNOWN : head.y >> 24;
+    const uint kept = narrow ? first : level;
+    const uint fine = narrow ? (head.y >> 4) & 7u : 0u;
+    const uvec2 sides = max(uvec2(head.x & 0xffffu, head.x >> 16) >> kept, uvec2(1u)) << fine;
+    const uvec2 at = min(uvec2(st * vec2(sides)), sides - 1u);
+    const uint byte = ConstUints(mask).v[2u + kept - first] + at.y * sides.x + at.x;
+    const uint coverage = (ConstUints(mask).v[byte >> 2] >> ((byte & 3u) * 8u)) & 0xffu;
+    return narrow && coverage - 1u < 254u ? COVERAGE_UNKNOWN : coverage;
 }
 
-uint known_presence(uint64_t mask, vec2 st, float width) {
-    return presence_in_mask(mask, ConstUVec2s(mask).v[0], st, width);
+// How much is there at a hit, uv, of a triangle with edges e and f, whose corners have coordinates a, b and c, for a
+// ray along d with a cone as wide as `cone` times the length of d.
+uint coverage_at(GpuCutout cutout, vec2 a, vec2 b, vec2 c, vec2 uv, vec3 e, vec3 f, vec3 d, float cone) {
+    const vec2 st = a * (1.0 - uv.x - uv.y) + b * uv.x + c * uv.y;
+    vec2 place = vec2(cutout.row_s.x * st.x + cutout.row_s.y * st.y + cutout.row_s.z,
+                      cutout.row_t.x * st.x + cutout.row_t.y * st.y + cutout.row_t.z);
+    uint64_t mask = cutout.mask;
+    uvec2 head = uvec2(cutout.size, cutout.modes);
+    if ((head.y & MASK_SET) != 0u) {
+        const vec2 part = floor(place);
+        if (!(min(part.x, part.y) >= 0.0 && max(part.x, part.y) < 10.0)) return COVERAGE_UNKNOWN;
+        const int away = int(ConstUints(mask).v[2u + uint(part.x) + 10u * uint(part.y)]);
+        if (away == 0) return COVERAGE_UNKNOWN;
+        place -= part;
+        mask += uint64_t(int64_t(away) * 16l);
+        head = ConstUVec2s(mask).v[0];
+    }
+    const vec2 along_e = b - a;
+    const vec2 along_f = c - a;
+    const vec2 size = vec2(head.x & 0xffffu, head.x >> 16);
+    const vec2 at_e = size * vec2(fused_dot(cutout.row_s.xy, along_e), fused_dot(cutout.row_t.xy, along_e));
+    const vec2 at_f = size * vec2(fused_dot(cutout.row_s.xy, along_f), fused_dot(cutout.row_t.xy, along_f));
+    return coverage_in_mask(mask, head, place, near_lookup_width(e, f, at_e, at_f, d, cone));
 }
 
 #endif

@@ -22,7 +22,7 @@ struct Presence {
     float scale;
     float bias;
     float threshold; // 0: the opacity is a probability
-    uint64_t mask;   // 0: there is none
+    uint coverage;   // what the mask says, or COVERAGE_UNKNOWN
 };
 
 // The width of the ray's cone at distance t. A shadow ray starts as wide as its surface was seen and stays so.
@@ -35,10 +35,10 @@ float ray_cone(uint path, float t) {
 #endif
 }
 
-// What the material of a triangle asks. `cone`: the width of the ray's cone there, in the mesh's frame; `d`: where it
-// goes, in that frame.
+// What the material of a triangle asks. `d`: where the ray goes, in the mesh's frame; `cone`: the width of its cone
+// there over the length of d. The threshold comes before the filter: a lookup that is compared is of the finest level.
 Presence presence_of(Pose pose, uint mesh, int prim_id, uint triangle, vec2 uv, float cone, vec3 d) {
-    Presence p = Presence(false, NO_TEXTURE, NO_MATERIAL, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0, 0ul);
+    Presence p = Presence(false, NO_TEXTURE, NO_MATERIAL, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0, COVERAGE_UNKNOWN);
     const uint slot = material_slot(prim_id, item_subset(pose, triangle));
     if (slot == NO_MATERIAL || (slot & SLOT_PRESENCE) == 0u) return p;
     const uint material = material_number(slot);
@@ -64,6 +64,7 @@ Presence presence_of(Pose pose, uint mesh, int prim_id, uint triangle, vec2 uv, 
         if (!HAS_TEXTURES) return p; // there are no images: opaque
         vec2 st = vec2(0.0);
         uvec2 footprint = uvec2(0u);
+        bool filters = false;
         if (set != INPUT_NO_SET) {
             st = materials.v[material].set_fallback[set & 1u];
             const uint name = materials.v[material].names[set & 1u];
@@ -73,7 +74,16 @@ Presence presence_of(Pose pose, uint mesh, int prim_id, uint triangle, vec2 uv, 
             if (entry == NO_NAME && instance_primvar(name, value)) st = value.xy;
             if (is_ptex) st = ptex_place(ptex_word(mesh, triangle), weights);
             if (entry != NO_NAME) st = primvar_value(mesh, entry, triangle, weights).xy;
-            if (is_ptex || entry != NO_NAME) {
+            const GpuCutout cutout = materials.v[material].cutout;
+            const bool has_mask = HAS_OPACITY_MASKS && cutout.mask != 0ul;
+            filters = p.threshold <= 0.0 && !has_mask;
+            if (has_mask && entry != NO_NAME) {
+                vec4 a, b, c;
+                primvar_corners(mesh, entry, triangle, a, b, c);
+                vec3 e, f;
+                item_edges(pose, mesh, triangle, e, f);
+                p.coverage = coverage_at(cutout, a.xy, b.xy, c.xy, uv, e, f, d, cone);
+            } else if (filters && (is_ptex || entry != NO_NAME)) {
                 vec3 e, f, u, v, n;
                 item_edges(pose, mesh, triangle, e, f);
                 if (set_gradients(mesh, name, triangle, st, e, f, u, v, n)) {
@@ -85,8 +95,9 @@ Presence presence_of(Pose pose, uint mesh, int prim_id, uint triangle, vec2 uv, 
         p.channel = channel == 0u ? 0u : channel - 1u;
         p.texture = i.texture;
         p.st = map_place(i, st);
-        p.width = lookup_width(i.texture, p.st, footprint, cone, i.row_s, i.row_t);
-        if (HAS_OPACITY_MASKS) p.mask = materials.v[material].cutout.mask;
+        if (filters) {
+            p.width = lookup_width(i.texture, p.st, footprint, cone * sqrt(dot3(d, d)), i.row_s, i.row_t);
+        }
         p.scale = i.value[p.channel];
         p.bias = i.bias[p.channel];
     }

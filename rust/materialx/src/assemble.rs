@@ -12,7 +12,7 @@ use crate::program::{
     Geometry, Instruction, Lookup, MAX_CONSTANTS, MAX_INSTRUCTIONS, MAX_LOOKUPS, MAX_OPACITY_LOOKUPS, Op, Operand,
     Program, REGISTERS,
 };
-use crate::surface::{INPUTS, Input, SHAPES};
+use crate::surface::{INPUTS, Input, Lowered, SHAPES};
 use crate::uses::{LookupUse, Uses};
 use crate::walk::Walker;
 
@@ -115,6 +115,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
         let is_packed = packed.contains(&at) && val.constant().is_none();
         *input = if is_packed { None } else { assembler.simple(*val, width) };
     }
+    let opacity_threshold = step_opacity(&lowered, &assembler, &mut inputs);
     let opacity_program = opacity(&lowered.inputs, &mut inputs, &expressions, &uses.lookups, &mut problems);
     let rest: Vec<Val> =
         lowered.inputs.iter().zip(&inputs).filter(|(_, known)| known.is_none()).map(|(v, _)| *v).collect();
@@ -136,7 +137,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
     Translation {
         inputs: Some(inputs),
         specular_workflow: lowered.specular_workflow,
-        opacity_threshold: lowered.opacity_threshold,
+        opacity_threshold,
         thin_walled: lowered.thin_walled,
         dispersive: lowered.dispersive,
         hair: lowered.hair,
@@ -169,6 +170,17 @@ impl Walker<'_> {
         }
         is_framed
     }
+}
+
+/// The threshold of the opacity, which becomes a texture where it is there or not by one number of that.
+fn step_opacity(lowered: &Lowered, assembler: &Assembler<'_>, inputs: &mut [Option<InputSource>; INPUTS]) -> f32 {
+    let (own, threshold) = (Input::Opacity as usize, lowered.opacity_threshold);
+    if inputs[own].is_some() {
+        return threshold;
+    }
+    let Some((texture, threshold)) = assembler.step(lowered.inputs[own], threshold) else { return threshold };
+    inputs[own] = Some(texture);
+    threshold
 }
 
 /// The program of the opacity, if it needs one; the surface is there where it cannot have it.

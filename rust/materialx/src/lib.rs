@@ -24,6 +24,7 @@ mod nodes;
 mod noise;
 pub mod program;
 mod slab;
+mod step;
 pub mod surface;
 mod told;
 pub mod uses;

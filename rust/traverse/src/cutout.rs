@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Whether a material says that a surface is there for a ray: `is_cut_in` of traversal/opacity.glsl. Any thread.
 
-use crate::opacity_mask::known_presence;
 use crate::pending::before;
 use crate::presence::{Opacity, Presence};
 use crate::sampler::{combine, hash, unit};
@@ -45,21 +44,25 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             return true;
         };
         let is_chance = threshold <= 0.0;
+        let of_aovs = self.scene.is_of_aovs();
+        let chance = || unit(hash(combine(self.world.seed, combine(above, number))));
         let limit = match is_chance {
             false => threshold,
-            true if self.scene.is_of_aovs() => 0.0,
-            true => unit(hash(combine(self.world.seed, combine(above, number)))),
+            true if of_aovs => 0.0,
+            true => chance(),
         };
         let is_there = |opacity: f32| opacity > limit || (!is_chance && opacity == limit);
-        let (lookup, scale, bias, mask) = match opacity {
+        let (lookup, scale, bias) = match opacity {
             Opacity::Value(value) => return is_there(value),
-            Opacity::Texel { lookup, scale, bias, mask } => (lookup, scale, bias, mask),
+            Opacity::Covered(coverage) => {
+                return match coverage {
+                    0 | 255 => coverage != 0,
+                    coverage if of_aovs => is_chance || coverage >= 128,
+                    coverage => chance() * 255.0 < f32::from(coverage),
+                };
+            }
+            Opacity::Texel { lookup, scale, bias } => (lookup, scale, bias),
         };
-        if mask != 0
-            && let Some(known) = known_presence(self.scene.view.bytes(mask), lookup.st, lookup.width)
-        {
-            return known;
-        }
         match self.scene.look_up(self.world.path, &lookup) {
             Looked::Texel(texel) => is_there(texel * scale + bias),
             Looked::Fallback(value) => is_there(value),

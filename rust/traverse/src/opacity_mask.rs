@@ -1,51 +1,129 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is known of a cutout without its texture: `traversal/opacity_mask.glsl`. The layout is that of
-//! `oocpt_core::texture::OpacityMask`. Pure, any thread.
+//! How much of a cutout is there around a place, without its texture: `traversal/opacity_mask.glsl` and
+//! `include/near_width.glsl`, operation by operation. The layout is that of `oocpt_core::texture::OpacityMask`. Pure,
+//! any thread.
 
-use crate::texture::{near_image, select_level};
-use oocpt_gpu::HostBytes;
-use oocpt_shader_abi::{WRAP_CLAMP, WRAP_REPEAT};
+use crate::primvar::Corners;
+use crate::texture::near_image;
+use crate::vector::{V3, dot3};
+use oocpt_gpu::{HostBytes, HostView};
+use oocpt_shader_abi::{GpuCutout, WRAP_BLACK, WRAP_MIRROR, WRAP_REPEAT};
 
-/// As in `oocpt_core::texture::Presence`.
-const NEVER: u32 = 1;
-const ALWAYS: u32 = 2;
+/// As in `oocpt_core::texture::MASK_SET`.
+const MASK_SET: u32 = 1 << 7;
+const MOST_ANISOTROPY: f32 = 16.0;
 
-/// A coordinate in the image; none where the mask does not say.
-fn inside_image(s: f32, wrap: u32) -> Option<f32> {
+/// A candidate of a hit, and the ray.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place<'a> {
+    pub(crate) corners: &'a Corners,
+    pub(crate) uv: [f32; 2],
+    /// Of the triangle.
+    pub(crate) edges: [V3; 2],
+    pub(crate) direction: V3,
+    /// Width of the ray's cone over the length of the direction.
+    pub(crate) cone: f32,
+}
+
+/// `inside_image`: a coordinate in the image; none around a picture that is not continued.
+fn inside_image(s: f32, wrap: u32, narrow: &mut bool) -> Option<f32> {
     let s = near_image(s, wrap);
     if (0.0..=1.0).contains(&s) {
         return Some(s);
     }
     match wrap {
         WRAP_REPEAT => Some(s - s.floor()),
-        WRAP_CLAMP => Some(s.clamp(0.0, 1.0)),
-        _ => None,
+        WRAP_MIRROR => Some(if s < 0.0 { -s } else { 2.0 - s }),
+        WRAP_BLACK => None,
+        _ => {
+            *narrow = true;
+            Some(s.clamp(0.0, 1.0))
+        }
     }
 }
 
-/// Whether a lookup at `st`, as wide as `width` texels, finds the surface there, if the mask knows.
+/// `coverage_in_mask`: how much is there around `st`, in 255 parts, for a lookup as wide as `width` texels; none where
+/// the finest level of the texture says it.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     clippy::cast_precision_loss,
     reason = "in the image"
 )]
-pub(crate) fn known_presence(mask: HostBytes<'_>, st: [f32; 2], width: f32) -> Option<bool> {
-    let [size, head] = mask.get::<[u32; 2]>(0)?;
-    let st = [inside_image(st[0], head & 3)?, inside_image(st[1], (head >> 2) & 3)?];
-    let (pair, share) = select_level((head >> 16) & 0xff, width);
-    let behind_first = pair.checked_sub((head >> 8) & 0xff)?;
-    let [begin, cut] = mask.get::<[u32; 2]>(1 + behind_first as usize)?;
-    let (columns, fine, bins) = (cut & 0xffff, (cut >> 16) & 0xff, (cut >> 24) & 7);
-    let side = |size: u32| size.checked_shr(pair).unwrap_or(0).max(1).checked_shl(fine).unwrap_or(0);
-    let sides = [side(size & 0xffff), side(size >> 16)];
-    let first = if fine == 0 { 0.5 } else { 0.0 };
-    let at = [0, 1].map(|i| (st[i] * sides[i] as f32 + first).floor() as u32);
-    let row = ((share * (1 << bins) as f32) as u32).wrapping_mul(sides[1].wrapping_add(1)).wrapping_add(at[1]);
-    let cell = begin.wrapping_add(row.wrapping_mul(columns)).wrapping_add(at[0]);
-    match (mask.get::<u32>((cell >> 4) as usize)? >> ((cell & 15) * 2)) & 3 {
-        NEVER => Some(false),
-        ALWAYS => Some(true),
-        _ => None,
+fn coverage_in_mask(mask: HostBytes<'_>, [size, modes]: [u32; 2], st: [f32; 2], width: f32) -> Option<u8> {
+    let (first, last) = ((modes >> 8) & 31, (modes >> 13) & 31);
+    let level = if width >= 2.0 { ((width.to_bits() >> 23) - 127).min(last) } else { 0 };
+    let mut narrow = level < first.max(1);
+    let st = [inside_image(st[0], modes & 3, &mut narrow), inside_image(st[1], (modes >> 2) & 3, &mut narrow)];
+    let [Some(s), Some(t)] = st else {
+        return (!narrow).then_some((modes >> 24) as u8);
+    };
+    let (kept, fine) = if narrow { (first, (modes >> 4) & 7) } else { (level, 0) };
+    let side = |size: u32| (size >> kept).max(1) << fine;
+    let [width, height] = [side(size & 0xffff), side(size >> 16)];
+    let [x, y] = [(s * width as f32) as u32, (t * height as f32) as u32];
+    let begin: u32 = mask.get(kept.wrapping_sub(first).wrapping_add(2) as usize)?;
+    let byte = begin.wrapping_add(y.min(height - 1).wrapping_mul(width)).wrapping_add(x.min(width - 1));
+    let coverage = mask.get::<u8>(byte as usize)?;
+    (!narrow || matches!(coverage, 0 | 255)).then_some(coverage)
+}
+
+/// `coverage_at`.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "parts from 0 to 9, and sides of an image"
+)]
+pub(crate) fn coverage_at(view: &HostView, cutout: &GpuCutout, at: &Place<'_>) -> Option<u8> {
+    let [s, t, ..] = at.corners.mixed(at.uv);
+    let rows = [cutout.row_s, cutout.row_t];
+    let mut place = rows.map(|row| row[0] * s + row[1] * t + row[2]);
+    let (mut mask, mut head) = (cutout.mask, [cutout.size, cutout.modes]);
+    if head[1] & MASK_SET != 0 {
+        let part = place.map(f32::floor);
+        if !part.iter().all(|at| (0.0..10.0).contains(at)) {
+            return None;
+        }
+        let away: i32 = view.bytes(mask).get(2 + part[0] as usize + 10 * part[1] as usize)?;
+        if away == 0 {
+            return None;
+        }
+        place = [place[0] - part[0], place[1] - part[1]];
+        mask = mask.wrapping_add_signed(16 * i64::from(away));
+        head = view.bytes(mask).get(0)?;
     }
+    let size = [(head[0] & 0xffff) as f32, (head[0] >> 16) as f32];
+    let grown = at.corners.growth().map(|along| [0, 1].map(|i| size[i] * dot2(rows[i], along)));
+    coverage_in_mask(view.bytes(mask), head, place, near_lookup_width(at, grown))
+}
+
+fn dot2(a: [f32; 3], b: [f32; 2]) -> f32 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+fn cross(a: V3, b: V3) -> V3 {
+    V3([0, 1, 2].map(|i| {
+        let (y, z) = ((i + 1) % 3, (i + 2) % 3);
+        a[y] * b[z] - a[z] * b[y]
+    }))
+}
+
+/// `near_lookup_width`: how wide a lookup is, in texels; 0 where it cannot be told.
+fn near_lookup_width(at: &Place<'_>, [at_e, at_f]: [[f32; 2]; 2]) -> f32 {
+    let ([e, f], d) = (at.edges, at.direction);
+    let (p, q) = (cross(e, d), cross(f, d));
+    let dd = dot3(d, d);
+    let across = dot3(e, q);
+    let area = at_e[0] * at_f[1] - at_e[1] * at_f[0];
+    let gradient = |i: usize| at_e[i] * q + (-(at_f[i])) * p;
+    let (u, v) = (gradient(0), gradient(1));
+    let (a, b, c) = (dot3(u, u), dot3(u, v), dot3(v, v));
+    let half_difference = 0.5 * (a - c);
+    let longer = (0.5 * (a + c) + (half_difference * half_difference + b * b).sqrt()).sqrt();
+    let shorter = area.abs() * dd.sqrt() / longer;
+    let least = longer / (MOST_ANISOTROPY * across.abs());
+    let width = at.cone * dd.sqrt() * if shorter > least { shorter } else { least };
+    let has_range = across * across > 1.0e-30 && a + c > 1.0e-16 && a + c < 1.0e17;
+    if has_range && width < 1.0e9 { width } else { 0.0 }
 }

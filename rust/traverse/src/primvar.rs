@@ -50,6 +50,12 @@ impl Corners {
         [0, 1, 2, 3].map(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v)
     }
 
+    /// The first two numbers of the mean, by weight even where all corners are the same.
+    pub(crate) fn mixed(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+        let Self([a, b, c]) = *self;
+        [0, 1].map(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v)
+    }
+
     /// By how much its first two numbers grow from the first corner to the others.
     pub(crate) fn growth(&self) -> [[f32; 2]; 2] {
         let Self([a, b, c]) = *self;

@@ -104,7 +104,7 @@ struct GpuCutout {
     uint size;
     uint64_t mask;
     uint modes;
-    uint is_even;
+    uint is_chance;
 };
 
 struct GpuMaterial {

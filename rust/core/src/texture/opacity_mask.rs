@@ -1,56 +1,91 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is known of a cutout without its texture: for every place and every width of a lookup, whether all that the
-//! lookup could give means that the surface is there, or that it is not, or neither. After the states of opacity
-//! micromaps (Gruen, Benthin and Woop 2020, "Sub-Triangle Opacity Masks for Faster Ray Tracing of Transparent
-//! Objects"), but of the texture and by level, since a lookup here is as wide as its ray's cone.
+//! What is known of a cutout without its texture: how much of each part of the picture is there. The threshold comes
+//! before the filter: a cell says in what share of its area the texture, looked up at its finest level, is at or above
+//! the threshold, or what its opacity is there in the mean. A wide lookup of a ray is met with the probability that the
+//! cell of its width has; a narrow one is decided where all of its cell is there or nothing is, and else looked up at
+//! the finest level. So coverage is the same from every distance (after Yuksel 2017, "Alpha Distribution for Alpha
+//! Testing", and Wyman and McGuire 2017, "Hashed Alpha Testing", which keep it by other means).
 //!
-//! Words, u32: width | height << 16 of level 0; wrap modes of s and of t (two bits each) | first pair << 8 | last pair
-//! << 16; for each pair the number of its first cell, and the cells of a row | [`Fineness::cells`] << 16 |
-//! [`Fineness::bins`] << 24; cells, 16 to a word, lowest bits first. Pair k is of levels k and k + 1, the last one of
-//! the coarsest level alone. Its cells are by the share of the coarser level (a bin is a part of 0 to 1), row, column.
-//! With one cell to a texel, cell i is for places from texel centre i - 1 to i of level k; with more, all begin at
-//! place 0. Either way there is one more than fit along a side.
+//! Words, u32: width | height << 16 of level 0; a word of modes; for each level that is kept, where its cells begin, in
+//! bytes from the first word; cells, a byte each, row by row. Modes: wrap of s and of t (two bits each), a bit that is
+//! [`SET`]'s, [`OpacityMask::fine`] (3 bits from 4 on), first and last level (5 bits each from 8 and 13 on), and from
+//! 24 on the byte of what is around the picture. The first level that is kept is that of narrow lookups: level 0 with
+//! 2^fine cells along a texel, or the first one of at most [`MASK_SIDE`] texels a side. A byte is 0 only where nothing
+//! is there whatever rounds, 255 only where all is.
 //!
-//! A width need be known to 1 / [`WIDTHS`] of itself only.
+//! A record of a set of files has modes [`SET`] and, for each of 100 parts, the distance of its mask in units of 16
+//! bytes from the first word, or 0.
 //!
-//! Pure; any thread. `shaders/traversal/opacity_mask.glsl` reads it.
+//! Pure; any thread. `shaders/traversal/opacity_mask.glsl` and `oocpt_traverse` read it.
 
 use super::{Layout, Wrap};
+use cells::Cell;
+use grid::Reduction;
+use rayon::prelude::*;
 
-/// Levels with a longer side have no mask.
+/// Levels with a longer side are not kept.
 pub const MASK_SIDE: u32 = 512;
-/// How exactly the width of a lookup has to be known.
-pub(super) const WIDTHS: f64 = 256.0;
+/// Of the modes: a set of files.
+pub const SET: u32 = 1 << 7;
+/// A level 0 with a longer side has one cell to a texel.
+const FINE_SIDE: u32 = 128;
 /// Of what a lookup can give, on either side, as a share of what the texels around can: the shader may be off by less
 /// than that of a texel when it picks the cell.
 const PLACE_SLACK: f64 = 1.0 / 1024.0;
-/// The same, as a share of the largest texel: rounding of the mean of eight.
+/// The same, as a share of the largest texel: rounding of the mean of four.
 const ROUNDING: f64 = 1.0e-5;
-/// A level with a longer side has one cell to a texel.
-const FINE_SIDE: u32 = 128;
 
 /// How a material asks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OpacityQuery {
     /// Along s and t.
     pub wrap: [Wrap; 2],
+    /// The texel around a picture that is not continued.
+    pub outside: f32,
     /// Factor of the texel's channel.
     pub scale: f32,
     /// Summand.
     pub bias: f32,
-    /// As `Material::opacity_threshold`.
+    /// As `Material::opacity_threshold`; 0: the opacity is a probability.
     pub threshold: f32,
 }
 
-/// What is known at a cell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Presence {
-    /// Nothing.
-    Unknown = 0,
-    /// The surface is not there.
-    Never = 1,
-    /// It is.
-    Always = 2,
+impl OpacityQuery {
+    fn is_chance(&self) -> bool {
+        self.threshold <= 0.0
+    }
+
+    /// The probability that a lookup which gives `value` meets the surface.
+    fn share(&self, value: f64) -> f64 {
+        let opacity = value * f64::from(self.scale) + f64::from(self.bias);
+        match self.is_chance() {
+            true if opacity.is_nan() => 0.0,
+            true => opacity.clamp(0.0, 1.0),
+            false => f64::from(u8::from(opacity >= f64::from(self.threshold))),
+        }
+    }
+
+    /// Whether lookups that give `low` to `high` may meet the surface, and whether they may miss it. `largest`: of the
+    /// texels around.
+    fn may(&self, low: f64, high: f64, largest: f64) -> [bool; 2] {
+        if !largest.is_finite() || !self.scale.is_finite() || !self.bias.is_finite() || self.threshold.is_nan() {
+            return [true; 2];
+        }
+        // There from this opacity on, and missed below the other one: a number from 0 up to but not 1 is compared.
+        let [least, sure] = if self.is_chance() { [0.0, 1.0] } else { [self.threshold; 2] }.map(f64::from);
+        let (a, b) = match low == high {
+            // The mean of equal texels is that texel, and the rest is worked out as the shaders do.
+            #[expect(clippy::cast_possible_truncation, reason = "a texel")]
+            true => [f64::from(low as f32 * self.scale + self.bias); 2].into(),
+            false => {
+                let [a, b] = [low, high].map(|value| value * f64::from(self.scale) + f64::from(self.bias));
+                let rounding = 2.0 * ROUNDING * (largest * f64::from(self.scale).abs() + f64::from(self.bias).abs());
+                (a.min(b) - rounding, a.max(b) + rounding)
+            }
+        };
+        let may_meet = if self.is_chance() { b > least } else { b >= least };
+        [may_meet, a < sure]
+    }
 }
 
 /// See the module.
@@ -60,81 +95,127 @@ pub struct OpacityMask {
     pub words: Vec<u32>,
     /// The surface is there whatever the place and the width.
     pub is_opaque: bool,
-    /// Share of the cells that say nothing, the mean of all pairs.
-    pub unknown: f32,
 }
 
-/// The first pair of levels that a mask is made for.
-#[must_use]
-pub fn first_pair(layout: &Layout) -> u32 {
+/// The first level that is kept of an image of this layout.
+fn first_level(layout: &Layout) -> u32 {
     let is_small = |level: &u32| layout.level_size(*level).iter().all(|side| *side <= MASK_SIDE);
     (0..layout.levels()).find(is_small).unwrap_or(0)
 }
 
-/// How finely a pair of levels is cut, as powers of two.
-#[derive(Clone, Copy, Debug)]
-struct Fineness {
-    /// Cells along a texel.
-    cells: u32,
-    /// Bins of the coarser level's share.
-    bins: u32,
+/// A mask that is made of the rows of level 0 as they come, from the bottom: what is held of them are four.
+#[derive(Debug)]
+pub struct OpacityMaskMaker {
+    query: OpacityQuery,
+    layout: Layout,
+    first: u32,
+    fine: u32,
+    base: Reduction,
+    /// Rows that came.
+    rows: u32,
+    /// The first two, and the last two.
+    opening: Vec<Vec<f32>>,
+    recent: Vec<Vec<f32>>,
 }
 
-impl Fineness {
-    /// Of a pair that begins with a level of this size.
-    fn of(size: [u32; 2], has_coarser: bool) -> Self {
-        let side = size[0].max(size[1]);
-        let cells = (0..4).find(|cells| side << cells >= FINE_SIDE).unwrap_or(4);
-        // The coarser the levels, the more they differ; and the fewer cells they have.
-        let bins = match side {
-            _ if !has_coarser => 0,
-            0..=2 => 5,
-            3..=8 => 4,
-            9..=32 => 3,
-            33..=128 => 2,
-            129..=256 => 1,
-            _ => 0,
-        };
-        Self { cells, bins }
-    }
-}
-
-impl OpacityMask {
-    /// Of an image whose levels from [`first_pair`] on have these values of the channel, row by row.
+impl OpacityMaskMaker {
+    /// Of an image; none where its sides are too long for a mask.
     #[must_use]
-    pub fn new(layout: &Layout, values: &[Vec<f32>], query: &OpacityQuery) -> Option<Self> {
-        let first = first_pair(layout);
-        let last = layout.levels().checked_sub(1)?;
-        let levels: Vec<Level<'_>> = (first..=last)
-            .zip(values)
-            .map(|(level, values)| Level { size: layout.level_size(level), values, wrap: query.wrap })
-            .collect();
-        let is_whole = levels.len() == (last - first + 1) as usize
-            && levels.iter().all(|level| level.values.len() == level.size[0] as usize * level.size[1] as usize);
-        let [width, height] = layout.size();
-        if !is_whole || width > 0xffff || height > 0xffff {
+    pub fn new(layout: &Layout, query: &OpacityQuery) -> Option<Self> {
+        let size = layout.size();
+        if layout.is_flat() || size.iter().any(|side| *side > 0xffff) {
             return None;
         }
+        let first = first_level(layout);
+        let side = size[0].max(size[1]);
+        let fine = if first > 0 { 0 } else { (0..4).find(|fine| side << fine >= FINE_SIDE).unwrap_or(4) };
+        let cells = layout.level_size(first).map(|side| side << fine);
+        let base = Reduction::new(size.map(|side| side << fine), cells);
+        let rows = Vec::new();
+        Some(Self { query: *query, layout: *layout, first, fine, base, rows: 0, opening: rows.clone(), recent: rows })
+    }
+
+    /// Takes the next rows, whole ones of one channel; what is more than the image has is left out.
+    pub fn push(&mut self, values: &[f32]) {
+        let [width, height] = self.layout.size();
+        let left = height.saturating_sub(self.rows) as usize;
+        let new: Vec<&[f32]> = values.chunks_exact(width as usize).take(left).collect();
+        let missing = 2_usize.saturating_sub(self.opening.len());
+        self.opening.extend(new.iter().take(missing).map(|row| row.to_vec()));
+        let before = std::mem::take(&mut self.recent);
+        let rows: Vec<&[f32]> = before.iter().map(Vec::as_slice).chain(new.iter().copied()).collect();
+        let begin = self.rows as usize - before.len();
+        let cells: Vec<_> = rows.par_windows(3).map(|around| self.cells_of([around[0], around[1], around[2]])).collect();
+        for (y, of_row) in (begin + 1..).zip(cells) {
+            self.add(y, &of_row);
+        }
+        self.rows += u32::try_from(new.len()).unwrap_or(0);
+        self.recent = rows[rows.len().saturating_sub(2)..].iter().map(|row| row.to_vec()).collect();
+    }
+
+    /// The cells of a row of texels, those along a texel's side one row after the other.
+    fn cells_of(&self, rows: [&[f32]; 3]) -> Vec<Cell> {
+        cells::of_row(&self.query, rows, self.fine)
+    }
+
+    fn add(&mut self, y: usize, cells: &[Cell]) {
+        let stride = (self.layout.size()[0] as usize) << self.fine;
+        for (row, cells) in (y << self.fine..).zip(cells.chunks_exact(stride)) {
+            self.base.push(row, cells);
+        }
+    }
+
+    /// The mask; none before all rows have come.
+    #[must_use]
+    pub fn finish(mut self) -> Option<OpacityMask> {
+        let [width, height] = self.layout.size();
+        if self.rows != height {
+            return None;
+        }
+        let outside = vec![self.query.outside; width as usize];
+        let (opening, recent) = (std::mem::take(&mut self.opening), std::mem::take(&mut self.recent));
+        let (bottom, top) = (opening.first()?.as_slice(), recent.last()?.as_slice());
+        let [below, above] = match self.query.wrap[1] {
+            Wrap::UseMetadata | Wrap::Black => [outside.as_slice(); 2],
+            Wrap::Clamp | Wrap::Mirror => [bottom, top],
+            Wrap::Repeat => [top, bottom],
+        };
+        let second = opening.get(1).map_or(above, Vec::as_slice);
+        let cells = self.cells_of([below, bottom, second]);
+        self.add(0, &cells);
+        if let [before, _] = recent.as_slice() {
+            let cells = self.cells_of([before, top, above]);
+            self.add(height as usize - 1, &cells);
+        }
+        Some(self.packed())
+    }
+
+    fn packed(self) -> OpacityMask {
+        let Self { query, layout, first, fine, base, .. } = self;
+        let mut grids = vec![base.grid];
+        let last = layout.levels().saturating_sub(1).max(first).max(1);
+        for level in first + 1..=last {
+            let reduced = grids.last().map(|grid| grid.reduced(layout.level_size(level)));
+            grids.extend(reduced);
+        }
+        let is_opaque = grids.first().is_some_and(|grid| grid.cells.iter().all(|cell| !cell.may_miss));
+        let around = cells::of_value(&query, query.outside).byte();
+        let [width, height] = layout.size();
+        let [s, t] = query.wrap.map(wrap_bits);
         let mut words = vec![
             width | height << 16,
-            wrap_bits(query.wrap[0]) | wrap_bits(query.wrap[1]) << 2 | first << 8 | last << 16,
+            s | t << 2 | fine << 4 | first << 8 | last << 13 | u32::from(around) << 24,
         ];
-        words.resize(2 + 2 * levels.len(), 0);
-        let mut is_opaque = first == 0;
-        let mut unknown = 0.0;
-        for at in 0..levels.len() {
-            let fineness = Fineness::of(levels[at].size, at + 1 < levels.len());
-            let cells = Pair { levels: &levels, at, fineness, query, is_first: at == 0 && first > 0 }.cells();
-            is_opaque &= cells.known.iter().all(|known| *known == Presence::Always);
-            let of_pair = cells.known.iter().filter(|known| **known == Presence::Unknown).count();
-            unknown += of_pair as f32 / (cells.known.len() * levels.len()) as f32;
-            words[2 + 2 * at] = u32::try_from(16 * words.len()).ok()?;
-            words[3 + 2 * at] = cells.columns | fineness.cells << 16 | fineness.bins << 24;
-            words.extend(cells.known.chunks(16).map(|of_word| {
-                of_word.iter().enumerate().fold(0, |word, (i, known)| word | (*known as u32) << (2 * i))
-            }));
+        let mut begin = size_of::<u32>() * (words.len() + grids.len());
+        let mut bytes = Vec::new();
+        for grid in &grids {
+            words.push(u32::try_from(begin).unwrap_or(0));
+            begin += grid.cells.len();
+            bytes.extend(grid.cells.iter().map(|cell| cell.byte()));
         }
-        Some(Self { words, is_opaque, unknown })
+        bytes.resize(bytes.len().next_multiple_of(size_of::<u32>()), 0);
+        words.extend(bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)));
+        OpacityMask { words, is_opaque }
     }
 }
 
@@ -148,46 +229,8 @@ fn wrap_bits(wrap: Wrap) -> u32 {
     }
 }
 
-impl OpacityQuery {
-    /// What is known where a lookup gives `low` to `high` of texels from `least` to `most`.
-    fn decide(&self, near: Hull, around: Hull) -> Presence {
-        if !around.is_finite || !self.scale.is_finite() || !self.bias.is_finite() {
-            return Presence::Unknown;
-        }
-        if around.low == around.high {
-            // The mean of equal texels is that texel, and the rest is worked out as the shaders do.
-            #[expect(clippy::cast_possible_truncation, reason = "a texel")]
-            let opacity = around.low as f32 * self.scale + self.bias;
-            return match self.threshold > 0.0 {
-                true if opacity >= self.threshold => Presence::Always,
-                true if opacity < self.threshold => Presence::Never,
-                // Compared with a number from 0 up to but not 1.
-                false if opacity >= 1.0 => Presence::Always,
-                false if opacity <= 0.0 => Presence::Never,
-                _ => Presence::Unknown,
-            };
-        }
-        if self.threshold.is_nan() || self.threshold <= 0.0 {
-            return Presence::Unknown;
-        }
-        let [scale, bias, threshold] = [self.scale, self.bias, self.threshold].map(f64::from);
-        let largest = around.low.abs().max(around.high.abs());
-        let slack = (around.high - around.low) * PLACE_SLACK + largest * ROUNDING;
-        let [a, b] = [near.low - slack, near.high + slack].map(|value| value * scale + bias);
-        let rounding = (largest * scale.abs() + bias.abs()) * ROUNDING;
-        if a.min(b) - rounding >= threshold {
-            Presence::Always
-        } else if a.max(b) + rounding < threshold {
-            Presence::Never
-        } else {
-            Presence::Unknown
-        }
-    }
-}
-
 mod cells;
-
-use cells::{Hull, Level, Pair};
+mod grid;
 
 #[cfg(test)]
 mod tests;

@@ -20,6 +20,7 @@ mod nodes;
 #[cfg(test)]
 mod noise_and_color;
 #[cfg(test)]
+mod opacity;
 mod operations;
 #[cfg(test)]
 mod support;

@@ -50,7 +50,7 @@ pub(crate) struct SceneView {
     /// Whether something is known of some without their textures.
     pub(crate) has_opacity_masks: bool,
     /// Whether that is most of what rays ask.
-    pub(crate) masks_know_most: bool,
+    pub(crate) masks_answer_most: bool,
     /// 0 when nothing reads a texture.
     pub(crate) textures: u64,
     /// As `textures`.
@@ -360,7 +360,7 @@ impl Scene {
             has_cutouts: self.assets.masks.has_cutouts,
             cutouts_of_shaders: self.assets.masks.of_shaders,
             has_opacity_masks: !self.assets.masks.words.is_empty(),
-            masks_know_most: self.assets.masks.know_most(),
+            masks_answer_most: self.assets.masks.answer_most(),
             placed_values: tables.placed_values.as_ref().map_or(0, HeapRange::address),
             textures: tables.textures.as_ref().map_or(0, |textures| textures.records.address()),
             texture_pages: tables.textures.as_ref().map_or(0, |textures| textures.pages.address()),

@@ -30,5 +30,5 @@ pub(crate) use level::motion_key;
 pub(crate) use source::leaf_of;
 pub(crate) use store::{Patience, Store};
 #[cfg(test)]
-pub(crate) use surfaces::{SurfaceEntries, is_even};
+pub(crate) use surfaces::SurfaceEntries;
 pub(crate) use tables::{Entries, Tables};

@@ -64,26 +64,12 @@ impl SurfaceEntries {
     }
 }
 
-/// How far from a similarity the map of an even cutout may be: the sum of the squares of its axes over twice their
-/// product. What rounds a footprint's direction may be off by so much more.
-const MOST_UNEVEN: f32 = 2.5;
-
-/// What [`GpuCutout::is_even`] says of a map from texture coordinates to texels, by rows.
-pub(crate) fn is_even([a, b]: [f32; 2], [c, d]: [f32; 2]) -> bool {
-    a * a + b * b + c * c + d * d <= 2.0 * MOST_UNEVEN * (a * d - b * c).abs()
-}
-
 /// Of a material whose mask begins at a word of those at `address`. Only what reads a texture at a set has a mask.
 fn cutout(material: &GpuMaterial, masks: &OpacityMasks, word: u32, address: u64) -> GpuCutout {
     let GpuInput { row_s, row_t, kind, .. } = material.inputs[InputName::Opacity as usize];
     let set = (kind >> abi::INPUT_SET_SHIFT & 1) as usize;
     let at = word as usize;
     let [size, modes] = [at, at + 1].map(|word| masks.words.get(word).copied().unwrap_or(0));
-    #[expect(clippy::cast_precision_loss, reason = "at most 65535 texels")]
-    let [[a, b], [c, d]] = [(row_s, size & 0xffff), (row_t, size >> 16)].map(|([x, y, _], side)| {
-        let side = side as f32;
-        [x * side, y * side]
-    });
     GpuCutout {
         row_s,
         set: material.names[set],
@@ -91,7 +77,7 @@ fn cutout(material: &GpuMaterial, masks: &OpacityMasks, word: u32, address: u64)
         size,
         mask: address + size_of::<u32>() as u64 * u64::from(word),
         modes,
-        is_even: is_even([a, b], [c, d]).into(),
+        is_chance: u32::from(material.opacity_threshold <= 0.0),
     }
 }
 

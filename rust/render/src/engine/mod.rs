@@ -80,7 +80,7 @@ impl Parts {
         // While streaming a ray waits for the texture of a cutout as it does for chunks.
         let walks_natively = is_cpu(setting.device) && job.settings.traversal != TraversalKind::Compute;
         let defers = !streams && !walks_natively && needed.contains(Features::OPACITY_MASKS);
-        if defers && view.masks_know_most {
+        if defers && view.masks_answer_most {
             needed.insert(Features::DEFERRED_CUTOUTS);
         }
         let counts = !job.settings.chunk_report.is_empty() || maps_host(setting.device, &job.settings);

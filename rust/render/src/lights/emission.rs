@@ -132,7 +132,7 @@ impl EmissionMaps {
         if texture.asset.resolved.is_empty() {
             return fallback();
         }
-        let Some(image) = images.image(texture) else { return fallback() };
+        let Some(image) = images.image(texture, 0) else { return fallback() };
         // One that opens and cannot be read here may be read tile by tile.
         EmissionMap::of_image(&*image, texture, finish, self.made).unwrap_or_else(|error| {
             tracing::debug!(%error, file = &*texture.asset.authored, "emission is taken as even");

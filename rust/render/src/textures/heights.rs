@@ -82,16 +82,29 @@ impl HeightImage for Height {
 }
 
 /// A channel of a level of an image, row by row.
-pub(super) fn read_channel(image: &TextureImage, level: u32, channel: u8) -> Result<Vec<f32>, String> {
+fn read_channel(image: &TextureImage, level: u32, channel: u8) -> Result<Vec<f32>, String> {
+    let mut out = Vec::new();
+    read_channel_by_bands(image, level, channel, &mut |band| out.extend_from_slice(band))?;
+    Ok(out)
+}
+
+/// Most texels that are decoded at once, unless a row of a tile has more.
+const BAND_TEXELS: u32 = 1 << 20;
+
+/// A channel of a level of an image, from the bottom on, in bands of whole rows: what is held of it is one band.
+pub(super) fn read_channel_by_bands(
+    image: &TextureImage,
+    level: u32,
+    channel: u8,
+    sink: &mut dyn FnMut(&[f32]),
+) -> Result<(), String> {
     let info = Image::info(image);
     let texels = Texels::new(&info, image.is_srgb());
     let [width, height] = image.layout().level_size(level);
-    let mut out = Vec::new();
-    // Bands of rows of tiles: the whole level is there as one channel only.
-    let mut raw = Vec::new();
-    let mut values = Vec::new();
-    for bottom in (0..height).step_by(TILE_SIDE as usize) {
-        let rows = TILE_SIDE.min(height - bottom);
+    let most = (BAND_TEXELS / width.max(1)).clamp(TILE_SIDE / 8, TILE_SIDE);
+    let (mut raw, mut values, mut band) = (Vec::new(), Vec::new(), Vec::new());
+    for bottom in (0..height).step_by(most as usize) {
+        let rows = most.min(height - bottom);
         let count = width as usize * rows as usize;
         raw.clear();
         raw.resize(count * texels.file_bytes(), 0);
@@ -99,9 +112,11 @@ pub(super) fn read_channel(image: &TextureImage, level: u32, channel: u8) -> Res
         values.clear();
         values.resize(count * texels.channels(), 0.0);
         texels.decode(&raw, &mut values);
-        out.extend(values.chunks_exact(texels.channels()).map(|texel| picked(texel, channel)));
+        band.clear();
+        band.extend(values.chunks_exact(texels.channels()).map(|texel| picked(texel, channel)));
+        sink(&band);
     }
-    Ok(out)
+    Ok(())
 }
 
 /// A channel of a texel, as `oocpt_core::texture::expand` says.

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The masks of a snapshot's cutouts: what is known of them without their textures
+//! The masks of a snapshot's cutouts: how much of them is there, without their textures
 //! (`oocpt_core::texture::OpacityMask`).
 //!
-//! The levels that a mask is made of are read once, when a scene has it first, through the cache that tiles come from.
-//! What has no mask is asked of the texture: sets of files, Ptex, programs, images that cannot be read, and whatever
-//! would go beyond [`MOST_BYTES`]. Render thread; reads on all cores.
+//! Level 0 of each image is read once, when a scene has it first, through the cache that tiles come from. What has no
+//! mask is asked of the texture: Ptex, programs, images that cannot be read, and whatever would go beyond
+//! [`MOST_BYTES`]. Render thread; reads on all cores.
 
-use super::heights::read_channel;
+use super::heights::read_channel_by_bands;
 use super::set::TextureCache;
 use super::tiles::TextureImage;
 use oocpt_core::material::{Input, InputName, Material, MaterialFlags, PTEX_SET_ID};
 use oocpt_core::scene::SurfaceTables;
-use oocpt_core::texture::{OpacityMask, OpacityQuery, TexelFormat, Wrap, first_pair};
+use oocpt_core::texture::{MASK_SET, OpacityMask, OpacityMaskMaker, OpacityQuery, TexelFormat, TextureRef, Wrap};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::GpuTexture;
 use rayon::prelude::*;
@@ -20,13 +20,13 @@ use std::sync::Arc;
 
 /// Of all masks of a scene: they are always resident.
 const MOST_BYTES: usize = 64 << 20;
+/// Words between places where a mask may begin.
+const UNIT: usize = 4;
+/// Words of the record of a set of files.
+const SET_WORDS: usize = (2 + abi::UDIM_PARTS as usize).next_multiple_of(UNIT);
 
-/// Share of what rays ask of cutouts that masks may not know, for the rest to be looked up in passes of its own: a ray
-/// that comes to it twice is walked again.
-const MOST_UNKNOWN: f32 = 0.25;
-
-/// Image, channel, wrap modes, and the bits of scale, bias and threshold.
-type MaskKey = (u64, u8, [u32; 2], [u32; 3]);
+/// Image, channel, wrap modes, and the bits of scale, bias, threshold and what is around the image.
+type MaskKey = (u64, u8, [u32; 2], [u32; 4]);
 
 /// Masks that were made; `None`: there is none.
 pub(super) type MadeMasks = FxHashMap<MaskKey, Option<Arc<OpacityMask>>>;
@@ -36,15 +36,14 @@ pub(super) type MadeMasks = FxHashMap<MaskKey, Option<Arc<OpacityMask>>>;
 pub(crate) struct OpacityMasks {
     /// All masks, each from a multiple of 16 bytes on.
     pub(crate) words: Vec<u32>,
-    /// By material: the first word of its mask.
+    /// By material: the first word of its mask, or of the record of its set.
     first_words: Vec<Option<u32>>,
     /// By material: its surfaces are there everywhere.
     are_opaque: Vec<bool>,
     /// Whether some material has to be asked.
     pub(crate) has_cutouts: bool,
-    /// Materials that have to be asked, and the sum of the shares of their cells that say nothing; 1 without a mask.
-    asked: u32,
-    unknown: f32,
+    /// Whether some of those has no mask, or a part of it has none.
+    has_unmasked: bool,
     /// What of them only the shaders look up, in words.
     pub(crate) of_shaders: Option<&'static str>,
 }
@@ -55,16 +54,25 @@ impl OpacityMasks {
         self.first_words.get(material).copied().flatten()
     }
 
-    /// Whether masks know most of what rays ask, each material and each width taken as likely.
-    pub(crate) fn know_most(&self) -> bool {
-        #[expect(clippy::cast_precision_loss, reason = "a share")]
-        let asked = self.asked as f32;
-        !self.words.is_empty() && self.unknown <= MOST_UNKNOWN * asked
+    /// Whether masks answer but for lookups that are near.
+    pub(crate) fn answer_most(&self) -> bool {
+        !self.words.is_empty() && !self.has_unmasked
     }
 
     /// Whether a material's surfaces are there, whatever it says of opacity.
     pub(crate) fn is_opaque(&self, material: usize) -> bool {
         self.are_opaque.get(material).copied().unwrap_or(false)
+    }
+
+    /// Adds words, if there is room for them; where they begin.
+    fn add(&mut self, words: &[u32]) -> Option<u32> {
+        let begin = self.words.len().next_multiple_of(UNIT);
+        if (begin + words.len()) * size_of::<u32>() > MOST_BYTES {
+            return None;
+        }
+        self.words.resize(begin, 0);
+        self.words.extend_from_slice(words);
+        u32::try_from(begin).ok()
     }
 }
 
@@ -75,82 +83,150 @@ struct Wanted {
     image: Arc<TextureImage>,
 }
 
+/// What masks a material wants.
+#[derive(Default)]
+struct AllWanted {
+    is_set: bool,
+    /// By the number of the part, and 0 for one image.
+    parts: Vec<(usize, Wanted)>,
+    /// There is another part, without a mask.
+    lacks_part: bool,
+}
+
+/// Masks on their way into one array.
+struct Placing<'a> {
+    masks: OpacityMasks,
+    made: &'a MadeMasks,
+    first_words: FxHashMap<MaskKey, Option<u32>>,
+    sets: FxHashMap<Vec<(usize, MaskKey)>, Option<u32>>,
+}
+
 impl TextureCache {
     /// The masks of the materials of a snapshot, of which [`Self::sync`] has the textures.
     pub(crate) fn opacity_masks(&mut self, surfaces: &SurfaceTables, records: &[GpuTexture]) -> Arc<OpacityMasks> {
-        let wanted: Vec<Option<Wanted>> =
-            surfaces.materials.iter().map(|material| self.wanted(material, surfaces, records)).collect();
+        let wanted: Vec<AllWanted> =
+            surfaces.materials.iter().map(|material| self.all_wanted(material, surfaces, records)).collect();
+        let all = || wanted.iter().flat_map(|wanted| &wanted.parts).map(|(_, wanted)| wanted);
         let mut made = std::mem::take(&mut self.masks);
         let missing: FxHashMap<MaskKey, &Wanted> =
-            wanted.iter().flatten().filter(|w| !made.contains_key(&w.key)).map(|w| (w.key, w)).collect();
+            all().filter(|w| !made.contains_key(&w.key)).map(|w| (w.key, w)).collect();
         let new: Vec<_> = missing.into_par_iter().map(|(key, wanted)| (key, make(wanted).map(Arc::new))).collect();
         made.extend(new);
-        let mut masks = OpacityMasks::default();
-        let mut first_words: FxHashMap<MaskKey, u32> = FxHashMap::default();
+        let (masks, first_words, sets) = (OpacityMasks::default(), FxHashMap::default(), FxHashMap::default());
+        let mut placing = Placing { masks, made: &made, first_words, sets };
         for (material, wanted) in surfaces.materials.iter().zip(&wanted) {
-            let mask = wanted.as_ref().and_then(|wanted| Some((wanted.key, made.get(&wanted.key)?.as_ref()?)));
-            let is_opaque = mask.is_some_and(|(_, mask)| mask.is_opaque);
-            let first = mask.filter(|_| !is_opaque).and_then(|(key, mask)| {
-                if let Some(first) = first_words.get(&key) {
-                    return Some(*first);
-                }
-                let begin = masks.words.len().next_multiple_of(4);
-                if (begin + mask.words.len()) * size_of::<u32>() > MOST_BYTES {
-                    return None;
-                }
-                masks.words.resize(begin, 0);
-                masks.words.extend_from_slice(&mask.words);
-                let begin = u32::try_from(begin).ok()?;
-                first_words.insert(key, begin);
-                Some(begin)
-            });
-            let is_asked = material.flags.contains(MaterialFlags::PRESENCE) && !is_opaque;
-            masks.has_cutouts |= is_asked;
-            if is_asked {
-                masks.asked += 1;
-                masks.unknown += mask.filter(|_| first.is_some()).map_or(1.0, |(_, mask)| mask.unknown);
-            }
-            masks.of_shaders = masks.of_shaders.or(only_shaders(material, records).filter(|_| is_asked));
-            masks.first_words.push(first);
-            masks.are_opaque.push(is_opaque);
+            placing.place(material, wanted, only_shaders(material, records));
         }
-        let keys: rustc_hash::FxHashSet<MaskKey> = wanted.iter().flatten().map(|wanted| wanted.key).collect();
+        let masks = placing.masks;
+        let keys: rustc_hash::FxHashSet<MaskKey> = all().map(|wanted| wanted.key).collect();
         made.retain(|key, _| keys.contains(key));
         self.masks = made;
         Arc::new(masks)
     }
 
-    /// What mask a material wants; none where its cutouts are no plain texture.
-    fn wanted(&self, material: &Material, surfaces: &SurfaceTables, records: &[GpuTexture]) -> Option<Wanted> {
+    /// What masks a material wants; none where its cutouts are no textures.
+    fn all_wanted(&self, material: &Material, surfaces: &SurfaceTables, records: &[GpuTexture]) -> AllWanted {
+        let none = AllWanted::default();
         if !material.flags.contains(MaterialFlags::PRESENCE) {
-            return None;
+            return none;
         }
-        let Input::Texture { texture, channel, scale, bias, uv: Some(set), .. } = *material.input(InputName::Opacity)
-        else {
-            return None;
-        };
-        let record = records.get(texture as usize)?;
+        let Input::Texture { texture, uv: Some(set), .. } = *material.input(InputName::Opacity) else { return none };
         let has_set = material.uv_sets.get(usize::from(set)).is_some_and(|set| set.id != PTEX_SET_ID);
-        let is_plain = record.levels > 0 && record.flags & (abi::TEXTURE_UDIM | abi::TEXTURE_PTEX) == 0;
-        if !has_set || !is_plain {
+        let (record, file) = (records.get(texture as usize), surfaces.textures.get(texture as usize));
+        let (Some(record), Some(file)) = (record.filter(|record| has_set && record.levels > 0), file) else {
+            return none;
+        };
+        let is_set = record.flags & abi::TEXTURE_UDIM != 0;
+        let (first, count) = if is_set { (record.first_page, abi::UDIM_PARTS) } else { (texture, 1) };
+        let mut all = AllWanted { is_set, ..none };
+        for (part, record) in records.iter().skip(first as usize).take(count as usize).enumerate() {
+            let member = if is_set { u32::try_from(1001 + part).unwrap_or(0) } else { 0 };
+            match self.wanted(material, file, member, record) {
+                Some(wanted) => all.parts.push((part, wanted)),
+                None => all.lacks_part |= record.levels > 0,
+            }
+        }
+        all
+    }
+
+    /// What mask a material wants of an image.
+    fn wanted(&self, material: &Material, file: &TextureRef, member: u32, record: &GpuTexture) -> Option<Wanted> {
+        let Input::Texture { channel, scale, bias, .. } = *material.input(InputName::Opacity) else { return None };
+        if record.levels == 0 || record.flags & abi::TEXTURE_PTEX != 0 {
             return None;
         }
-        let image = self.image(surfaces.textures.get(texture as usize)?)?;
-        // The curve of floats is worked out by the device, which may round otherwise.
-        if image.is_srgb() && image.info().format != TexelFormat::U8 {
-            return None;
-        }
+        let image = self.image(file, member)?;
         let channel = channel.unwrap_or(0) & 3;
-        let (scale, bias) = (scale[usize::from(channel)], bias[usize::from(channel)]);
-        let modes = [abi::TEXTURE_WRAP_S_SHIFT, abi::TEXTURE_WRAP_T_SHIFT].map(|shift| record.flags >> shift & 3);
-        // Masks know black around an image, and nothing else.
-        if record.flags & abi::TEXTURE_BORDER != 0 && modes.contains(&abi::WRAP_BLACK) {
+        // The curve of floats is worked out by the device, which may round otherwise.
+        if image.is_srgb() && image.info().format != TexelFormat::U8 && channel < 3 {
             return None;
         }
+        let at = usize::from(channel);
+        let (scale, bias) = (scale[at], bias[at]);
+        let modes = [abi::TEXTURE_WRAP_S_SHIFT, abi::TEXTURE_WRAP_T_SHIFT].map(|shift| record.flags >> shift & 3);
+        let has_border = record.flags & abi::TEXTURE_BORDER != 0;
+        let outside = if has_border { record.fallback[at] } else { 0.0 };
         let threshold = material.opacity_threshold;
-        let query = OpacityQuery { wrap: modes.map(wrap_of), scale, bias, threshold };
-        let key = (image.id(), channel, modes, [scale, bias, threshold].map(f32::to_bits));
+        let query = OpacityQuery { wrap: modes.map(wrap_of), outside, scale, bias, threshold };
+        let key = (image.id(), channel, modes, [scale, bias, threshold, outside].map(f32::to_bits));
         Some(Wanted { key, query, image })
+    }
+}
+
+impl Placing<'_> {
+    /// Adds what there is of a material's masks.
+    fn place(&mut self, material: &Material, wanted: &AllWanted, only_shaders: Option<&'static str>) {
+        let one = wanted.parts.first().filter(|_| !wanted.is_set).map(|(_, wanted)| wanted.key);
+        let is_opaque = one.and_then(|key| self.made.get(&key)?.as_ref()).is_some_and(|mask| mask.is_opaque);
+        let first = match one {
+            _ if is_opaque => None,
+            None => self.set(wanted),
+            Some(key) => self.first_word(key),
+        };
+        if material.flags.contains(MaterialFlags::PRESENCE) && !is_opaque {
+            self.masks.has_cutouts = true;
+            self.masks.has_unmasked |= first.is_none() || wanted.lacks_part;
+            self.masks.of_shaders = self.masks.of_shaders.or(only_shaders);
+        }
+        self.masks.first_words.push(first);
+        self.masks.are_opaque.push(is_opaque);
+    }
+
+    fn first_word(&mut self, key: MaskKey) -> Option<u32> {
+        if let Some(first) = self.first_words.get(&key) {
+            return *first;
+        }
+        let first = self.made.get(&key).and_then(Option::as_ref).and_then(|mask| self.masks.add(&mask.words));
+        self.first_words.insert(key, first);
+        first
+    }
+
+    /// The record of a set of files.
+    fn set(&mut self, wanted: &AllWanted) -> Option<u32> {
+        if wanted.parts.is_empty() {
+            return None;
+        }
+        let keys: Vec<(usize, MaskKey)> = wanted.parts.iter().map(|(part, wanted)| (*part, wanted.key)).collect();
+        if let Some(first) = self.sets.get(&keys) {
+            return *first;
+        }
+        let mut words = vec![0; SET_WORDS];
+        words[1] = MASK_SET;
+        let first = self.masks.add(&words);
+        for (part, key) in &keys {
+            let (Some(set), Some(first)) = (first, self.first_word(*key)) else {
+                self.masks.has_unmasked = true;
+                continue;
+            };
+            // Backwards for a mask that another material has as well.
+            let away = (i64::from(first) - i64::from(set)) / i64::try_from(UNIT).unwrap_or(1);
+            let at = set as usize + 2 + part;
+            if let (Some(word), Ok(away)) = (self.masks.words.get_mut(at), i32::try_from(away)) {
+                *word = away.cast_unsigned();
+            }
+        }
+        self.sets.insert(keys, first);
+        first
     }
 }
 
@@ -185,13 +261,12 @@ fn wrap_of(mode: u32) -> Wrap {
 
 fn make(wanted: &Wanted) -> Option<OpacityMask> {
     let Wanted { key: (_, channel, ..), query, image } = wanted;
-    let layout = image.layout();
-    let first = first_pair(layout);
-    // Said first: one decoding serves all levels.
-    image.expect(layout.first_tile(first));
-    let values: Result<Vec<_>, _> =
-        (first..layout.levels()).map(|level| read_channel(image, level, *channel)).collect();
+    let mut maker = OpacityMaskMaker::new(image.layout(), query)?;
+    // Said first: all of it is wanted.
+    image.expect(image.layout().first_tile(0));
     // Whoever looks at its tiles tells what is wrong with it.
-    let values = values.map_err(|error| tracing::debug!("no opacity mask: {error}")).ok()?;
-    OpacityMask::new(layout, &values, query)
+    read_channel_by_bands(image, 0, *channel, &mut |band| maker.push(band))
+        .map_err(|error| tracing::debug!("no opacity mask: {error}"))
+        .ok()?;
+    maker.finish()
 }

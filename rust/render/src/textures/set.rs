@@ -126,9 +126,9 @@ impl TextureCache {
         Arc::clone(&self.set)
     }
 
-    /// The image that a texture reads, if it is open; none for a set of files.
-    pub(crate) fn image(&self, texture: &TextureRef) -> Option<Arc<TextureImage>> {
-        self.open.get(&image_key(texture, 0)).cloned()?.ok()?
+    /// The image that a texture reads, or for a set of files its member (else 0), if it is open.
+    pub(crate) fn image(&self, texture: &TextureRef, member: u32) -> Option<Arc<TextureImage>> {
+        self.open.get(&image_key(texture, member)).cloned()?.ok()?
     }
 
     /// Opens what is not open, on all cores.

@@ -234,7 +234,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         primvar_fallback,
         cutout
     }),
-    layout!(GpuCutout { row_s, set, row_t, size, mask, modes, is_even }),
+    layout!(GpuCutout { row_s, set, row_t, size, mask, modes, is_chance }),
     layout!(GpuPrim { first_slot, slot_count, link_set, pad }),
     layout!(GpuAttribute { values, name, rate_and_width }),
     layout!(GpuSurfaceMaterial { uv, primvars, tangent, material, footprints, handedness, flags }),

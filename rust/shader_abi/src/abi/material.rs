@@ -106,12 +106,12 @@ pub struct GpuCutout {
     pub row_t: [f32; 3],
     /// Words 0 and 1 of the mask: size and modes.
     pub size: u32,
-    /// `oocpt_core::texture::OpacityMask`, 16-byte aligned; 0: nothing is known.
+    /// `oocpt_core::texture::OpacityMask` or a record of a set of them, 16-byte aligned; 0: there is none.
     pub mask: u64,
     /// See `size`.
     pub modes: u32,
-    /// 1: the map keeps angles and lengths well enough for the width of a lookup to be known to less than 1/256 of it.
-    pub is_even: u32,
+    /// 1: the opacity is a probability, no threshold cuts.
+    pub is_chance: u32,
 }
 
 /// What a prim looks like, 16 B; by prim id + 1.

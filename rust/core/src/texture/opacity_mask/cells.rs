@@ -1,275 +1,156 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The cells of a mask's pair of levels: what lookups in a cell can give. Pure; any thread.
+//! The cells of a texel: in what share of each a lookup at the finest level meets the surface. Between the centres of
+//! four texels a lookup is bilinear, so a quarter of a texel lies in one such patch. Pure; any thread.
 
-use super::{Fineness, OpacityQuery, Presence, WIDTHS};
+use super::{OpacityQuery, PLACE_SLACK};
 use crate::texture::Wrap;
-use std::ops::Range;
 
-/// A level's texels, row by row.
-pub(super) struct Level<'a> {
-    pub(super) size: [u32; 2],
-    pub(super) values: &'a [f32],
-    pub(super) wrap: [Wrap; 2],
+/// How much of an area is there.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Cell {
+    pub(super) share: f32,
+    /// Some of it may be there, and some may not.
+    pub(super) may_meet: bool,
+    pub(super) may_miss: bool,
 }
 
-/// Smallest and largest of some values.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Hull {
-    pub(super) low: f64,
-    pub(super) high: f64,
-    pub(super) is_finite: bool,
-}
-
-impl Hull {
-    fn of(values: impl IntoIterator<Item = f64>) -> Self {
-        let mut hull = Self { low: f64::INFINITY, high: f64::NEG_INFINITY, is_finite: true };
-        for value in values {
-            hull.low = hull.low.min(value);
-            hull.high = hull.high.max(value);
-            hull.is_finite &= value.is_finite();
+impl Cell {
+    /// 0 and 255 are sure.
+    pub(super) fn byte(self) -> u8 {
+        match [self.may_meet, self.may_miss] {
+            [false, _] => 0,
+            [true, false] => 255,
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 254; NaN is 0")]
+            [true, true] => (self.share * 255.0).round().clamp(1.0, 254.0) as u8,
         }
-        hull
     }
 
-    fn joined(self, other: Self) -> Self {
-        let is_finite = self.is_finite && other.is_finite;
-        Self { low: self.low.min(other.low), high: self.high.max(other.high), is_finite }
-    }
-
-    /// Of `self` and up to `share` of `other`.
-    fn mixed(self, other: Self, share: f64) -> Self {
-        let mix = |a: f64, b: f64| a + share * (b - a);
-        let is_finite = self.is_finite && other.is_finite;
-        Self { low: self.low.min(mix(self.low, other.low)), high: self.high.max(mix(self.high, other.high)), is_finite }
+    /// Adds a part that covers `weight` of it.
+    pub(super) fn add(&mut self, part: Self, weight: f32) {
+        self.share += weight * part.share;
+        self.may_meet |= part.may_meet;
+        self.may_miss |= part.may_miss;
     }
 }
 
-/// The lower of the two texels around a place along an axis, and the share of the upper one.
-#[derive(Clone, Copy)]
-struct Tap {
-    texel: i64,
-    share: f64,
+/// Where all texels have this value.
+pub(super) fn of_value(query: &OpacityQuery, value: f32) -> Cell {
+    of_equal(query, f64::from(value)).unwrap_or_else(|| {
+        let share = shortened(query.share(value.into()));
+        Cell { share, may_meet: true, may_miss: true }
+    })
 }
 
-impl Level<'_> {
-    /// Texel `x` of an axis, wherever it is; `None` is transparent black.
-    fn wrapped(&self, axis: usize, x: i64) -> Option<usize> {
-        let size = i64::from(self.size[axis]);
-        let x = match self.wrap[axis] {
-            _ if (0..size).contains(&x) => x,
-            Wrap::UseMetadata | Wrap::Black => return None,
-            Wrap::Clamp => x.clamp(0, size - 1),
-            Wrap::Repeat => x.rem_euclid(size),
-            Wrap::Mirror => {
-                let x = x.rem_euclid(2 * size);
-                x.min(2 * size - 1 - x)
-            }
-        };
-        usize::try_from(x).ok()
-    }
+/// Where all texels have this value, if they are sure to be there or not.
+fn of_equal(query: &OpacityQuery, value: f64) -> Option<Cell> {
+    let [may_meet, may_miss] = query.may(value, value, value.abs());
+    (may_meet != may_miss).then(|| Cell { share: f32::from(u8::from(may_meet)), may_meet, may_miss })
+}
 
-    /// At a place along an axis, from 0 to 1.
-    fn tap(&self, axis: usize, place: f64) -> Tap {
-        let x = place * f64::from(self.size[axis]) - 0.5;
-        #[expect(clippy::cast_possible_truncation, reason = "from -1 to the side")]
-        let texel = x.floor() as i64;
-        Tap { texel, share: x - x.floor() }
-    }
+#[expect(clippy::cast_possible_truncation, reason = "a share")]
+fn shortened(share: f64) -> f32 {
+    share as f32
+}
 
-    /// What lookups give at all pairs of two lists of places, row by row.
-    fn at(&self, [xs, ys]: [&[f64]; 2]) -> Vec<f64> {
-        let columns: Vec<(Option<usize>, Option<usize>, f64)> = xs
-            .iter()
-            .map(|x| self.tap(0, *x))
-            .map(|tap| (self.wrapped(0, tap.texel), self.wrapped(0, tap.texel + 1), tap.share))
-            .collect();
-        let across: Vec<f64> = self
-            .values
-            .chunks(self.size[0] as usize)
-            .flat_map(|row| {
-                let texel = |x: Option<usize>| x.and_then(|x| row.get(x)).map_or(0.0, |value| f64::from(*value));
-                columns.iter().map(move |(a, b, share)| mix(texel(*a), texel(*b), *share))
-            })
-            .collect();
-        let row = |y: i64| self.wrapped(1, y).and_then(|y| across.get(y * xs.len()..(y + 1) * xs.len()));
-        let mut values = Vec::with_capacity(xs.len() * ys.len());
-        for Tap { texel, share } in ys.iter().map(|y| self.tap(1, *y)) {
-            let [lower, upper] = [row(texel), row(texel + 1)];
-            let of = |row: Option<&[f64]>, x: usize| row.map_or(0.0, |row| row[x]);
-            values.extend((0..xs.len()).map(|x| mix(of(lower, x), of(upper, x), share)));
+/// The cells of a row of texels with the rows below and above, 2^fine along a texel: one row of cells after the other.
+pub(super) fn of_row(query: &OpacityQuery, rows: [&[f32]; 3], fine: u32) -> Vec<Cell> {
+    let width = rows[1].len();
+    let along = 1_usize << fine;
+    let mut out = vec![Cell::default(); width * along * along];
+    let beside = |x: usize, is_next: bool| match query.wrap[0] {
+        _ if is_next && x + 1 < width => Some(x + 1),
+        _ if !is_next && x > 0 => Some(x - 1),
+        Wrap::UseMetadata | Wrap::Black => None,
+        Wrap::Clamp | Wrap::Mirror => Some(x),
+        Wrap::Repeat if is_next => Some(0),
+        Wrap::Repeat => Some(width - 1),
+    };
+    let mut cells = Vec::with_capacity(along * along);
+    for x in 0..width {
+        let columns = [beside(x, false), Some(x), beside(x, true)];
+        let around = rows.map(|row| columns.map(|x| x.and_then(|x| row.get(x)).map_or(query.outside, |value| *value)));
+        cells.clear();
+        of_texel(query, around, fine, &mut cells);
+        for (y, of_cells) in cells.chunks_exact(along).enumerate() {
+            let begin = (y * width + x) * along;
+            out[begin..begin + along].copy_from_slice(of_cells);
         }
-        values
     }
+    out
+}
 
-    /// Of the texels that lookups in each cell mix, and `beside` more on every side; row by row.
-    fn hulls(&self, [columns, rows]: [&[Span]; 2], beside: i64) -> Vec<Hull> {
-        let range = |axis: usize, span: &Span| {
-            let [low, high] = span.ends.map(|place| self.tap(axis, place).texel);
-            low - beside..=high + 1 + beside
-        };
-        let texels: Vec<Vec<Option<usize>>> =
-            columns.iter().map(|span| range(0, span).map(|x| self.wrapped(0, x)).collect()).collect();
-        let across: Vec<Hull> = self
-            .values
-            .chunks(self.size[0] as usize)
-            .flat_map(|row| {
-                let texel = |x: Option<usize>| x.and_then(|x| row.get(x)).map_or(0.0, |value| f64::from(*value));
-                texels.iter().map(move |of_cell| Hull::of(of_cell.iter().map(|x| texel(*x))))
-            })
-            .collect();
-        let outside = vec![Hull::of([0.0]); columns.len()];
-        let row = |y: i64| self.wrapped(1, y).and_then(|y| across.get(y * columns.len()..(y + 1) * columns.len()));
-        rows.iter()
-            .flat_map(|span| {
-                let mut joined = vec![Hull::of([]); columns.len()];
-                for y in range(1, span) {
-                    let of_row = row(y).unwrap_or(&outside);
-                    joined.iter_mut().zip(of_row).for_each(|(hull, other)| *hull = hull.joined(*other));
-                }
-                joined
-            })
-            .collect()
+/// Smallest and largest of some values, of which none is NaN.
+fn hull(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
+    let add = |[low, high]: [f64; 2], value: f64| match value.is_nan() {
+        true => [f64::NEG_INFINITY, f64::INFINITY],
+        false => [low.min(value), high.max(value)],
+    };
+    values.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], add)
+}
+
+/// The cells of the middle one of nine texels.
+fn of_texel(query: &OpacityQuery, around: [[f32; 3]; 3], fine: u32, out: &mut Vec<Cell>) {
+    let around = around.map(|row| row.map(f64::from));
+    let [low, high] = hull(around.as_flattened().iter().copied());
+    let largest = low.abs().max(high.abs());
+    let count = 1_usize << (2 * fine);
+    let [may_meet, may_miss] = query.may(low, high, largest);
+    if may_meet != may_miss {
+        out.extend(std::iter::repeat_n(Cell { share: f32::from(u8::from(may_meet)), may_meet, may_miss }, count));
+        return;
     }
+    // Along a side of the texel; a part lies in one patch.
+    let parts = (1_usize << fine).max(2);
+    let samples = (8 / parts).max(2);
+    let mut whole = Cell::default();
+    for (y, x) in (0..parts).flat_map(|y| (0..parts).map(move |x| (y, x))) {
+        let at = |i: usize| place(i as f64 / parts as f64);
+        let corners = [y, y + 1].map(|y| [x, x + 1].map(|x| bilinear(&around, at(x), at(y))));
+        let [a, b] = hull(corners.as_flattened().iter().copied());
+        let slack = PLACE_SLACK * (high - low);
+        let [may_meet, may_miss] = match fine {
+            // The whole texel has been asked for.
+            0 => [true; 2],
+            _ => query.may(a - slack, b + slack, largest),
+        };
+        let share = shortened(share_of(query, corners, samples));
+        let cell = Cell { share, may_meet, may_miss };
+        match fine {
+            0 => whole.add(cell, 1.0 / (parts * parts) as f32),
+            _ => out.push(cell),
+        }
+    }
+    if fine == 0 {
+        out.push(whole);
+    }
+}
+
+/// What of the texel before, at, and behind the middle one a place in that one has, from 0 to 1: which pair, and the
+/// share of the second.
+fn place(at: f64) -> (usize, f64) {
+    if at < 0.5 { (0, at + 0.5) } else { (1, at - 0.5) }
 }
 
 fn mix(a: f64, b: f64, share: f64) -> f64 {
     a + share * (b - a)
 }
 
-/// A pair of a mask.
-pub(super) struct Pair<'a> {
-    /// All levels of the mask.
-    pub(super) levels: &'a [Level<'a>],
-    /// The finer one of the pair.
-    pub(super) at: usize,
-    pub(super) fineness: Fineness,
-    pub(super) query: &'a OpacityQuery,
-    /// There are finer levels, which the mask does not know.
-    pub(super) is_first: bool,
+fn bilinear(around: &[[f64; 3]; 3], (column, right): (usize, f64), (row, upper): (usize, f64)) -> f64 {
+    let across = |row: usize| mix(around[row][column], around[row][column + 1], right);
+    mix(across(row), across(row + 1), upper)
 }
 
-/// The cells of a pair.
-pub(super) struct Cells {
-    pub(super) columns: u32,
-    /// By bin, row, column.
-    pub(super) known: Vec<Presence>,
-}
-
-/// Of a cell, along an axis.
-struct Span {
-    ends: [f64; 2],
-    /// Of the places between which lookups are linear, those from its one end to the other.
-    places: Range<usize>,
-}
-
-/// What of the texels matters to the cells of a pair.
-struct Around {
-    /// Of the pair's levels, and one texel more on every side.
-    pair: Vec<Hull>,
-    /// Of the finer level before and the coarser one behind, which a width that is a little off may mean: what a
-    /// lookup mixes, and with one texel more.
-    beside: [Option<[Vec<Hull>; 2]>; 2],
-}
-
-impl Pair<'_> {
-    pub(super) fn cells(&self) -> Cells {
-        let [(columns, xs), (rows, ys)] = [0, 1].map(|axis| self.spans(axis));
-        let (finer, coarser) = (&self.levels[self.at], self.levels.get(self.at + 1));
-        let values = finer.at([&xs, &ys]);
-        let coarse_values = coarser.map(|level| level.at([&xs, &ys]));
-        let around = self.around([&columns, &rows]);
-        let bins = 1_usize << self.fineness.bins;
-        // What the two levels give at the places of a cell.
-        let mut pairs = Vec::new();
-        let mut known = vec![Presence::Unknown; bins * rows.len() * columns.len()];
-        for (y, row) in rows.iter().enumerate() {
-            for (x, column) in columns.iter().enumerate() {
-                let cell = y * columns.len() + x;
-                pairs.clear();
-                for at in row.places.clone().map(|y| y * xs.len()) {
-                    let coarse = |x: usize| coarse_values.as_ref().map_or(0.0, |values| values[at + x]);
-                    pairs.extend(column.places.clone().map(|x| (values[at + x], coarse(x))));
-                }
-                let near =
-                    |[from, to]: [f64; 2]| Hull::of(pairs.iter().flat_map(|&(a, b)| [mix(a, b, from), mix(a, b, to)]));
-                // Most cells know the same of all bins.
-                let of_all = self.decide(near([0.0, 1.0]), &around, cell, [true; 2]);
-                for bin in 0..bins {
-                    // A width that is a little off may be one of the finer pair.
-                    if bin == 0 && self.is_first {
-                        continue;
-                    }
-                    let ends = [bin == 0, bin + 1 == bins];
-                    known[bin * rows.len() * columns.len() + cell] = match of_all {
-                        Presence::Unknown => self.decide(near(self.shares(bin, bins)), &around, cell, ends),
-                        of_all => of_all,
-                    };
-                }
-            }
-        }
-        // A level of 512 texels has 513 columns.
-        Cells { columns: u32::try_from(columns.len()).unwrap_or(u32::MAX), known }
+/// In what share of a rectangle a bilinear function with these values at its corners meets the surface.
+fn share_of(query: &OpacityQuery, corners: [[f64; 2]; 2], samples: usize) -> f64 {
+    let shares = corners.map(|row| row.map(|value| query.share(value)));
+    let [low, high] = hull(shares.as_flattened().iter().copied());
+    // A patch has its extremes at the corners, and what is inside of 0 and 1 is its own mean.
+    let is_linear = query.is_chance() && low > 0.0 && high < 1.0;
+    if low == high || is_linear {
+        return shares.as_flattened().iter().sum::<f64>() / 4.0;
     }
-
-    /// Smallest and largest share of the coarser level in a bin, for widths that may be a little off.
-    fn shares(&self, bin: usize, bins: usize) -> [f64; 2] {
-        if self.at + 1 >= self.levels.len() {
-            return [0.0; 2];
-        }
-        #[expect(clippy::cast_precision_loss, reason = "at most 32")]
-        let ends = [bin, bin + 1].map(|bin| bin as f64 / bins as f64);
-        [(ends[0] - 2.0 / WIDTHS).max(0.0), (ends[1] + 2.0 / WIDTHS).min(1.0)]
-    }
-
-    /// What is known of a cell where the two levels give `near`; `ends`: its bin is the first one, the last one.
-    fn decide(&self, mut near: Hull, around: &Around, cell: usize, ends: [bool; 2]) -> Presence {
-        let mut hull = around.pair[cell];
-        for (beside, is_end) in around.beside.iter().zip(ends) {
-            if let (Some([mixed, with_more]), true) = (beside, is_end) {
-                near = near.mixed(mixed[cell], 2.0 / WIDTHS);
-                hull = hull.joined(with_more[cell]);
-            }
-        }
-        self.query.decide(near, hull)
-    }
-
-    fn around(&self, cells: [&[Span]; 2]) -> Around {
-        let pair = self.levels.iter().skip(self.at).take(2).map(|level| level.hulls(cells, 1));
-        let join = |a: Vec<Hull>, b: Vec<Hull>| a.into_iter().zip(b).map(|(a, b)| a.joined(b)).collect();
-        let beside = [self.at.checked_sub(1), Some(self.at + 2)].map(|at| {
-            let level = self.levels.get(at?)?;
-            Some([0, 1].map(|beside| level.hulls(cells, beside)))
-        });
-        Around { pair: pair.reduce(join).unwrap_or_default(), beside }
-    }
-
-    /// The cells along an axis, and the places between which lookups in both levels are linear.
-    fn spans(&self, axis: usize) -> (Vec<Span>, Vec<f64>) {
-        let level = &self.levels[self.at];
-        let size = f64::from(level.size[axis]);
-        let fine = f64::from(1 << self.fineness.cells);
-        let begin = if self.fineness.cells == 0 { 0.5 } else { 0.0 };
-        let count = (level.size[axis] << self.fineness.cells) + 1;
-        let place = |i: u32| ((f64::from(i) - begin) / (fine * size)).clamp(0.0, 1.0);
-        let mut places = vec![place(0)];
-        let spans = (0..count)
-            .map(|i| {
-                let ends = [place(i), place(i + 1)];
-                let first = places.len() - 1;
-                let mut centres = Vec::new();
-                for level in self.levels.iter().skip(self.at).take(2) {
-                    let side = f64::from(level.size[axis]);
-                    let [first, last] = ends.map(|end| level.tap(axis, end).texel);
-                    #[expect(clippy::cast_precision_loss, reason = "texels of a side")]
-                    let all = (first..=last + 1).map(|texel| (texel as f64 + 0.5) / side);
-                    centres.extend(all.filter(|centre| ends[0] < *centre && *centre < ends[1]));
-                }
-                centres.sort_by(f64::total_cmp);
-                places.extend(centres);
-                places.push(ends[1]);
-                Span { ends, places: first..places.len() }
-            })
-            .collect();
-        (spans, places)
-    }
+    let at = |i: usize| (i as f64 + 0.5) / samples as f64;
+    let places = (0..samples).flat_map(|y| (0..samples).map(move |x| (at(x), at(y))));
+    let value = |(x, y)| mix(mix(corners[0][0], corners[0][1], x), mix(corners[1][0], corners[1][1], x), y);
+    places.map(|place| query.share(value(place))).sum::<f64>() / (samples * samples) as f64
 }

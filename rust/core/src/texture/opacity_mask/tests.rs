@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Masks against lookups in f64, at random places and widths.
+//! Masks against lookups in f64: what is sure holds everywhere, and shares are those of the area.
 
 #![expect(clippy::cast_possible_truncation, reason = "levels, cells and numbers of choices are small")]
 
@@ -32,191 +32,241 @@ impl Random {
     }
 }
 
-/// An image with all its levels, each the mean of the finer one or anything.
-fn levels(layout: &Layout, mut texel: impl FnMut(u32, u32, u32) -> f32) -> Vec<Vec<f32>> {
-    (0..layout.levels())
-        .map(|level| {
-            let [w, h] = layout.level_size(level);
-            (0..h).flat_map(|y| (0..w).map(move |x| (x, y))).map(|(x, y)| texel(level, x, y)).collect()
-        })
-        .collect()
+const CUT: OpacityQuery =
+    OpacityQuery { wrap: [Wrap::Repeat, Wrap::Clamp], outside: 0.0, scale: 1.0, bias: 0.0, threshold: 0.5 };
+const WRAPS: [Wrap; 5] = [Wrap::UseMetadata, Wrap::Black, Wrap::Clamp, Wrap::Repeat, Wrap::Mirror];
+
+/// Texels of level 0, from their places.
+fn texels(layout: &Layout, mut texel: impl FnMut([f32; 2]) -> f32) -> Vec<f32> {
+    let [w, h] = layout.size();
+    let at = |i: u32, side: u32| (i as f32 + 0.5) / side as f32;
+    (0..h).flat_map(|y| (0..w).map(move |x| [at(x, w), at(y, h)])).map(&mut texel).collect()
 }
 
-/// As `shaders/traversal/opacity_mask.glsl` reads it.
-fn known(mask: &OpacityMask, layout: &Layout, st: [f32; 2], width: f64) -> Option<u32> {
+/// A mask of texels that come in bands of so many rows.
+fn banded(layout: &Layout, values: &[f32], query: &OpacityQuery, rows: usize) -> Option<OpacityMask> {
+    let mut maker = OpacityMaskMaker::new(layout, query)?;
+    values.chunks(rows * layout.size()[0] as usize).for_each(|band| maker.push(band));
+    maker.finish()
+}
+
+fn mask(layout: &Layout, values: &[f32], query: &OpacityQuery) -> OpacityMask {
+    banded(layout, values, query, 7).expect("a mask")
+}
+
+/// Cells of a mask that was read from its words.
+struct Read {
+    size: [u32; 2],
+    bytes: Vec<u8>,
+}
+
+impl Read {
+    fn mean(&self) -> f64 {
+        self.bytes.iter().map(|byte| f64::from(*byte)).sum::<f64>() / (255 * self.bytes.len()) as f64
+    }
+
+    /// The cell of a place.
+    fn at(&self, st: [f32; 2]) -> u8 {
+        let [x, y] = [0, 1].map(|i| ((st[i] * self.size[i] as f32) as u32).min(self.size[i] - 1));
+        self.bytes[(y * self.size[0] + x) as usize]
+    }
+}
+
+/// All levels that are kept, and the number of the first one.
+fn levels(mask: &OpacityMask, layout: &Layout) -> (u32, Vec<Read>) {
     let [size, modes] = [mask.words[0], mask.words[1]];
     assert_eq!([size & 0xffff, size >> 16], layout.size());
-    let (first, last) = (modes >> 8 & 0xff, modes >> 16);
-    let pair = if width < 1.0 { 0 } else { (width.log2().floor() as u32).min(last) };
-    let share = if width < 1.0 || pair == last { 0.0 } else { width / f64::from(1 << pair) - 1.0 };
-    let at = 2 + 2 * pair.checked_sub(first)? as usize;
-    let (begin, cut) = (mask.words[at], mask.words[at + 1]);
-    let (columns, fine, bins) = (cut & 0xffff, cut >> 16 & 0xff, cut >> 24);
-    let sides = layout.level_size(pair).map(|side| side << fine);
-    let [x, y] = [0, 1].map(|axis| (st[axis] * sides[axis] as f32 + if fine == 0 { 0.5 } else { 0.0 }).floor() as u32);
-    assert!(x < columns && x <= sides[0] && y <= sides[1], "a cell of the mask");
-    let cell = begin + ((share * f64::from(1 << bins)) as u32 * (sides[1] + 1) + y) * columns + x;
-    Some(mask.words[cell as usize / 16] >> (2 * (cell % 16)) & 3)
+    let (fine, first, last) = (modes >> 4 & 7, modes >> 8 & 31, modes >> 13 & 31);
+    let bytes: Vec<u8> = mask.words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let read = |level: u32| {
+        let fine = if level == first { fine } else { 0 };
+        let size = layout.level_size(level).map(|side| side << fine);
+        let begin = mask.words[(2 + level - first) as usize] as usize;
+        Read { size, bytes: bytes[begin..begin + (size[0] * size[1]) as usize].to_vec() }
+    };
+    (first, (first..=last).map(read).collect())
 }
 
-const WRAPS: [Wrap; 4] = [Wrap::Black, Wrap::Clamp, Wrap::Repeat, Wrap::Mirror];
-
-/// Random queries of random images; the share of lookups whose answer was known.
-fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) -> f64 {
-    let mut random = Random(seed);
-    let (mut asked, mut told) = (0_u32, 0_u32);
-    for size in [[1, 1], [2, 1], [7, 3], [16, 16], [33, 64], [128, 128], [1024, 40]] {
-        let layout = Layout::new(size, 4).expect("a layout");
-        let values = levels(&layout, |level, x, y| {
-            let [w, h] = layout.level_size(level).map(|side| side as f32);
-            texel(&mut random, [(x as f32 + 0.5) / w, (y as f32 + 0.5) / h])
-        });
-        for case in 0..24 {
-            let query = OpacityQuery {
-                wrap: [WRAPS[case % 4], WRAPS[case / 4 % 4]],
-                scale: random.one_of([1.0, -1.0, 0.7, 3.0]),
-                bias: random.one_of([0.0, 1.0, -0.25]),
-                threshold: random.one_of([0.0, 0.0, 0.25, 0.5, 0.999]),
-            };
-            let first = first_pair(&layout);
-            let mask = OpacityMask::new(&layout, &values[first as usize..], &query).expect("a mask");
-            let texel = |level: u32, x: u32, y: u32| {
-                let at = y * layout.level_size(level)[0] + x;
-                [f64::from(values[level as usize][at as usize]); 4]
-            };
-            let sampler = Sampler { layout, wrap: query.wrap, outside: [0.0; 4], texel };
-            for _ in 0..1500 {
-                let mut coordinate = |axis: usize| -> f32 {
-                    let centre = random.below(2 * size[axis] + 1) as f32 / (2 * size[axis]) as f32;
-                    let nudge = f32::from_bits(centre.to_bits() + random.below(3)).min(1.0);
-                    let anywhere = random.between(0.0, 1.0);
-                    random.one_of([anywhere, centre, nudge])
-                };
-                let st = [coordinate(0), coordinate(1)];
-                let width = 2.0_f64.powf(random.between(-2.0, 12.0).into());
-                let value = sampler.lookup(st.map(f64::from), width)[0];
-                let opacity = value * f64::from(query.scale) + f64::from(query.bias);
-                asked += 1;
-                let Some(state) = known(&mask, &layout, st, width) else { continue };
-                told += u32::from(state != 0);
-                let threshold = f64::from(query.threshold);
-                let text = || format!("{query:?}, {size:?}, {st:?}, {width}: {opacity} but {state}");
-                match (state, query.threshold > 0.0) {
-                    (1, true) => assert!(opacity < threshold, "{}", text()),
-                    (2, true) => assert!(opacity >= threshold, "{}", text()),
-                    (1, false) => assert!(opacity <= 0.0, "{}", text()),
-                    (2, false) => assert!(opacity >= 1.0, "{}", text()),
-                    (state, _) => assert_eq!(state, 0, "a state"),
-                }
-                assert!(!mask.is_opaque || state == 2, "{}", text());
-            }
-        }
-    }
-    f64::from(told) / f64::from(asked)
+fn disc([s, t]: [f32; 2]) -> f32 {
+    ((0.3 - (s - 0.5).hypot(t - 0.5)) * 40.0 + 0.5).clamp(0.0, 1.0)
 }
 
 #[test]
-fn mask_verdicts_agree_with_texture_lookups() {
-    // A disc with a soft rim, as leaves are; noise; few values; one value.
-    let disc = agree(1, |_, [s, t]: [f32; 2]| ((0.4 - (s - 0.5).hypot(t - 0.5)) * 40.0 + 0.5).clamp(0.0, 1.0));
-    let noise = agree(2, |random, _| random.between(0.0, 1.0));
-    let few = agree(3, |random, [s, _]| if s < 0.7 { 1.0 } else { random.one_of([0.0, 0.25, 0.5]) });
-    let ones = agree(4, |_, _| 1.0);
-    assert!(disc > 0.4 && few > 0.3 && ones > 0.5, "most of it is known: {disc} {few} {ones}");
-    assert!(noise > 0.01 && noise < 0.6, "little of noise is: {noise}");
+fn coverage_of_a_disc_is_the_same_at_every_level() {
+    let area = std::f64::consts::PI * 0.09;
+    for size in [[64, 64], [300, 200], [512, 512], [777, 1031], [2048, 1024], [70, 33]] {
+        let layout = Layout::new(size, 1).expect("a layout");
+        let values = texels(&layout, disc);
+        for (query, expected) in [
+            (CUT, area),
+            (OpacityQuery { scale: -1.0, bias: 1.0, ..CUT }, 1.0 - area),
+            (OpacityQuery { threshold: 0.0, scale: 0.5, ..CUT }, 0.5 * area),
+        ] {
+            let (_, levels) = levels(&mask(&layout, &values, &query), &layout);
+            assert!(levels.len() > 5, "down to one texel");
+            for level in levels {
+                let mean = level.mean();
+                assert!((mean - expected).abs() < 0.01 * expected, "{query:?} {:?}: {mean}, not {expected}", level.size);
+            }
+        }
+    }
+}
+
+/// What lookups of level 0 give in the mean over a cell.
+fn share_by_lookups(sampler: &Sampler<impl Fn(u32, u32, u32) -> [f64; 4]>, query: &OpacityQuery, cell: [[f64; 2]; 2]) -> f64 {
+    let along = 24;
+    let place = |axis: usize, i: usize| {
+        cell[0][axis] + (i as f64 + 0.5) / f64::from(along) * (cell[1][axis] - cell[0][axis])
+    };
+    let places = (0..along as usize).flat_map(|y| (0..along as usize).map(move |x| [place(0, x), place(1, y)]));
+    places.map(|st| query.share(sampler.bilinear(st, 0)[0])).sum::<f64>() / f64::from(along * along)
+}
+
+fn query(random: &mut Random) -> OpacityQuery {
+    OpacityQuery {
+        wrap: [random.one_of(WRAPS), random.one_of(WRAPS)],
+        outside: random.one_of([0.0, 0.0, 1.0, 0.4]),
+        scale: random.one_of([1.0, -1.0, 0.7, 3.0]),
+        bias: random.one_of([0.0, 1.0, -0.25]),
+        threshold: random.one_of([0.0, 0.25, 0.5, 0.999]),
+    }
+}
+
+/// Random queries of random images: what is sure is so at every place of the cell, and shares are those of its area.
+fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) {
+    let mut random = Random(seed);
+    for size in [[1, 1], [2, 1], [7, 3], [16, 16], [33, 64], [200, 130], [1025, 40]] {
+        let layout = Layout::new(size, 4).expect("a layout");
+        let values = texels(&layout, |st| texel(&mut random, st));
+        for _ in 0..12 {
+            let query = query(&mut random);
+            let of = |_, x: u32, y: u32| [f64::from(values[(y * size[0] + x) as usize]); 4];
+            let sampler = Sampler { layout, wrap: query.wrap, outside: [query.outside.into(); 4], texel: of };
+            let mask = mask(&layout, &values, &query);
+            let (first, levels) = levels(&mask, &layout);
+            for _ in 0..400 {
+                let level = &levels[random.below(levels.len() as u32) as usize];
+                let cell = level.size.map(|side| random.below(side));
+                let end = |more: u32| [0, 1].map(|i| f64::from(cell[i] + more) / f64::from(level.size[i]));
+                let byte = level.bytes[(cell[1] * level.size[0] + cell[0]) as usize];
+                let ends = [end(0), end(1)];
+                let share = share_by_lookups(&sampler, &query, ends);
+                let text = || format!("{query:?} {size:?} {cell:?} of {:?}: {byte}, not {share}", level.size);
+                // Of a part of a texel all that matters is whether it is sure, and few samples are taken.
+                let most = if level.size[0] > size[0] { 0.4 } else { 0.1 };
+                assert!((f64::from(byte) / 255.0 - share).abs() < most, "{}", text());
+                let st = [0, 1].map(|i| random.one_of([ends[0][i], ends[1][i], f64::midpoint(ends[0][i], ends[1][i])]));
+                let opacity = query.share(sampler.bilinear(st, 0)[0]);
+                match byte {
+                    0 => assert!(opacity == 0.0, "{}: {opacity}", text()),
+                    255 => assert!(opacity == 1.0, "{}: {opacity}", text()),
+                    _ => assert!(!mask.is_opaque, "{}", text()),
+                }
+            }
+            assert_eq!(first == 0, size[0] <= MASK_SIDE, "all that is small is kept");
+        }
+    }
+}
+
+#[test]
+fn cells_say_in_what_share_of_their_area_lookups_meet_the_surface() {
+    agree(1, |_, st| disc(st));
+    agree(2, |random, _| random.between(0.0, 1.0));
+    agree(3, |random, [s, _]| if s < 0.7 { 1.0 } else { random.one_of([0.0, 0.25, 0.5]) });
+    agree(4, |_, _| 1.0);
+}
+
+#[test]
+fn most_cells_of_a_disc_are_sure() {
+    for side in [16, 64, 128, 512, 1024] {
+        let layout = Layout::new([side; 2], 1).expect("a layout");
+        let values = texels(&layout, |[s, t]| if (s - 0.5).hypot(t - 0.5) < 0.3 { 1.0 } else { 0.0 });
+        let (_, levels) = levels(&mask(&layout, &values, &CUT), &layout);
+        let sure = levels[0].bytes.iter().filter(|byte| matches!(byte, 0 | 255)).count() as f64;
+        assert!(sure / levels[0].bytes.len() as f64 > 0.9, "{side}: {sure} of {}", levels[0].bytes.len());
+    }
 }
 
 /// Texels that are there, there, not there and not there, and what the first and the last mix with beside the image.
 #[test]
-fn mask_verdicts_at_image_borders_follow_the_wrap_mode() {
+fn cells_at_image_borders_follow_the_wrap_mode() {
     let layout = Layout::new([4, 1], 1).expect("a layout");
-    let values = vec![vec![1.0, 1.0, 0.0, 0.0], vec![1.0, 0.0], vec![0.9]];
-    // At the end, an eighth of a texel from it (half and half with what is beside), and well inside.
-    for (wrap, first, last) in [
-        (Wrap::Clamp, [2, 2, 2], [1, 1, 1]),
-        (Wrap::Mirror, [2, 2, 2], [1, 1, 1]),
-        (Wrap::Repeat, [0, 2, 2], [0, 1, 1]),
-        (Wrap::Black, [0, 2, 2], [1, 1, 1]),
-        (Wrap::UseMetadata, [0, 2, 2], [1, 1, 1]),
+    let values = [1.0, 1.0, 0.0, 0.0];
+    for (wrap, outside, first, last) in [
+        (Wrap::Clamp, 0.0, 255, 0),
+        (Wrap::Mirror, 0.0, 255, 0),
+        // Half and half on the border: at the threshold, so that what rounds decides.
+        (Wrap::Repeat, 0.0, 254, 1),
+        (Wrap::Black, 0.0, 254, 0),
+        (Wrap::Black, 1.0, 255, 1),
+        (Wrap::UseMetadata, 0.0, 254, 0),
     ] {
-        let query = OpacityQuery { wrap: [wrap, Wrap::Clamp], scale: 1.0, bias: 0.0, threshold: 0.5 };
-        let mask = OpacityMask::new(&layout, &values, &query).expect("a mask");
-        let at = |s: f32, width: f64| known(&mask, &layout, [s, 0.5], width).expect("a cell");
-        assert_eq!([0.0, 0.04, 0.1].map(|s| at(s, 0.5)), first, "{wrap:?}");
-        assert_eq!([1.0, 0.96, 0.9].map(|s| at(s, 0.5)), last, "{wrap:?}");
-        // Half and half between both: not known so near, but beside.
-        assert_eq!([0.5, 0.45, 0.55].map(|s| at(s, 0.5)), [0, 2, 1], "{wrap:?}");
-        // One texel all over, and a little of what is finer.
-        assert_eq!(at(0.3, 4.0), 2, "{wrap:?}");
+        let query = OpacityQuery { wrap: [wrap, Wrap::Clamp], outside, ..CUT };
+        let mask = mask(&layout, &values, &query);
+        let (_, levels) = levels(&mask, &layout);
+        let at = |s: f32| levels[0].at([s, 0.5]);
+        assert_eq!([at(0.0), at(1.0)], [first, last], "{wrap:?} {outside}");
+        assert_eq!([at(0.1), at(0.9)], [255, 0], "{wrap:?}");
+        assert_eq!(mask.words[1] >> 24, if outside > 0.0 { 255 } else { 0 }, "around it");
     }
 }
 
 #[test]
 fn a_constant_image_needs_no_mask() {
     let layout = Layout::new([32, 8], 1).expect("a layout");
-    let ones = levels(&layout, |_, _, _| 1.0);
-    let query = OpacityQuery { wrap: [Wrap::Repeat, Wrap::Clamp], scale: 1.0, bias: 0.0, threshold: 0.5 };
-    let is_opaque =
-        |query: &OpacityQuery, values: &[Vec<f32>]| OpacityMask::new(&layout, values, query).expect("a mask").is_opaque;
-    assert!(is_opaque(&query, &ones));
-    assert!(is_opaque(&OpacityQuery { threshold: 0.0, ..query }, &ones), "certain");
-    assert!(!is_opaque(&OpacityQuery { scale: 0.9, threshold: 0.0, ..query }, &ones), "by chance");
-    let beside = OpacityQuery { wrap: [Wrap::Repeat, Wrap::Black], ..query };
+    let ones = texels(&layout, |_| 1.0);
+    let is_opaque = |query: &OpacityQuery, values: &[f32]| mask(&layout, values, query).is_opaque;
+    assert!(is_opaque(&CUT, &ones));
+    assert!(is_opaque(&OpacityQuery { threshold: 0.0, ..CUT }, &ones), "certain");
+    assert!(!is_opaque(&OpacityQuery { scale: 0.9, threshold: 0.0, ..CUT }, &ones), "by chance");
+    assert!(is_opaque(&OpacityQuery { scale: 0.5, ..CUT }, &ones), "at the threshold");
+    let beside = OpacityQuery { wrap: [Wrap::Repeat, Wrap::Black], ..CUT };
     assert!(!is_opaque(&beside, &ones), "nothing is beside it");
-    let zeros = levels(&layout, |_, _, _| 0.0);
+    let zeros = texels(&layout, |_| 0.0);
     assert!(is_opaque(&OpacityQuery { scale: -1.0, bias: 1.0, ..beside }, &zeros), "what is beside it is there");
-    for hole in [0, 3, 5] {
+    for hole in [0, 77, 255] {
         let mut holed = ones.clone();
-        *holed[hole].last_mut().expect("a texel") = 0.0;
-        assert!(!is_opaque(&query, &holed), "a texel of level {hole} is not there");
+        holed[hole] = 0.0;
+        assert!(!is_opaque(&CUT, &holed), "texel {hole} is not there");
+        holed[hole] = f32::NAN;
+        assert!(!is_opaque(&CUT, &holed), "no number");
     }
-    let mut broken = ones.clone();
-    broken[1][3] = f32::NAN;
-    assert!(!is_opaque(&query, &broken), "no number");
-    assert!(OpacityMask::new(&layout, &ones[1..], &query).is_none(), "levels are missing");
 }
 
-/// A texel of the coarser level lies within a cell: what is known there is more than what is at the cell's corners.
 #[test]
-fn masks_include_coarser_texels_inside_a_cell() {
-    let layout = Layout::new([128, 128], 4).expect("a layout");
-    let values = levels(&layout, |level, x, y| if level == 1 && x % 4 == 2 && y % 4 == 2 { 0.0 } else { 1.0 });
-    let query = OpacityQuery { wrap: [Wrap::Clamp; 2], scale: 1.0, bias: 0.0, threshold: 0.3 };
-    let mask = OpacityMask::new(&layout, &values, &query).expect("a mask");
-    let known = |at: [f32; 2]| known(&mask, &layout, at.map(|x| x / 64.0), 1.99).expect("a cell");
-    // Half of a texel of the finer level, from the coarser one's centre, is 0.4375 of the way.
-    assert_eq!([known([2.5, 6.5]), known([2.7, 6.3])], [0; 2], "some of the cell is not there");
-    assert_eq!([known([4.5, 6.5]), known([4.4, 4.6])], [2; 2], "all of it is");
-}
-
-/// Levels of one value each, so that only the width says what is known: where it crosses the threshold within a pair of
-/// levels at the end of a bin, and from one pair to the next.
-#[test]
-fn masks_tolerate_the_filter_width_error() {
-    let mut random = Random(6);
-    let layout = Layout::new([64, 64], 4).expect("a layout");
-    for (cycle, threshold) in
-        [(&[1.0, 0.0][..], 0.497), (&[1.0, 0.499, 0.0, 0.499], 0.5), (&[0.0, 0.501, 1.0, 0.501], 0.5)]
-    {
-        let values = levels(&layout, |level, _, _| cycle[level as usize % cycle.len()]);
-        let query = OpacityQuery { wrap: [Wrap::Repeat; 2], scale: 1.0, bias: 0.0, threshold };
-        let mask = OpacityMask::new(&layout, &values, &query).expect("a mask");
-        let texel = |level: u32, _, _| [f64::from(cycle[level as usize % cycle.len()]); 4];
-        let sampler = Sampler { layout, wrap: query.wrap, outside: [0.0; 4], texel };
-        let mut told = 0;
-        for _ in 0..4000 {
-            let at = random.one_of([1.0, 1.25, 1.5, 1.75]) * 2.0_f64.powi(random.below(7) as i32);
-            let mut near = |width: f64| width * (1.0 + f64::from(random.between(-0.99, 0.99)) / WIDTHS);
-            let width = near(at);
-            let off = near(width);
-            let opacity = sampler.lookup([0.3, 0.6], width)[0];
-            match known(&mask, &layout, [0.3, 0.6], off) {
-                Some(1) => assert!(opacity < f64::from(threshold), "{cycle:?}, {width} {off}: {opacity}"),
-                Some(2) => assert!(opacity >= f64::from(threshold), "{cycle:?}, {width} {off}: {opacity}"),
-                _ => continue,
-            }
-            told += 1;
+fn a_mask_does_not_depend_on_how_rows_come() {
+    let mut random = Random(9);
+    for size in [[5, 1], [9, 2], [40, 3], [64, 33], [600, 70]] {
+        let layout = Layout::new(size, 1).expect("a layout");
+        let values = texels(&layout, |_| random.between(0.0, 1.0));
+        let whole = banded(&layout, &values, &CUT, size[1] as usize).expect("a mask");
+        for rows in [1, 2, 3, 16] {
+            assert!(banded(&layout, &values, &CUT, rows).expect("a mask") == whole, "{size:?} by {rows} rows");
         }
-        assert!(told > 1000, "{cycle:?}: {told}");
     }
+}
+
+#[test]
+fn masks_of_hostile_images_are_bounded() {
+    let (nan, inf) = (f32::NAN, f32::INFINITY);
+    for size in [[1, 1], [1, 513], [0xffff, 1], [3, 5], [511, 513], [1023, 2]] {
+        let layout = Layout::new(size, 4).expect("a layout");
+        let count = (size[0] * size[1]) as usize;
+        let mut random = Random(3);
+        let values: Vec<f32> = (0..count).map(|_| random.one_of([nan, inf, -inf, 3.0e38, -3.0e38, 0.0, 1.0])).collect();
+        for wrap in WRAPS {
+            for [scale, bias, threshold] in [[1.0, 0.0, 0.5], [3.0e38, -3.0e38, 0.0], [nan, inf, nan], [0.0, 0.0, inf]] {
+                let query = OpacityQuery { wrap: [wrap; 2], outside: nan, scale, bias, threshold };
+                let mask = mask(&layout, &values, &query);
+                let cells: usize = levels(&mask, &layout).1.iter().map(|level| level.bytes.len()).sum();
+                assert!(4 * mask.words.len() <= cells + 80 && cells <= 2 << 20, "{size:?}: {cells} cells");
+                assert!(!mask.is_opaque, "{query:?}");
+            }
+        }
+    }
+    let layout = Layout::new([8, 8], 4).expect("a layout");
+    assert!(banded(&layout, &[1.0; 56], &CUT, 1).is_none(), "a row is missing");
+    assert!(banded(&layout, &[1.0; 80], &CUT, 1).is_some_and(|mask| mask.is_opaque), "rows too many are left out");
+    let long = Layout::new([1 << 16, 1], 4).expect("a layout");
+    assert!(OpacityMaskMaker::new(&long, &CUT).is_none(), "too long");
 }

@@ -2,7 +2,6 @@
 //! What cones cover of textures, by the shaders, against singular values in f64: random ellipses, and such as are none.
 
 use super::harness::{open, unit};
-use crate::assets::is_even;
 use bytemuck::Zeroable;
 use glam::{DMat2, DVec2, DVec3};
 use oocpt_core::texture::{ellipse, filter_width};
@@ -177,34 +176,31 @@ fn stretched_textures_keep_the_minor_axis() {
     }
 }
 
-/// Masks allow for 1/256; `GpuCutout::is_even` says for which maps they are asked.
+/// How far from a similarity a map from coordinates to texels may be: the sum of the squares of its axes over twice
+/// their product. What rounds a footprint's direction may be off by so much more.
+const MOST_UNEVEN: f32 = 2.5;
+
+/// Any width gives the same coverage: this is about which level of a mask a lookup asks.
 #[test]
-fn mask_queries_use_the_filter_width_within_tolerance() {
+fn mask_lookups_are_as_wide_as_the_filter() {
     let queries: Vec<Query> = (0..40_000).map(random).collect();
-    let (mut told, mut usual, mut worst) = (0, 0, 0.0_f32);
+    let (mut usual, mut near_ones) = (0, 0);
     for (q, (_, width, near)) in queries.iter().zip(ask(&queries)) {
+        assert!((0.0..1.0e9).contains(&near), "{q:?}: {near}");
         let [a, b, c, d] = q.rows;
-        let [x, y] = q.size.map(|side| side as f32);
-        if !is_even([a * x, b * x], [c * y, d * y]) {
-            continue;
-        }
+        let [[a, b], [c, d]] = [([a, b], q.size[0]), ([c, d], q.size[1])].map(|(row, side)| row.map(|x| x * side as f32));
+        let is_even = a * a + b * b + c * c + d * d <= 2.0 * MOST_UNEVEN * (a * d - b * c).abs();
         // Edges are as long as the normal.
-        let is_usual = q.vectors.iter().all(|v| (1e-3..1e3).contains(&glam::Vec3::from(*v).length()));
-        usual += u32::from(is_usual);
-        if near == -1.0 {
-            continue;
+        if is_even && q.vectors.iter().all(|v| (1e-3..1e3).contains(&glam::Vec3::from(*v).length())) {
+            usual += 1;
+            near_ones += u32::from((near / width - 1.0).abs() < 0.1);
         }
-        told += u32::from(is_usual);
-        let off = (near / width - 1.0).abs();
-        worst = worst.max(off);
-        assert!(off < 1.0 / 256.0, "{q:?}: {near}, not {width}");
     }
-    assert!(usual > 1000 && 10 * told > 7 * usual, "most are told: {told} of {usual}");
-    assert!(worst > 1e-4, "as near as that is not by chance: {worst}");
+    assert!(usual > 1000 && 5 * near_ones > 4 * usual, "most are: {near_ones} of {usual}");
 }
 
 #[test]
-fn degenerate_footprints_skip_the_mask() {
+fn degenerate_footprints_ask_the_finest_level_of_a_mask() {
     let (nan, inf) = (f32::NAN, f32::INFINITY);
     let with = |k: usize, vector: [f32; 3]| {
         let mut q = FRONT;
@@ -212,7 +208,6 @@ fn degenerate_footprints_skip_the_mask() {
         q
     };
     let cases = [
-        ("along one line", with(1, [1.0, 0.0, 0.0])),
         ("a point", Query { vectors: [[0.0; 3], [0.0; 3], FRONT.vectors[2], FRONT.vectors[3]], ..FRONT }),
         ("edge on", with(3, [0.0, 1.0, 0.0])),
         ("no direction", with(3, [0.0; 3])),
@@ -223,10 +218,9 @@ fn degenerate_footprints_skip_the_mask() {
         ("huge", with(0, [3.0e38, 0.0, 0.0])),
         ("tiny", Query { vectors: FRONT.vectors.map(|v| v.map(|x| x * 1.0e-18)), ..FRONT }),
         ("a cone that is no number", Query { cone: nan, ..FRONT }),
-        ("a map to a line", Query { rows: [1.0, 0.0, 0.0, 0.0], ..FRONT }),
     ];
     for ((name, _), (.., near)) in cases.iter().zip(ask(&cases.map(|(_, query)| query))) {
-        assert!(near == -1.0, "{name}: {near}");
+        assert!(near == 0.0, "{name}: {near}");
     }
     let [(_, width, near)] = ask(&[FRONT])[..] else { panic!("one answer") };
     assert!((near - width).abs() < 0.1, "from in front: {near}, {width}");

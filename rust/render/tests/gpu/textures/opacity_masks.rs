@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What masks say of cutouts is what lookups say: the same bits with masks and without, in core, where lookups may have
-//! passes of their own, and streaming.
+//! Coverage of cutouts: the same from every distance, and the same bits in core, where lookups may have passes of their
+//! own, streaming, and natively. Up close masks change nothing.
 
+#![expect(clippy::cast_precision_loss, reason = "counts of pixels")]
+
+use super::test_images::LEAF_AREA;
 use super::*;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::settings::TraversalKind;
@@ -127,20 +130,17 @@ fn masked(
     (render, session)
 }
 
+/// The shaders that ask together, those that look up in passes of their own, and streaming.
 #[test]
-fn opacity_masks_change_no_bit() {
-    let asked = with_masks(false, None);
-    let known = with_masks(true, None);
-    assert!(known.images == asked.images, "the picture differs in core");
-    assert!(known.stats.in_core, "all of it fits");
+fn masked_cutouts_have_the_same_bits_in_every_engine() {
+    let (together, _) = masked(cut_in_many_ways, (true, false), None, small_chunks());
+    assert!(together.stats.in_core, "all of it fits");
     let (apart, _) = masked(cut_in_many_ways, (true, true), None, small_chunks());
-    assert!(apart.images == asked.images, "the picture differs where lookups have passes of their own");
+    assert!(apart.images == together.images, "the picture differs where lookups have passes of their own");
     let without = with_masks(false, Some(600));
-    assert!(without.images == asked.images, "the picture differs without masks");
     for budget in [600, 2 << 10] {
         let part = with_masks(true, Some(budget));
-        assert!(part.images == asked.images, "the picture differs at {budget} KiB");
-        // 310 and 121 at 600 KiB when this was written.
+        assert!(part.images == together.images, "the picture differs at {budget} KiB");
         let loads = [&without, &part].map(|render| render.stats.texture_loads);
         assert!(!part.stats.in_core && loads[1] > 0, "tiles were loaded: {:?}", part.stats);
         assert!(3 * loads[1] < 2 * loads[0], "rays wait for fewer tiles: {loads:?}");
@@ -149,10 +149,10 @@ fn opacity_masks_change_no_bit() {
 
 #[test]
 fn opacity_masks_tolerate_nan_coordinates() {
-    let (asked, _) = masked(cut_with_bad_coordinates, (false, false), None, small_chunks());
-    for masks in [(true, false), (true, true)] {
-        let (known, _) = masked(cut_with_bad_coordinates, masks, None, small_chunks());
-        assert!(known.images == asked.images, "{masks:?}: the picture differs");
+    let (together, _) = masked(cut_with_bad_coordinates, (true, false), None, small_chunks());
+    for (masks, budget) in [((true, true), None), ((true, false), Some(600))] {
+        let (other, _) = masked(cut_with_bad_coordinates, masks, budget, small_chunks());
+        assert!(other.images == together.images, "{masks:?} {budget:?}: the picture differs");
     }
 }
 
@@ -160,14 +160,152 @@ fn opacity_masks_tolerate_nan_coordinates() {
 /// compare.
 #[test]
 fn native_masked_cutouts_match_the_shaders() {
-    let (shaders, session) = masked(cut_in_many_ways, (true, false), None, small_chunks());
-    if !session.device_report().expect("a device").host_memory {
-        return;
+    for build in [cut_in_many_ways, cut_with_bad_coordinates] {
+        let (shaders, session) = masked(build, (true, false), None, small_chunks());
+        if !session.device_report().expect("a device").host_memory {
+            return;
+        }
+        let native = Settings { traversal: TraversalKind::Native, ..small_chunks() };
+        for budget in [None, Some(600)] {
+            let (host, _) = masked(build, (true, false), budget, native.clone());
+            assert!(host.images == shaders.images, "KiB: {budget:?}: the picture differs");
+        }
     }
+    let (shaders, _) = masked(cut_in_many_ways, (false, false), None, small_chunks());
     let native = Settings { traversal: TraversalKind::Native, ..small_chunks() };
-    for (are_there, budget) in [(false, None), (true, None), (false, Some(600)), (true, Some(600))] {
-        let (host, _) = masked(cut_in_many_ways, (are_there, false), budget, native.clone());
-        assert!(host.images == shaders.images, "with masks: {are_there}, KiB: {budget:?}: the picture differs");
-        assert!(budget.is_none() || host.stats.texture_loads > 0, "tiles were loaded: {:?}", host.stats);
+    let (host, _) = masked(cut_in_many_ways, (false, false), None, native);
+    assert!(host.images == shaders.images, "without masks: the picture differs");
+}
+
+/// As many cards along a side as there are, side by side, that fill a square of 2 x 2; `part` is where the image of a
+/// card is.
+fn cards(path: &str, id: i32, along: u16, part: impl Fn(u16, u16) -> [f32; 2]) -> MeshDesc {
+    let at = |i: u16| 2.0 * f32::from(i) / f32::from(along) - 1.0;
+    let points = (0..=along).flat_map(|y| (0..=along).map(move |x| [at(x), at(y), 0.0])).collect();
+    let number = |x: u16, y: u16| i32::from(y) * (i32::from(along) + 1) + i32::from(x);
+    let all = || (0..along).flat_map(|y| (0..along).map(move |x| (x, y)));
+    let faces: Vec<Vec<i32>> =
+        all().map(|(x, y)| vec![number(x, y), number(x + 1, y), number(x + 1, y + 1), number(x, y + 1)]).collect();
+    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    let st: Vec<[f32; 2]> =
+        all().flat_map(|(x, y)| corners.map(|[s, t]| [s + part(x, y)[0], t + part(x, y)[1]])).collect();
+    let mut desc = mesh(prim(path, DMat4::IDENTITY), id, points, &faces, 0.5);
+    let primvar = Primvar { interpolation: Interpolation::FaceVarying, values: TypedArray::of(st), indices: None };
+    desc.primvars.push(NamedPrimvar { name: "st".into(), primvar });
+    desc.material = Some("/m".into());
+    desc
+}
+
+/// What share of camera rays meets something, and of pixels that have an id.
+fn coverage(samples: u32, masks: Masks, budget: Option<u32>, build: impl Fn(&mut SceneDb)) -> [f64; 2] {
+    let more_features = if masks.1 { Features::DEFERRED_CUTOUTS } else { Features::empty() };
+    let faults = Faults { no_opacity_masks: !masks.0, more_features, ..Faults::default() };
+    let force_streaming = budget.is_some();
+    let settings = Settings { geometry_budget_kib: budget.unwrap_or(0), ..settings(samples, 1) };
+    let options = SessionOptions { faults, force_streaming, ..options() };
+    let session = Session::with_options(settings, options).with_images(Arc::new(Library));
+    session.with_scene(build);
+    let request = request(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 2.0, [64, 64]));
+    support::render(&session, &request);
+    let pixels: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
+    let ids: Vec<i32> = read(&session, &request, AovKind::PrimId);
+    let alpha = pixels.iter().map(|pixel| f64::from(pixel[3])).sum::<f64>() / pixels.len() as f64;
+    [alpha, ids.iter().filter(|id| **id >= 0).count() as f64 / ids.len() as f64]
+}
+
+/// Cards of 16 pixels, of 4, of 1, of a quarter and of an eighth: as from ever farther away.
+const DISTANCES: [u16; 5] = [4, 16, 64, 256, 512];
+const IN_CORE: [Masks; 3] = [(true, false), (true, true), (false, false)];
+
+fn is_near(what: &str, found: f64, expected: f64) {
+    assert!((found / expected - 1.0).abs() < 0.01, "{what}: {found}, not {expected}");
+}
+
+#[test]
+fn coverage_of_a_cutout_is_the_same_from_every_distance() {
+    let wraps = ["clamp", "clamp"];
+    for along in DISTANCES {
+        for (file, scale, bias, threshold, expected) in [
+            ("leaf 512x512", 1.0, 0.0, 0.5, LEAF_AREA),
+            ("leaf 75x40", -1.0, 1.0, 0.5, 1.0 - LEAF_AREA),
+            ("leaf 1200x900", 0.8, 0.0, 0.0, 0.8 * (LEAF_AREA + std::f64::consts::PI * 0.0025 / 12.0)),
+        ] {
+            for masks in IN_CORE.into_iter().take(if along == 64 { 3 } else { 1 }) {
+                let [alpha, _] = coverage(64, masks, None, |db| {
+                    db.upsert_mesh(cards("/cards", 1, along, |_, _| [0.0; 2]));
+                    db.upsert_material(material_of("/m", (file, wraps, scale, bias, threshold)));
+                });
+                is_near(&format!("{along} cards of {file}, {masks:?}"), alpha, expected);
+            }
+        }
+    }
+}
+
+/// What rays meet of one card has nothing to do with what they meet of the next.
+#[test]
+fn cutouts_behind_each_other_cover_as_chance_does() {
+    for budget in [None, Some(2000)] {
+        let [alpha, _] = coverage(64, (true, false), budget, |db| {
+            db.upsert_material(material_of("/m", ("leaf 512x512", ["clamp", "clamp"], 1.0, 0.0, 0.5)));
+            for i in 0..10 {
+                let mut desc = cards(&format!("/cards_{i}"), 1 + i, 64, |_, _| [0.0; 2]);
+                desc.prim.transform = DMat4::from_translation(DVec3::Z * -0.1 * f64::from(i));
+                db.upsert_mesh(desc);
+            }
+        });
+        let missed = (1.0 - LEAF_AREA).powi(10);
+        assert!((1.0 - alpha - missed).abs() < 0.05 * missed, "{budget:?}: {}, not {missed}", 1.0 - alpha);
+    }
+}
+
+#[test]
+fn coverage_of_a_udim_set_is_the_same_from_every_distance() {
+    for along in DISTANCES {
+        for masks in IN_CORE.into_iter().take(if along == 64 { 3 } else { 1 }) {
+            let [alpha, _] = coverage(64, masks, None, |db| {
+                // Parts 1001 and 1012.
+                db.upsert_mesh(cards("/cards", 1, along, |x, y| [f32::from((x + y) & 1); 2]));
+                db.upsert_material(material_of("/m", ("leaves <UDIM>", ["clamp", "clamp"], 1.0, 0.0, 0.5)));
+            });
+            is_near(&format!("{along} cards, {masks:?}"), alpha, LEAF_AREA);
+        }
+    }
+}
+
+/// Ids and depths have one ray to a pixel and no chance: they are of what is there for the most part.
+#[test]
+fn images_of_ids_show_cutouts_that_cover_most() {
+    for (scale, bias, threshold, expected) in
+        [(1.0, 0.0, 0.5, 0.0), (-1.0, 1.0, 0.5, 1.0), (0.2, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 0.0)]
+    {
+        let [_, ids] = coverage(1, (true, false), None, |db| {
+            db.upsert_mesh(cards("/cards", 1, 256, |_, _| [0.0; 2]));
+            db.upsert_material(material_of("/m", ("leaf 512x512", ["clamp", "clamp"], scale, bias, threshold)));
+        });
+        assert_eq!(ids, expected, "{scale} {bias} {threshold}");
+    }
+}
+
+/// A lookup that is narrower than two texels is compared as if there were no mask.
+#[test]
+fn masks_change_no_bit_of_magnified_cutouts() {
+    let seen = |masks: Masks, cut: Cut| {
+        let faults = Faults { no_opacity_masks: !masks.0, ..Faults::default() };
+        let session = Session::with_options(settings(4, 1), SessionOptions { faults, ..options() });
+        let session = session.with_images(Arc::new(Library));
+        session.with_scene(|db| {
+            let mut desc = with_st(square(prim("/a", DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2)), 1, 0.5), 1.0, "/m");
+            desc.primvars[0].primvar.values = TypedArray::of(AROUND.to_vec());
+            db.upsert_mesh(desc);
+            db.upsert_material(material_of("/m", cut));
+            db.upsert_light(dome([1.0; 3]));
+        });
+        let request = request(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 2.0, [200, 200]));
+        support::render(&session, &request);
+        read_all(&session, &request)
+    };
+    for cut in [CUTS[0], CUTS[3], CUTS[6], ("64x64x4", ["mirror", "black"], 1.0, 0.0, 0.5)] {
+        let [known, asked] = [true, false].map(|masks| seen((masks, false), cut));
+        assert!(known == asked, "{cut:?}: the picture differs");
     }
 }

@@ -108,9 +108,14 @@ impl Image for Torn {
     }
 }
 
-/// White, with alpha in the shape of a disc with a soft rim; smaller levels are made by whoever reads it.
+/// White, with alpha in the shape of a disc of this radius with a soft rim; smaller levels are made by whoever reads it.
 #[derive(Debug)]
-struct Disc([u32; 2]);
+struct Disc([u32; 2], f64);
+
+/// Radius of a "disc ", and of a "leaf ", which covers [`LEAF_AREA`].
+const RADII: [(&str, f64); 2] = [("disc ", 0.42), ("leaf ", 0.3)];
+/// Share of a "leaf " where alpha is one half or more.
+pub(super) const LEAF_AREA: f64 = std::f64::consts::PI * 0.09;
 
 impl Image for Disc {
     fn info(&self) -> ImageInfo {
@@ -123,7 +128,7 @@ impl Image for Disc {
             for (x, texel) in (at[0]..).zip(row.chunks_exact_mut(4)) {
                 let off = ((f64::from(x) + 0.5) / side[0] - 0.5).hypot((f64::from(y) + 0.5) / side[1] - 0.5);
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-                let alpha = ((0.42 - off) * 20.0 + 0.5).clamp(0.0, 1.0).mul_add(255.0, 0.5) as u8;
+                let alpha = ((self.1 - off) * 20.0 + 0.5).clamp(0.0, 1.0).mul_add(255.0, 0.5) as u8;
                 texel.copy_from_slice(&[255, 255, 255, alpha]);
             }
         }
@@ -164,7 +169,8 @@ impl Image for Floats {
 }
 
 /// A file is called by width, height and channels, with an x between, "half " or "float " before if it has floats;
-/// "steps", "checks", "torn", "disc " with width and height, and "part " with three numbers of a UDIM set are others.
+/// "steps", "checks", "torn", "disc " and "leaf " with width and height, and "part " and "leaves " with numbers of UDIM
+/// sets are others.
 #[derive(Debug)]
 pub(super) struct Library;
 
@@ -176,13 +182,21 @@ impl ImageLibrary for Library {
             "torn" => return Ok(Arc::new(Torn)),
             _ => {}
         }
-        if let Some((width, height)) = asset.resolved.strip_prefix("disc ").and_then(|size| size.split_once('x')) {
-            let side = |text: &str| text.parse().map_err(|_not_a_number| ImageError("no such disc".into()));
-            return Ok(Arc::new(Disc([side(width)?, side(height)?])));
+        for (prefix, radius) in RADII {
+            if let Some((width, height)) = asset.resolved.strip_prefix(prefix).and_then(|size| size.split_once('x')) {
+                let side = |text: &str| text.parse().map_err(|_not_a_number| ImageError("no such disc".into()));
+                return Ok(Arc::new(Disc([side(width)?, side(height)?], radius)));
+            }
+        }
+        match asset.resolved.strip_prefix("leaves ") {
+            Some("1001") => return Ok(Arc::new(Disc([256, 256], 0.3))),
+            Some("1012") => return Ok(Arc::new(Disc([90, 70], 0.3))),
+            Some(_) => return Err(ImageError("no such part".into())),
+            None => {}
         }
         match asset.resolved.strip_prefix("part ") {
-            Some("1001") => return Ok(Arc::new(Disc([64, 64]))),
-            Some("1002") => return Ok(Arc::new(Disc([300, 200]))),
+            Some("1001") => return Ok(Arc::new(Disc([64, 64], 0.42))),
+            Some("1002") => return Ok(Arc::new(Disc([300, 200], 0.42))),
             Some("1011") => return Ok(Arc::new(Noise { size: [90, 40], channels: 4, seed: 5 })),
             Some(_) => return Err(ImageError("no such part".into())),
             None => {}
