@@ -6,10 +6,12 @@
         [--percents 100,75,50,27,14] [--samples 16] [--width 320] [--limit 600] [--json FILE] [--usdrecord CMD]
 
 Each scene is rendered without a budget first; what that took of device memory in all, by the renderer's own count, is
-100 %. Each budget is rendered with empty caches of geometry and textures, then with those filled. Compiling passes is in
-no row: a render of one sample comes before the first row with and without a budget. Every render is a process of its
-own; one that gives no picture in `--limit` seconds is ended, and its row says so. The picture of each row is compared
-with that without a budget, bit for bit. The table has the worst row first.
+100 %. Each budget is rendered with empty caches of geometry and textures, then with those filled. A render of one
+sample comes before each budget, so that drivers that keep compiled passes have them (Mesa's software driver translates
+them in every process). Every render is a process of its own; one that gives no picture in `--limit` seconds is ended,
+and its row says so. The picture of each row is compared with that without a budget, bit for bit. The table has the
+worst row first, by seconds, or with `--by cpu` by processor seconds: the ones to read where cores are shared and the
+device is a software one.
 
 Needs Python alone; `--python` names one with pxr and numpy that makes the sets. Odd seeds are held out: see
 tests/scenes/sets. Exits with 1 if a row has no picture, another picture, or more memory than its budget.
@@ -51,6 +53,8 @@ class Row:
     same: bool | None
     secs: float
     ratio: float | None
+    cpu_secs: float
+    cpu_ratio: float | None
     tracing_secs: float | None
     tracing_ratio: float | None
     rays: int | None
@@ -61,7 +65,6 @@ class Row:
     device_peak: int | None
     driver_peak: int | None
     host_peak: int
-    cpu_secs: float
     in_core: bool | None
     messages: list[str] = field(default_factory=list)
 
@@ -83,11 +86,12 @@ def row_of(scene: Scene, percent: float | None, budget_mib: int, cache: str, run
     return Row(
         scene=scene.name, percent=percent, budget_mib=budget_mib, cache=cache, status=run.status,
         same=run.pixels == pixels if is_judged else None, secs=run.secs,
-        ratio=ratio(run.secs, first.secs) if first and run.is_good else None, tracing_secs=tracing,
+        ratio=ratio(run.secs, first.secs) if first and run.is_good else None, cpu_secs=run.cpu_secs,
+        cpu_ratio=ratio(run.cpu_secs, first.cpu_secs) if first and run.is_good else None, tracing_secs=tracing,
         tracing_ratio=ratio(tracing, first.tracing_secs) if first and run.is_good else None, rays=rays,
         rays_per_sec=ratio(rays, tracing), loads=usage.get("loads"), reloads=usage.get("reloads"),
         paged_bytes=usage.get("bytesPaged"), device_peak=usage.get("gpuPeakBytes"),
-        driver_peak=usage.get("driverPeakBytes"), host_peak=run.host_peak, cpu_secs=run.cpu_secs,
+        driver_peak=usage.get("driverPeakBytes"), host_peak=run.host_peak,
         in_core=usage.get("inCore"), messages=run.messages,
     )  # fmt: skip
 
@@ -101,11 +105,11 @@ def budget_of(percent: float, peak: int) -> int:
     return max(math.ceil(peak * percent / 100 / MIB), 1)
 
 
-def worst_first(rows: list[Row]) -> list[Row]:
+def worst_first(rows: list[Row], by: str = "secs") -> list[Row]:
     """Rows without a picture, then those with another one or too much memory, then by ratio; ties as they came."""
 
     def badness(row: Row) -> tuple:
-        return (row.status != "ok", row.is_bad, row.ratio or 0.0)
+        return (row.status != "ok", row.is_bad, (row.cpu_ratio if by == "cpu" else row.ratio) or 0.0)
 
     return sorted(rows, key=badness, reverse=True)
 
@@ -117,16 +121,14 @@ def measure(host: Host, scene: Scene, percents: list[float], caches: list[str], 
     pixels, peak = "", 0
     for percent in [None, *percents]:
         budget = 0 if percent is None else budget_of(percent, peak)
-        if len(rows) <= len(caches):
-            # Passes that stream are others than those in core; the budgets share them.
-            record(host, scene, budget, is_cold=True, samples=1)
+        record(host, scene, budget, is_cold=True, samples=1)
         for cache in caches:
             run = record(host, scene, budget, is_cold=cache == "cold")
             pixels = pixels or run.pixels
             row = row_of(scene, percent, budget, cache, run, first.get(cache), pixels)
             if percent is None:
                 first[cache] = row
-                row.ratio = 1.0 if run.is_good else None
+                row.ratio = row.cpu_ratio = 1.0 if run.is_good else None
                 peak = max(peak, row.device_peak or 0)
             rows.append(row)
             tell(row)
@@ -136,8 +138,8 @@ def measure(host: Host, scene: Scene, percents: list[float], caches: list[str], 
 
 
 COLUMNS = (
-    ("scene", 10), ("%", 6), ("budget", 8), ("cache", 6), ("status", 14), ("same", 6), ("s", 8), ("ratio", 7),
-    ("tracing", 8), ("ratio", 7), ("Mray/s", 7), ("loads", 8), ("paged", 8), ("device", 8), ("host", 8),
+    ("scene", 10), ("%", 6), ("budget", 8), ("cache", 6), ("status", 14), ("same", 6), ("s", 8), ("ratio", 6), ("cpu s", 7),
+    ("ratio", 6), ("tracing", 8), ("ratio", 6), ("Mray/s", 7), ("loads", 7), ("paged", 7), ("device", 8), ("host", 8),
 )  # fmt: skip
 
 
@@ -154,7 +156,7 @@ def line(row: Row) -> str:
     words = [
         row.scene[:10], "none" if row.percent is None else f"{row.percent:g}", str(row.budget_mib or "-"), row.cache,
         row.status[:14], {True: "yes", False: "NO", None: "-"}[row.same], number(row.secs), number(row.ratio),
-        number(row.tracing_secs), number(row.tracing_ratio), number(row.rays_per_sec, 2, 1e6), number(row.loads, 0),
+        number(row.cpu_secs), number(row.cpu_ratio), number(row.tracing_secs), number(row.tracing_ratio), number(row.rays_per_sec, 2, 1e6), number(row.loads, 0),
         number(row.paged_bytes, 0, MIB), number(row.device_peak, 1, MIB) + ("!" if row.is_over else ""),
         number(row.host_peak, 0, MIB),
     ]  # fmt: skip
@@ -214,6 +216,7 @@ def make_parser() -> argparse.ArgumentParser:
     add("--bounces", type=int)
     add("--width", type=int, default=320)
     add("--limit", type=float, default=600.0, help="seconds for one render")
+    add("--by", choices=("secs", "cpu"), default="secs", help="what the order goes by")
     add("--device", default="", help="as oocpt:device")
     add("--work", type=pathlib.Path, default=HERE.parents[1] / "build" / "sets", help="sets, caches; they stay")
     add("--usdrecord", type=shlex.split, default=["usdrecord"], help="command line of the host's usdrecord")
@@ -251,7 +254,7 @@ def main() -> int:
         measure(host, scene, arguments.percents, caches, tell)
     print(f"\nworst first; sizes in MiB; {arguments.width} px, {arguments.samples} samples, seed {arguments.seed}, size "
           f"{arguments.size:g}\n{head()}")  # fmt: skip
-    for row in worst_first(rows):
+    for row in worst_first(rows, arguments.by):
         print(line(row))
         for message in row.messages if row.is_bad else ():
             print(f"    {message}")

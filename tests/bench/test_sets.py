@@ -75,6 +75,8 @@ def test_the_worst_row_is_first(host):
     slow, slower = made(ratio=2.0), made(ratio=30.0)
     other, none = made(same=False, ratio=1.0), made(status="exit 1", ratio=None)
     assert bench.worst_first([slow, other, slower, none]) == [none, other, slower, slow]
+    busy = made(ratio=1.0, cpu_ratio=40.0)
+    assert bench.worst_first([slower, busy], "cpu") == [busy, slower]
 
 
 def test_the_pixels_alone_are_compared(tmp_path):
@@ -99,6 +101,36 @@ def test_the_pixels_alone_are_compared(tmp_path):
     for size in range(0, len(data), 37):
         (tmp_path / "cut.exr").write_bytes(data[:size])
         assert runs.pixels_of(tmp_path / "cut.exr") != hashes[0], "a file that was cut off"
+
+
+def test_colours_are_read_as_openexr_reads_them(tmp_path):
+    """Of all kinds that hosts write; what is cut off is an error."""
+    import numpy as np
+
+    import exr
+    import images
+    import exr_pixels
+
+    rng = np.random.default_rng(4)
+    for number, (channels, half, packed) in enumerate([(3, False, False), (4, True, True), (4, False, True)]):
+        path = tmp_path / f"{number}.exr"
+        smooth = np.cumsum(rng.random((37, 19, channels)), axis=0)
+        images.exr(path, smooth, half=half, packed=packed)
+        assert (exr_pixels.colors(path) == exr.read(path)[::-1, :, :3].astype(np.float64)).all()
+        data = path.read_bytes()
+        for size in range(0, len(data) - 1, 97):
+            (tmp_path / "cut.exr").write_bytes(data[:size])
+            with pytest.raises(ValueError):
+                exr_pixels.colors(tmp_path / "cut.exr")
+
+
+def test_the_time_to_an_error_is_read_between_two_rows():
+    import beside
+
+    rows = [{"samples": n, "relMSE": 0.2 / n, "frame": float(n), "whole": 3.0 + n} for n in (4, 1, 2)]
+    made = beside.summary(rows, 0.1)
+    assert (made["samples"], made["frame"], made["whole"]) == (2, pytest.approx(2.0), pytest.approx(5.0))
+    assert beside.summary(rows, 0.01)["frame"] is None and beside.counts(64) == [1, 2, 4, 8, 16]
 
 
 def test_a_damaged_report_is_read_as_far_as_it_goes(tmp_path):

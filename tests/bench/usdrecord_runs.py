@@ -81,8 +81,11 @@ class Run:
         return self.status == "ok"
 
 
-def record(host: Host, scene: Scene, budget_mib: int, is_cold: bool, samples: int | None = None) -> Run:
-    """Renders once; never raises for what the process does."""
+def record(
+    host: Host, scene: Scene, budget_mib: int, is_cold: bool, samples: int | None = None, seed: int = 0,
+    keep: pathlib.Path | None = None,
+) -> Run:  # fmt: skip
+    """Renders once; never raises for what the process does. The picture is kept at `keep`."""
     if is_cold:
         shutil.rmtree(host.caches(), ignore_errors=True)
     for kind in ("geometry", "textures"):
@@ -94,13 +97,15 @@ def record(host: Host, scene: Scene, budget_mib: int, is_cold: bool, samples: in
         command += ["--disableCameraLight", "--enableDomeLightVisibility"]
         command += ["--camera", scene.camera] if scene.camera else []
         command += ["--frames", scene.frame] if scene.frame else []
-        environment = _environment(host, place, budget_mib, samples or host.samples)
+        environment = _environment(host, place, budget_mib, samples or host.samples) | {"OOCPT_SEED": str(seed)}
         run = watched([*command, str(scene.file), str(out)], environment, host.limit, place)
         pictures = sorted(place.glob("picture*.exr"))
         if run.is_good and not pictures:
             run.status = "no picture"
         if pictures:
             run.pixels = pixels_of(pictures[0])
+            if keep:
+                shutil.copyfile(pictures[0], keep)
         run.report = report_of(place / "report.jsonl")
     return run
 

@@ -252,11 +252,7 @@ def light(layer: Layer) -> None:
     sky = UsdLux.DomeLight.Define(layer.stage, layer.at("Lights/Sky"))
     sky.CreateIntensityAttr(0.35)
     sky.CreateColorAttr(Gf.Vec3f(0.45, 0.55, 0.9))
-    sun = UsdLux.DistantLight.Define(layer.stage, layer.at("Lights/Sun"))
-    sun.CreateIntensityAttr(4000.0)
-    sun.CreateAngleAttr(1.5)
-    sun.CreateColorAttr(Gf.Vec3f(1.0, 0.55, 0.3))
-    layer.towards(sun, (-30, -22, 14), (0, 0, 0))
+    layer.sun("Sun", 2.2, 1.5, (1.0, 0.55, 0.3), (-30, -22, 14))
 
 
 if __name__ == "__main__":

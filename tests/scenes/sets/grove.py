@@ -246,11 +246,7 @@ def build(folder: pathlib.Path, seed: int, size: float, texture: int) -> pathlib
     sky = UsdLux.DomeLight.Define(layer.stage, layer.at("Lights/Sky"))
     sky.CreateIntensityAttr(1.2)
     sky.CreateColorAttr(Gf.Vec3f(0.6, 0.75, 1.0))
-    sun = UsdLux.DistantLight.Define(layer.stage, layer.at("Lights/Sun"))
-    sun.CreateIntensityAttr(90000.0)
-    sun.CreateAngleAttr(0.53)
-    sun.CreateColorAttr(Gf.Vec3f(1.0, 0.9, 0.75))
-    layer.towards(sun, (-14, -10, 16), (0, 0, 0))
+    layer.sun("Sun", 6.0, 0.53, (1.0, 0.9, 0.75), (-14, -10, 16))
     write_camera(layer, size)
     layer.save()
     return layer.path

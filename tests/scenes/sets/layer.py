@@ -11,7 +11,7 @@ import argparse
 import pathlib
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender, UsdShade, UsdUtils, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, UsdUtils, Vt
 
 import images
 import shading
@@ -174,6 +174,15 @@ class Layer:
         eye, target = (Gf.Vec3d(*map(float, self.lengths(place))) for place in (eye, target))
         up = Gf.Vec3d(*map(float, self.turned((0, 0, 1))))
         prim.AddTransformOp().Set(Gf.Matrix4d().SetLookAt(eye, target, up).GetInverse())
+
+    def sun(self, name: str, irradiance: float, angle: float, color, eye) -> None:
+        """A distant light that shines from `eye` to the origin, `irradiance` on what faces it."""
+        light = UsdLux.DistantLight.Define(self.stage, self.at(f"Lights/{name}"))
+        light.CreateNormalizeAttr(True)
+        light.CreateIntensityAttr(irradiance)
+        light.CreateAngleAttr(angle)
+        light.CreateColorAttr(Gf.Vec3f(*color))
+        self.towards(light, eye, (0, 0, 0))
 
     def camera(self, eye, target, focal=28.0, near=0.1, far=5000.0) -> UsdGeom.Camera:
         """The camera `main_cam` of 16:9, and render settings that name it."""

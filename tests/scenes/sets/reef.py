@@ -177,11 +177,7 @@ def light(layer: Layer) -> None:
     dome = UsdLux.DomeLight.Define(layer.stage, layer.at("Lights/Water"))
     dome.CreateIntensityAttr(0.5)
     dome.CreateColorAttr(Gf.Vec3f(0.08, 0.4, 0.75))
-    sun = UsdLux.DistantLight.Define(layer.stage, layer.at("Lights/Sun"))
-    sun.CreateIntensityAttr(2200.0)
-    sun.CreateAngleAttr(3.0)
-    sun.CreateColorAttr(Gf.Vec3f(1.0, 0.95, 0.8))
-    layer.towards(sun, (-8, -6, 20), (0, 0, 0))
+    layer.sun("Sun", 4.7, 3.0, (1.0, 0.95, 0.8), (-8, -6, 20))
 
 
 def build(folder: pathlib.Path, seed: int, size: float, texture: int) -> pathlib.Path:
