@@ -16,8 +16,8 @@ How it is measured:
 - Memory is the most that the process held; what is on a GPU is beside it.
 - What Blender's importer did not make is told as counts of both sides.
 
-Cycles comes with Blender's Python module: `--blender` is a folder that holds `bpy` (`pip download bpy==5.0.1`, unpacked).
-With a GPU that it knows it takes OptiX or CUDA, else the processor.
+Cycles comes with Blender's Python module: `--blender` is a folder that holds `bpy` (`pip download --no-deps
+bpy==5.0.1`, unpacked). With a GPU that it knows it takes OptiX or CUDA, else the processor.
 """
 
 from __future__ import annotations

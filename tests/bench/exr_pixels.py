@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Colours of an EXR file as usdrecord and Blender write them: one part of scan lines, f16 or f32, without compression or
-by ZIP. Needs numpy alone, so that it runs where no OpenEXR is."""
+"""Colours of an EXR file as usdrecord and Blender write them: one part of scan lines, f16 or f32, without compression
+or by ZIP. Needs numpy alone, so that it runs where no OpenEXR is."""
 
 from __future__ import annotations
 

@@ -138,8 +138,9 @@ def measure(host: Host, scene: Scene, percents: list[float], caches: list[str], 
 
 
 COLUMNS = (
-    ("scene", 10), ("%", 6), ("budget", 8), ("cache", 6), ("status", 14), ("same", 6), ("s", 8), ("ratio", 6), ("cpu s", 7),
-    ("ratio", 6), ("tracing", 8), ("ratio", 6), ("Mray/s", 7), ("loads", 7), ("paged", 7), ("device", 8), ("host", 8),
+    ("scene", 10), ("%", 6), ("budget", 8), ("cache", 6), ("status", 14), ("same", 6), ("s", 8), ("ratio", 6),
+    ("cpu s", 7), ("ratio", 6), ("tracing", 8), ("ratio", 6), ("Mray/s", 7), ("loads", 7), ("paged", 7), ("device", 8),
+    ("host", 8),
 )  # fmt: skip
 
 
@@ -156,7 +157,8 @@ def line(row: Row) -> str:
     words = [
         row.scene[:10], "none" if row.percent is None else f"{row.percent:g}", str(row.budget_mib or "-"), row.cache,
         row.status[:14], {True: "yes", False: "NO", None: "-"}[row.same], number(row.secs), number(row.ratio),
-        number(row.cpu_secs), number(row.cpu_ratio), number(row.tracing_secs), number(row.tracing_ratio), number(row.rays_per_sec, 2, 1e6), number(row.loads, 0),
+        number(row.cpu_secs), number(row.cpu_ratio), number(row.tracing_secs), number(row.tracing_ratio),
+        number(row.rays_per_sec, 2, 1e6), number(row.loads, 0),
         number(row.paged_bytes, 0, MIB), number(row.device_peak, 1, MIB) + ("!" if row.is_over else ""),
         number(row.host_peak, 0, MIB),
     ]  # fmt: skip
@@ -252,8 +254,8 @@ def main() -> int:
     print(head(), file=sys.stderr)
     for scene in scenes_of(arguments):
         measure(host, scene, arguments.percents, caches, tell)
-    print(f"\nworst first; sizes in MiB; {arguments.width} px, {arguments.samples} samples, seed {arguments.seed}, size "
-          f"{arguments.size:g}\n{head()}")  # fmt: skip
+    made = f"{arguments.width} px, {arguments.samples} samples, seed {arguments.seed}, size {arguments.size:g}"
+    print(f"\nworst first; sizes in MiB; {made}\n{head()}")
     for row in worst_first(rows, arguments.by):
         print(line(row))
         for message in row.messages if row.is_bad else ():

@@ -68,7 +68,8 @@ def looks(layer: Layer, tex: str) -> tuple[UsdShade.Material, list[UsdShade.Mate
         name = f"Leaf{kind}"
         color = layer.texture(name, "Picture", f"{tex}/leaf{kind}.png")
         cut = layer.texture(name, "Picture", f"{tex}/leaf{kind}.png", output="a")
-        leaves.append(layer.look(name, diffuseColor=color, opacity=cut, opacityThreshold=0.3 + 0.1 * kind, roughness=0.5))
+        edge = 0.3 + 0.1 * kind
+        leaves.append(layer.look(name, diffuseColor=color, opacity=cut, opacityThreshold=edge, roughness=0.5))
     return bark, leaves
 
 

@@ -70,7 +70,8 @@ def book(layer: Layer, rng, number: int, folder: pathlib.Path, texture: int) -> 
         title[row : row + max(size // 24, 1), size // 5 : size - size // 5 - line * size // 9] = 0.9
     picture(folder / f"tex/book{number:03}.png", title)
     tall, thick = rng.uniform(0.18, 0.3), rng.uniform(0.015, 0.05)
-    cover = layer.look("Cover", diffuseColor=layer.texture("Cover", "Title", f"./tex/book{number:03}.png"), roughness=0.5)
+    printed = layer.texture("Cover", "Title", f"./tex/book{number:03}.png")
+    cover = layer.look("Cover", diffuseColor=printed, roughness=0.5)
     paper = layer.look("Paper", diffuseColor=(0.8, 0.76, 0.66), roughness=0.95)
     boards = [shapes.moved(shapes.box(0.003, 0.15, tall), (x, 0, 0)) for x in (-thick / 2, thick / 2)]
     boards.append(shapes.moved(shapes.box(thick, 0.003, tall), (0, -0.075, 0)))
