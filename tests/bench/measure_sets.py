@@ -165,27 +165,44 @@ def line(row: Row) -> str:
     return " ".join(f"{word:>{width}}" for word, (_, width) in zip(words, COLUMNS))
 
 
-def made_set(name: str, arguments) -> Scene:
-    """Writes a set unless the folder holds it, made with the same arguments and the same generators."""
+@dataclass
+class Made:
+    """A set and the process that writes it, None if it was there."""
+
+    scene: Scene
+    process: subprocess.Popen | None
+    mark: pathlib.Path
+
+    def wait(self) -> Scene:
+        """Raises CalledProcessError if it was not written."""
+        if self.process:
+            if self.process.wait():
+                raise subprocess.CalledProcessError(self.process.returncode, self.process.args)
+            self.mark.write_text(shlex.join(map(str, self.process.args)) + "\n")
+        return self.scene
+
+
+def made_set(name: str, arguments) -> Made:
+    """Begins to write a set unless the folder holds it, made with the same arguments."""
     options = ["--seed", str(arguments.seed), "--size", f"{arguments.size:g}"]
     options += ["--texture", str(arguments.texture)] if arguments.texture else []
     folder = arguments.work / "sets" / f"{name}-{arguments.seed}-{arguments.size:g}-{arguments.texture or 'own'}"
     file, mark = folder / f"{name}.usda", folder / "made.txt"
+    process = None
     if not (mark.exists() and file.exists()):
         command = [arguments.python, "-m", f"sets.{name}", str(folder), *options]
-        subprocess.run(command, cwd=SCENES, check=True, stdout=subprocess.DEVNULL)
-        mark.write_text(shlex.join(options) + "\n")
-    return Scene(name, file, frame=FRAMES.get(name, ""))
+        process = subprocess.Popen(command, cwd=SCENES, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    return Made(Scene(name, file, frame=FRAMES.get(name, "")), process, mark)
 
 
 def scenes_of(arguments) -> list[Scene]:
-    """The scenes that were asked for; a set that cannot be made is told and left out."""
+    """The scenes that were asked for; sets are written side by side, one that cannot be is told and left out."""
     made = [scene_of(text) for text in arguments.scene]
-    for name in arguments.sets:
+    for begun in [made_set(name, arguments) for name in arguments.sets]:
         try:
-            made.append(made_set(name, arguments))
+            made.append(begun.wait())
         except (OSError, subprocess.CalledProcessError) as error:
-            print(f"{name}: not made: {error}", file=sys.stderr)
+            print(f"{begun.scene.name}: not made: {error}", file=sys.stderr)
     return made
 
 

@@ -174,6 +174,17 @@ def test_sets_are_complete_and_the_same_twice(name, tmp_path):
         assert is_bound, f"{prim.GetPath()} has a material without a surface"
 
 
+def test_a_set_that_cannot_be_made_is_left_out(tmp_path, capfd):
+    broken = tmp_path / "python"
+    broken.write_text("#!/bin/sh\nexit 4\n")
+    broken.chmod(0o755)
+    words = ["--sets", "city", "--work", str(tmp_path), "--python", str(broken), "--scene", "a.usda"]
+    made = bench.scenes_of(bench.make_parser().parse_args(words))
+    assert made == [runs.Scene("a", pathlib.Path("a.usda"))]
+    assert "city: not made" in capfd.readouterr().err
+    assert not list(tmp_path.rglob("made.txt")), "it is tried again the next time"
+
+
 def test_a_set_is_rendered_by_the_real_usdrecord(tmp_path, monkeypatch, capsys):
     """One render without a budget, of the smallest city there is."""
     out = tmp_path / "out.json"
