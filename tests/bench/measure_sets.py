@@ -198,11 +198,17 @@ def made_set(name: str, arguments) -> Made:
 def scenes_of(arguments) -> list[Scene]:
     """The scenes that were asked for; sets are written side by side, one that cannot be is told and left out."""
     made = [scene_of(text) for text in arguments.scene]
-    for begun in [made_set(name, arguments) for name in arguments.sets]:
+    begun = []
+    for name in arguments.sets:
         try:
-            made.append(begun.wait())
-        except (OSError, subprocess.CalledProcessError) as error:
-            print(f"{begun.scene.name}: not made: {error}", file=sys.stderr)
+            begun.append(made_set(name, arguments))
+        except OSError as error:
+            print(f"{name}: not made: {error}", file=sys.stderr)
+    for one in begun:
+        try:
+            made.append(one.wait())
+        except subprocess.CalledProcessError as error:
+            print(f"{one.scene.name}: not made: {error}", file=sys.stderr)
     return made
 
 

@@ -174,10 +174,12 @@ def test_sets_are_complete_and_the_same_twice(name, tmp_path):
         assert is_bound, f"{prim.GetPath()} has a material without a surface"
 
 
-def test_a_set_that_cannot_be_made_is_left_out(tmp_path, capfd):
+@pytest.mark.parametrize("is_there", [True, False])
+def test_a_set_that_cannot_be_made_is_left_out(tmp_path, capfd, is_there):
     broken = tmp_path / "python"
-    broken.write_text("#!/bin/sh\nexit 4\n")
-    broken.chmod(0o755)
+    if is_there:
+        broken.write_text("#!/bin/sh\nexit 4\n")
+        broken.chmod(0o755)
     words = ["--sets", "city", "--work", str(tmp_path), "--python", str(broken), "--scene", "a.usda"]
     made = bench.scenes_of(bench.make_parser().parse_args(words))
     assert made == [runs.Scene("a", pathlib.Path("a.usda"))]
