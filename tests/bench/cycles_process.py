@@ -21,11 +21,14 @@ def tell(**said) -> None:
 def imported(bpy, job: dict) -> None:
     start = time.monotonic()
     bpy.ops.wm.read_factory_settings(use_empty=True)
+    # The importer puts a dome light into the world that there is.
+    bpy.context.scene.world = bpy.data.worlds.new("World")
     bpy.ops.wm.usd_import(
         filepath=job["scene"], import_subdivision=True, support_scene_instancing=True, import_visible_only=True,
         import_guide=False, import_proxy=False, import_render=True, set_frame_range=False,
         apply_unit_conversion_scale=True, import_textures_mode="IMPORT_NONE",
     )  # fmt: skip
+    bpy.context.view_layer.update()
     kinds: dict[str, int] = {}
     for one in bpy.data.objects:
         kinds[one.type] = kinds.get(one.type, 0) + 1

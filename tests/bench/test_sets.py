@@ -164,6 +164,8 @@ def test_sets_are_complete_and_the_same_twice(name, tmp_path):
     stage = Usd.Stage.Open(str(made[0]))
     cameras = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Camera)]
     assert [prim.GetName() for prim in cameras] == [UsdUtils.GetPrimaryCameraName()]
+    groups = [prim for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()) if not prim.GetTypeName()]
+    assert groups == [], "importers lose what is below a prim without a type"
     shapes = [prim for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()) if prim.IsA(UsdGeom.Gprim)]
     assert len(shapes) > 10
     for prim in shapes:

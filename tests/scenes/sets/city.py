@@ -206,7 +206,6 @@ def build(folder: pathlib.Path, seed: int, size: float, texture: int) -> pathlib
                 if np.hypot(*middle) > 900:
                     placed.GetPrim().GetVariantSets().SetSelection("windows", "none")
                 number += 1
-    layer.stage.GetPrimAtPath(layer.at("Blocks")).SetTypeName("Xform")
     write_streets(layer, rng, blocks, pitch)
     light(layer)
     reach = blocks * pitch / 2

@@ -12,7 +12,7 @@ from __future__ import annotations
 import pathlib
 
 import numpy as np
-from pxr import Gf, UsdGeom, UsdLux, UsdShade, Vt
+from pxr import Gf, UsdLux, UsdShade, Vt
 
 from . import shapes
 from .layer import Layer, many, picture, run
@@ -186,8 +186,6 @@ def write_wood(layer: Layer, rng, size: float, trees: int, heroes: int) -> None:
         place = np.array([(-1) ** number * rng.uniform(3.6, 6.0), -0.8 * reach + 9.0 + 5.0 * number, 0.0])
         place[2] = height(place[0], place[1])
         layer.use(layer.at(f"Heroes/Hero_{number}"), f"./hero{number}.usdc", payload=True, place=place)
-    for name in ("Swaying", "Heroes"):
-        UsdGeom.Xform.Define(layer.stage, layer.at(name))
 
 
 def write_grass(layer: Layer, rng, size: float) -> None:

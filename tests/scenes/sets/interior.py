@@ -12,7 +12,7 @@ from __future__ import annotations
 import pathlib
 
 import numpy as np
-from pxr import Gf, Sdf, UsdGeom, UsdLux, UsdShade
+from pxr import Gf, Sdf, UsdLux, UsdShade
 
 import images
 from . import shapes
@@ -163,8 +163,6 @@ def write_shelf(folder: pathlib.Path, rng, number: int, names: list[str], size: 
                     place=(x + step / 2, rng.uniform(-0.03, 0.03), 0.36 * row + 0.02), degrees=rng.uniform(-6, 6),
                 )
             x, count = x + step, count + 1
-    for row in range(SHELVES):
-        layer.stage.GetPrimAtPath(layer.at(f"Row{row}")).SetTypeName("Xform")
     layer.save()
 
 
@@ -210,7 +208,6 @@ def write_clutter(layer: Layer, rng, names: list[str], size: float) -> None:
             layer.at(f"OnTable/P{count}"), f"./props/{names[rng.integers(_books(size), len(names))]}.usdc",
             instance=True, place=(x, y, 0.74), degrees=rng.uniform(0, 360),
         )
-    layer.stage.GetPrimAtPath(layer.at("OnTable")).SetTypeName("Xform")
     used = [names[number] for number in rng.choice(len(names), min(30, len(names)), replace=False)]
     paths = [layer.at(f"Heap/{name.capitalize()}") for name in used]
     count = many(600, size, 40)
@@ -293,7 +290,6 @@ def build(folder: pathlib.Path, seed: int, size: float, texture: int) -> pathlib
             layer.at(f"Shelves/Shelf{place}"), f"./shelf{place % shelves}.usdc", payload=True, place=where,
             degrees=0.0 if back else -90.0,
         )
-    UsdGeom.Xform.Define(layer.stage, layer.at("Shelves"))
     write_clutter(layer, rng, names, size)
     write_lights(layer, folder, rng)
     layer.camera((-1.9, -2.2, 1.55), (0.9, 1.2, 0.85), focal=20.0, near=0.02, far=100.0)

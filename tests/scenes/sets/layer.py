@@ -35,7 +35,16 @@ class Layer:
         self.stage.SetDefaultPrim(prim)
 
     def save(self) -> None:
-        self.stage.GetRootLayer().Save()
+        """Groups that were made by naming what is in them get a type: importers lose what is below a prim without."""
+        layer = self.stage.GetRootLayer()
+
+        def give_type(path):
+            spec = layer.GetPrimAtPath(path) if path.IsPrimPath() else None
+            if spec and spec.specifier == Sdf.SpecifierDef and not spec.typeName:
+                spec.typeName = "Scope" if spec.name == "Looks" else "Xform"
+
+        layer.Traverse(Sdf.Path.absoluteRootPath, give_type)
+        layer.Save()
 
     def at(self, name: str) -> str:
         return f"{self.root}/{name}"

@@ -12,7 +12,7 @@ from __future__ import annotations
 import pathlib
 
 import numpy as np
-from pxr import Gf, Sdf, UsdGeom, UsdLux, Vt
+from pxr import Gf, Sdf, UsdLux, Vt
 
 import shading
 from . import shapes
