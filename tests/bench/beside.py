@@ -14,7 +14,8 @@ How it is measured:
   Blender's operator, which also makes its scene and trees. `whole` is from the file to the picture in a new process:
   ours as measured, theirs the import and the frame (starting Blender is not in it).
 - Memory is the most that the process held; what is on a GPU is beside it.
-- What Blender's importer did not make is told as counts of both sides.
+- What Blender's importer did not make is told as counts of both sides. Lamps in other units than metres
+  are given their power here; in what else lights differ is in how far the pictures are apart.
 
 Cycles comes with Blender's Python module: `--blender` is a folder that holds `bpy` (`pip download --no-deps
 bpy==5.0.1`, unpacked). With a GPU that it knows it takes OptiX or CUDA, else the processor.
@@ -86,11 +87,12 @@ def ours(host: Host, scene: Scene, arguments, folder: pathlib.Path) -> dict:
     return made | {"reference": reference}
 
 
-def cycles(scene: Scene, shutter: float, height: int, arguments, folder: pathlib.Path) -> dict:
+def cycles(scene: Scene, stage: dict, height: int, arguments, folder: pathlib.Path) -> dict:
     """All counts of samples in one process, so that the import is paid once."""
     renders = [[arguments.reference, REFERENCE_SEED], *([samples, SEED] for samples in counts(arguments.reference))]
     job = {
-        "scene": str(scene.file), "camera": scene.camera or "main_cam", "frame": scene.frame, "shutter": shutter,
+        "scene": str(scene.file), "camera": scene.camera or "main_cam", "frame": scene.frame,
+        "shutter": stage["shutter"], "unit": stage["unit"],
         "width": arguments.width, "height": height, "bounces": arguments.bounces, "renders": renders,
         "out": str(folder),
     }  # fmt: skip
@@ -145,7 +147,8 @@ named = [prim for prim in cameras if str(prim.GetPath()) == name or prim.GetName
 camera = UsdGeom.Camera((named or cameras)[0])
 window = camera.GetCamera(frame).frustum.window.GetSize()
 shutter = camera.GetShutterCloseAttr().Get(frame) - camera.GetShutterOpenAttr().Get(frame)
-print(json.dumps({"prims": kinds, "aspect": window[1] / window[0], "shutter": shutter}))
+unit = UsdGeom.GetStageMetersPerUnit(stage)
+print(json.dumps({"prims": kinds, "aspect": window[1] / window[0], "shutter": shutter, "unit": unit}))
 """
 
 
@@ -162,7 +165,7 @@ def compare(host: Host, scene: Scene, arguments) -> dict:
     made: dict = {"scene": scene.name, "size": [arguments.width, height], **found}
     with tempfile.TemporaryDirectory(prefix="beside-", dir=arguments.work) as folder:
         made["ours"] = ours(host, scene, arguments, pathlib.Path(folder))
-        made["cycles"] = cycles(scene, found["shutter"], height, arguments, pathlib.Path(folder))
+        made["cycles"] = cycles(scene, found, height, arguments, pathlib.Path(folder))
     pictures = [made[side].pop("reference", None) for side in ("ours", "cycles")]
     if all(picture is not None for picture in pictures) and pictures[0].shape == pictures[1].shape:
         made["apart"] = {

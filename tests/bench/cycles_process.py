@@ -28,6 +28,10 @@ def imported(bpy, job: dict) -> None:
         import_guide=False, import_proxy=False, import_render=True, set_frame_range=False,
         apply_unit_conversion_scale=True, import_textures_mode="IMPORT_NONE",
     )  # fmt: skip
+    for light in bpy.data.lights:
+        # The importer takes the areas of lamps from the numbers of the file, whatever their unit.
+        if light.type != "SUN":
+            light.energy *= job.get("unit", 1.0) ** 2
     bpy.context.view_layer.update()
     kinds: dict[str, int] = {}
     for one in bpy.data.objects:
