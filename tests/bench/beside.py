@@ -14,8 +14,9 @@ How it is measured:
   Blender's operator, which also makes its scene and trees. `whole` is from the file to the picture in a new process:
   ours as measured, theirs the import and the frame (starting Blender is not in it).
 - Memory is the most that the process held; what is on a GPU is beside it.
-- What Blender's importer did not make is told as counts of both sides. Lamps in other units than metres
-  are given their power here; in what else lights differ is in how far the pictures are apart.
+- What Blender's importer did not make is told as counts of both sides. Lamps and suns are given the
+  power that OpenUSD defines, which the importer does not; lamps of meshes and what else it leaves out is in how far the
+  pictures are apart.
 
 Cycles comes with Blender's Python module: `--blender` is a folder that holds `bpy` (`pip download --no-deps
 bpy==5.0.1`, unpacked). With a GPU that it knows it takes OptiX or CUDA, else the processor.
@@ -92,7 +93,7 @@ def cycles(scene: Scene, stage: dict, height: int, arguments, folder: pathlib.Pa
     renders = [[arguments.reference, REFERENCE_SEED], *([samples, SEED] for samples in counts(arguments.reference))]
     job = {
         "scene": str(scene.file), "camera": scene.camera or "main_cam", "frame": scene.frame,
-        "shutter": stage["shutter"], "unit": stage["unit"],
+        "shutter": stage["shutter"], "unit": stage["unit"], "normalized": stage["normalized"],
         "width": arguments.width, "height": height, "bounces": arguments.bounces, "renders": renders,
         "out": str(folder),
     }  # fmt: skip
@@ -147,8 +148,11 @@ named = [prim for prim in cameras if str(prim.GetPath()) == name or prim.GetName
 camera = UsdGeom.Camera((named or cameras)[0])
 window = camera.GetCamera(frame).frustum.window.GetSize()
 shutter = camera.GetShutterCloseAttr().Get(frame) - camera.GetShutterOpenAttr().Get(frame)
-unit = UsdGeom.GetStageMetersPerUnit(stage)
-print(json.dumps({"prims": kinds, "aspect": window[1] / window[0], "shutter": shutter, "unit": unit}))
+lights = [UsdLux.LightAPI(prim) for prim in stage.Traverse() if prim.HasAPI(UsdLux.LightAPI)]
+made = {"prims": kinds, "aspect": window[1] / window[0], "shutter": shutter}
+made["unit"] = UsdGeom.GetStageMetersPerUnit(stage)
+made["normalized"] = [light.GetPrim().GetName() for light in lights if light.GetNormalizeAttr().Get()]
+print(json.dumps(made))
 """
 
 

@@ -8,6 +8,7 @@ and for each render. The scene is imported once; each render makes Cycles' scene
 from __future__ import annotations
 
 import json
+import math
 import pathlib
 import resource
 import sys
@@ -16,6 +17,25 @@ import time
 
 def tell(**said) -> None:
     print("RESULT " + json.dumps(said), flush=True)
+
+
+def area_of(light) -> float:
+    """Of a lamp's surface, in its own units."""
+    if light.type == "POINT":
+        return 4 * math.pi * light.shadow_soft_size**2
+    if light.shape in ("SQUARE", "RECTANGLE"):
+        return light.size * (light.size_y if light.shape == "RECTANGLE" else light.size)
+    return math.pi / 4 * light.size * (light.size_y if light.shape == "ELLIPSE" else light.size)
+
+
+def as_defined(light, unit: float, is_normalized: bool) -> None:
+    """Gives a light the power that OpenUSD defines. The importer of Blender 5.0.1 takes every lamp as normalized, suns
+    four times as strong and twice as wide."""
+    if light.type == "SUN":
+        light.angle /= 2
+        light.energy *= 0.25 * (1.0 if is_normalized else math.pi * math.sin(light.angle / 2) ** 2)
+    elif light.type in ("POINT", "AREA") and not is_normalized:
+        light.energy *= area_of(light) * unit**2
 
 
 def imported(bpy, job: dict) -> None:
@@ -28,10 +48,9 @@ def imported(bpy, job: dict) -> None:
         import_guide=False, import_proxy=False, import_render=True, set_frame_range=False,
         apply_unit_conversion_scale=True, import_textures_mode="IMPORT_NONE",
     )  # fmt: skip
-    for light in bpy.data.lights:
-        # The importer takes the areas of lamps from the numbers of the file, whatever their unit.
-        if light.type != "SUN":
-            light.energy *= job.get("unit", 1.0) ** 2
+    for light in bpy.data.objects:
+        if light.type == "LIGHT":
+            as_defined(light.data, job["unit"], light.name in job["normalized"])
     bpy.context.view_layer.update()
     kinds: dict[str, int] = {}
     for one in bpy.data.objects:
