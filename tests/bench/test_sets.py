@@ -4,9 +4,11 @@ can be made; one of them is rendered."""
 
 import importlib
 import json
+import math
 import os
 import pathlib
 import sys
+import types
 
 import pytest
 
@@ -131,6 +133,23 @@ def test_the_time_to_an_error_is_read_between_two_rows():
     made = beside.summary(rows, 0.1)
     assert (made["samples"], made["frame"], made["whole"]) == (2, pytest.approx(2.0), pytest.approx(5.0))
     assert beside.summary(rows, 0.01)["frame"] is None and beside.counts(64) == [1, 2, 4, 8, 16]
+
+
+def test_lights_get_the_power_that_openusd_defines():
+    """Numbers of Blender 5.0.1's importer for a sphere light of 2.5 cm and 250, a rect light of 90 cm by 30 and 45, and
+    a normalized sun of 2.2 and 1.5 degrees."""
+    import cycles_process
+
+    ball = types.SimpleNamespace(type="POINT", energy=785.39819, shadow_soft_size=2.5)
+    panel = types.SimpleNamespace(type="AREA", energy=141.37167, shape="RECTANGLE", size=90.0, size_y=30.0)
+    sun = types.SimpleNamespace(type="SUN", energy=8.8, angle=0.05235988)
+    for light in (ball, panel):
+        cycles_process.as_defined(light, 0.01, False)
+    cycles_process.as_defined(sun, 1.0, True)
+    # Watts of a surface of this radiance on one side: radiance, pi, square metres.
+    assert ball.energy == pytest.approx(250 * math.pi * 4 * math.pi * 0.025**2, rel=1e-6)
+    assert panel.energy == pytest.approx(45 * math.pi * 0.9 * 0.3, rel=1e-6)
+    assert (sun.energy, math.degrees(sun.angle)) == (pytest.approx(2.2), pytest.approx(1.5))
 
 
 def test_a_damaged_report_is_read_as_far_as_it_goes(tmp_path):
