@@ -10,6 +10,7 @@ mod book;
 mod check;
 mod clone_files;
 mod host;
+mod measure;
 mod picture;
 mod places;
 mod process;
@@ -92,6 +93,13 @@ enum Task {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<OsString>,
     },
+    /// Measure through real hosts: `bench sets ...` renders whole sets with ever less device memory
+    #[command(disable_help_flag = true)]
+    Bench {
+        /// A program of `tests/bench` and its arguments
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<OsString>,
+    },
     /// What the Vulkan devices of this machine can do (the `oocpt doctor` of the clone)
     #[command(disable_help_flag = true)]
     Doctor {
@@ -133,6 +141,11 @@ fn perform(task: Task) -> Result<()> {
             picture::gallery(&places, &arguments)
         }
         Task::Reference { arguments } => picture::reference(&places, &set_up(&places)?, &arguments),
+        Task::Bench { arguments } => {
+            let (script, rest) = measure::script_of(&arguments)?;
+            build(&places)?;
+            measure::bench(&places, script, rest)
+        }
         Task::Doctor { arguments } => doctor(&places, &arguments),
     }
 }

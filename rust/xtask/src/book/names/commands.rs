@@ -20,6 +20,7 @@ const ADDED_BY_USD: &[&str] =
 /// Tasks of `cargo xtask` that hand their arguments on, and where those are defined.
 const HANDED_ON: &[(&str, &[&str])] = &[
     ("record", &["plugin/usdrecord"]),
+    ("bench", &["tests/bench/"]),
     ("gallery", &["tests/gallery/"]),
     ("reference", &["tests/reference/"]),
     ("doctor", &["rust/cli/src/doctor/"]),
