@@ -28,7 +28,7 @@ pub(crate) const FEWEST: u64 = 1 << 12;
 /// A scene counts as fitting only when it leaves room for waves of this many paths (or of all that it is to have): on a
 /// processor and on a GPU. Smaller waves leave a GPU idle between them, and a scene that is nearly all there streams
 /// faster (decisions/0029).
-const ROOMY: u64 = 1 << 20;
+const ROOMY: u64 = 1 << 19;
 const ROOMY_CPU: u64 = 1 << 16;
 
 /// What decides.
@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn large_renders_get_the_largest_waves() {
-        assert_eq!((LARGE.wanted(), LARGE.roomy()), (1 << 22, 1 << 20));
+        assert_eq!((LARGE.wanted(), LARGE.roomy()), (1 << 22, 1 << 19));
         let picture = InFlight { paths: 1024 * 429 * 64, ..LARGE };
         assert_eq!(picture.wanted(), 1 << 22, "of the benches");
     }
@@ -99,7 +99,7 @@ mod tests {
             let device = InFlight { device_bytes: gib << 30, ..LARGE };
             assert_eq!(device.wanted(), wanted, "{gib} GiB");
             assert!(device.wanted() * device.path_bytes <= device.device_bytes / 16, "{gib} GiB");
-            assert_eq!(device.roomy(), wanted.min(1 << 20), "no more than it is to have");
+            assert_eq!(device.roomy(), wanted.min(1 << 19), "no more than it is to have");
         }
         assert_eq!(InFlight { device_bytes: 1 << 20, ..LARGE }.wanted(), 1 << 16, "some all the same");
     }
