@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Streaming only. Puts the deferred rays that may go on into the queues, those of one chunk side by side, and the
 // others on the other list: one thread per deferred ray, Counters::deferred_args.
-// Reads: deferred, rays and shadow_rays (flags), pending lists, chunks, meshes, sort_sums. Writes: sort_counts; ray_queue[round
-// & 1] and shadow_queue from where there is room, with textures resolve_queue too; pushes to deferred.
+// Reads: deferred, rays and shadow_rays (flags), pending lists, chunks, meshes, sort_sums. Writes: sort_counts;
+// ray_queue[round & 1] and shadow_queue from where there is room, with textures resolve_queue too; pushes to deferred.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"

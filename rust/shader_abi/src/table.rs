@@ -168,16 +168,16 @@ passes! {
         "`deferred`, textures" => "`questions`";
     /// Counts the waiting rays that may go on, by chunk.
     SortDeferredCount = SORT_DEFERRED_COUNT, When::with(STREAMING), Indirect(Counters::DEFERRED_ARGS),
-        "`deferred`, pending lists, chunks" => "adds to `sort_counts`";
+        "`deferred`, pending lists, chunks, meshes" => "adds to `sort_counts`";
     /// Sums those counts.
     SortDeferredScan = SORT_DEFERRED_SCAN, When::with(STREAMING), Direct("`sort_blocks` workgroups, then 1"),
         "`sort_counts`, `sort_sums`" => "the same; Counters: room in the queues, the other list";
     /// Sends the waiting rays on that may go on, chunk by chunk.
     SortDeferredScatter = SORT_DEFERRED_SCATTER, When::with(STREAMING), Indirect(Counters::DEFERRED_ARGS),
-        "`deferred`, pending lists, chunks" => "`ray_queue`, `shadow_queue`, chunk by chunk; pushes to `deferred`";
+        "`deferred`, pending lists, chunks, meshes" => "`ray_queue`, `shadow_queue`, chunk by chunk; pushes to `deferred`";
     /// Counts waiting rays by unit.
     CountDemand = COUNT_DEMAND, When::with(STREAMING), Indirect(Counters::DEFERRED_ARGS),
-        "`deferred`, pending lists" => "adds to `demand`; pushes to `demanded`";
+        "`deferred`, pending lists, chunks" => "adds to `demand`; pushes to `demanded`";
     /// Lists the units that rays wait for.
     ListDemand = LIST_DEMAND, When::with(STREAMING), Direct("at most 64 workgroups"),
         "`demanded`, `demand`" => "pushes to `demand_list`; `demand` = 0";

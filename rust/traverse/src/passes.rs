@@ -9,8 +9,8 @@ mod rays;
 #[cfg(target_arch = "x86_64")]
 use crate::Instructions;
 use crate::asking::{load_question, store_question};
-use crate::pending::{Item, Listed};
 use crate::passes::rays::{Block, ClosestRays, Rays, ShadowRays};
+use crate::pending::{Item, Listed};
 use crate::scene::Scene;
 #[cfg(target_arch = "x86_64")]
 use crate::simd::Avx2;
@@ -20,8 +20,8 @@ use crate::walk::{Walk, WorldRay};
 use crate::{Special, TraceError};
 use oocpt_gpu::{HostView, HostWords};
 use oocpt_shader_abi::{
-    Counters, Features, PathProgress, Pending, Push, RAY_WORD_IN_SHADOW, Ray, RayFlags, ShadowRay,
-    hit_stride, unpack_color,
+    Counters, Features, PathProgress, Pending, Push, RAY_WORD_IN_SHADOW, Ray, RayFlags, ShadowRay, hit_stride,
+    unpack_color,
 };
 use rayon::prelude::*;
 use std::mem::offset_of;

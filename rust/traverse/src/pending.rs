@@ -194,7 +194,10 @@ mod tests {
             assert!(listed(more).is_due(&FIRST) && !listed(more).is_due(&SECOND), "the second one is done");
             assert_eq!(listed(more).is_due(&item((2.0, 3), (2.0, 10))), more, "behind the last");
         }
-        assert!(listed(true).has_chunk_due((2.0, 4)) && !listed(true).has_chunk_due((2.0, 3)), "chunks behind the last");
+        assert!(
+            listed(true).has_chunk_due((2.0, 4)) && !listed(true).has_chunk_due((2.0, 3)),
+            "chunks behind the last"
+        );
         assert_eq!(listed(true).of_chunk(7).count(), 1, "one of that chunk");
     }
 }

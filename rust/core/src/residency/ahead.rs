@@ -12,9 +12,9 @@ use super::{UnitId, at};
 /// since what is asked for next would come after them.
 const ROOMY_IN_FLIGHT: u64 = 256 << 20;
 /// Such units that are tried in a step.
-const ROOMY: usize = 64;
+const ROOMY: usize = 1024;
 /// Prefetches that are tried in a step.
-const PREFETCHES: usize = 32;
+const PREFETCHES: usize = 256;
 
 impl Planner {
     /// Loads what is waited for at all, as far as it has room beside what there is: it will be asked for until it

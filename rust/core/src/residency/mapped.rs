@@ -8,8 +8,8 @@ use super::planner::Planner;
 use super::policy::top;
 use super::step::Plan;
 
-/// Units that are tried in a step.
-const CANDIDATES: usize = 256;
+/// Units that are tried in a step; bytes in flight bound them too.
+const CANDIDATES: usize = 4096;
 
 impl Planner {
     /// Loads mapped units by the policy's measure of their visits: as far as they are worth more than what goes, and

@@ -5,6 +5,7 @@ use super::entry::{Entry, UnitState};
 use super::holdings::Holdings;
 use super::policy::{Policy, PolicyKind};
 use super::{AssetId, Catalog, Command, ResidencyStats, UnitId};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Why a budget was refused.
@@ -63,7 +64,7 @@ pub struct Planner {
     pub(super) entries: Vec<Entry>,
     pub(super) holdings: Holdings,
     pub(super) residents: Vec<UnitId>,
-    pub(super) loading: Vec<Load>,
+    pub(super) loading: BTreeMap<UnitId, Load>,
     /// Units that stay until rays could use them together.
     pub(super) pairs: Vec<[UnitId; 2]>,
     /// Two that starve together, of which one has no room yet.
@@ -102,7 +103,7 @@ impl Planner {
             entries: vec![Entry::default(); catalog.unit_count()],
             holdings: Holdings::new(&catalog),
             residents: Vec::new(),
-            loading: Vec::new(),
+            loading: BTreeMap::new(),
             pairs: Vec::new(),
             owed: None,
             dropped: Vec::new(),
@@ -251,8 +252,7 @@ impl Planner {
     }
 
     fn take_load(&mut self, unit: UnitId) -> Option<Load> {
-        let index = self.loading.iter().position(|load| load.unit == unit)?;
-        let load = self.loading.remove(index);
+        let load = self.loading.remove(&unit)?;
         let bytes = &mut self.in_flight[load.kind as usize];
         *bytes -= load.bytes;
         Some(load)

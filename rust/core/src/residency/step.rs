@@ -333,7 +333,7 @@ impl Planner {
         self.policy.issued(load.unit);
         plan.issued += usize::from(load.kind == LoadKind::Demanded);
         plan.commands.push(Command::Load { unit: load.unit, assets: load.assets.clone() });
-        self.loading.push(load);
+        self.loading.insert(load.unit, load);
     }
 
     fn evict(&mut self, unit: UnitId) -> Command {

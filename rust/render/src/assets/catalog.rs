@@ -349,11 +349,7 @@ fn needed(snapshot: &Snapshot, meshes: usize, chunk_rows: &[Vec<AssetId>]) -> Ve
 }
 
 /// `own` and all assemblies that the targets need, sorted.
-fn closure_of(
-    targets: impl Iterator<Item = Target>,
-    own: AssetId,
-    assemblies: &[Vec<AssetId>],
-) -> Vec<AssetId> {
+fn closure_of(targets: impl Iterator<Item = Target>, own: AssetId, assemblies: &[Vec<AssetId>]) -> Vec<AssetId> {
     let mut closure = vec![own];
     for target in targets {
         if let Target::Assembly(index) = target {

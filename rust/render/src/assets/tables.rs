@@ -23,10 +23,10 @@ use oocpt_shader_abi::{
 use std::ops::Range;
 use std::time::Duration;
 
-/// Entries of tiles that a command writes at most: 64 KiB are what Vulkan lets one have.
-const MOST_PAGES: usize = (64 << 10) / size_of::<u64>();
-/// Unchanged entries between two that changed which are written along: a command costs more than a KiB.
-const MOST_BETWEEN: usize = 128;
+/// Bytes that a command writes at most: what Vulkan lets one have.
+const MOST_BYTES: usize = 64 << 10;
+/// Bytes of unchanged entries between two that changed which are written along: a command costs more than these.
+const MOST_BETWEEN: usize = 1 << 10;
 /// How long writing the tables may take before the device counts as lost.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(60);
 
@@ -224,33 +224,44 @@ impl Tables {
         Ok(tables)
     }
 
-    /// Records that the entries of `changed` (sorted) become what `entries` says. There may be thousands of tiles in a
-    /// step: those that lie near each other go in one command, with what is between.
+    /// Records that the entries of `changed` (sorted) become what `entries` says. There may be thousands of meshes and
+    /// tiles in a step: those that lie near each other go in one command, with what is between.
     pub(crate) fn update(&self, commands: &mut Commands, assets: &SceneAssets, entries: &Entries, changed: &[AssetId]) {
-        let mut tiles = Vec::new();
+        let [mut meshes, mut assemblies, mut chunks, mut tiles] = [const { Vec::new() }; 4];
         for &asset in changed {
             match assets.slot(asset) {
-                Slot::Mesh(at) => write(commands, &self.meshes, &entries.meshes, at),
-                Slot::Assembly(at) => write(commands, &self.assemblies, &entries.assemblies, at),
-                Slot::Chunk(at) => write(commands, &self.chunks, &entries.chunks, at),
+                Slot::Mesh(at) => meshes.push(at),
+                Slot::Assembly(at) => assemblies.push(at),
+                Slot::Chunk(at) => chunks.push(at),
                 Slot::Tile(at) => tiles.push(at),
             }
         }
-        let Some(textures) = &self.textures else { return };
-        for run in runs(&tiles) {
-            let offset = (run.start * size_of::<u64>()) as u64;
-            if let Some(pages) = entries.pages.get(run) {
-                commands.update(&textures.pages, offset, bytemuck::cast_slice(pages));
-            }
+        write(commands, &self.meshes, &entries.meshes, &meshes);
+        write(commands, &self.assemblies, &entries.assemblies, &assemblies);
+        write(commands, &self.chunks, &entries.chunks, &chunks);
+        if let Some(textures) = &self.textures {
+            write(commands, &textures.pages, &entries.pages, &tiles);
         }
     }
 }
 
-/// Ranges that hold all of `places` (sorted) and little else, none longer than a command takes.
-fn runs(places: &[usize]) -> Vec<Range<usize>> {
+/// Writes the entries at `places` (sorted) of a table.
+fn write<T: Pod>(commands: &mut Commands, table: &HeapRange, entries: &[T], places: &[usize]) {
+    for run in runs(places, size_of::<T>()) {
+        let offset = (run.start * size_of::<T>()) as u64;
+        if let Some(entries) = entries.get(run) {
+            commands.update(table, offset, bytemuck::cast_slice(entries));
+        }
+    }
+}
+
+/// Ranges that hold all of `places` (sorted) and little else, none longer than a command takes; of entries of so many
+/// bytes.
+fn runs(places: &[usize], bytes: usize) -> Vec<Range<usize>> {
+    let (most, between) = (MOST_BYTES / bytes, MOST_BETWEEN / bytes);
     let mut runs: Vec<Range<usize>> = Vec::new();
     for &at in places {
-        match runs.last_mut().filter(|run| at < run.end + MOST_BETWEEN && at < run.start + MOST_PAGES) {
+        match runs.last_mut().filter(|run| at < run.end + between && at < run.start + most) {
             Some(run) => run.end = run.end.max(at + 1),
             None => runs.push(at..at + 1),
         }
@@ -353,12 +364,6 @@ fn directories(
     Ok(Some(range))
 }
 
-fn write<T: Pod>(commands: &mut Commands, table: &HeapRange, entries: &[T], at: usize) {
-    if let Some(entry) = entries.get(at) {
-        commands.update(table, (at * size_of::<T>()) as u64, bytemuck::bytes_of(entry));
-    }
-}
-
 fn table(device: &Device, writer: &mut Writer<'_>, name: &str, bytes: &[u8]) -> Result<HeapRange, RenderError> {
     let range = device.heap.alloc(name, (bytes.len() as u64).max(16), 16)?;
     writer.bytes(&range, 0, bytes)?;
@@ -376,12 +381,15 @@ mod tests {
 
     #[test]
     fn dirty_ranges_cover_every_changed_row_within_command_limits() {
-        assert!(runs(&[]).is_empty(), "nothing changed");
-        assert_eq!(runs(&[3, 5, 5, 4000, 4001]), [3..6, 4000..4002], "what is near goes together");
-        let dense: Vec<usize> = (0..3 * MOST_PAGES).step_by(2).collect();
-        let cut = runs(&dense);
-        assert!(cut.iter().all(|run| run.len() <= MOST_PAGES), "{cut:?}");
-        assert!(dense.iter().all(|at| cut.iter().any(|run| run.contains(at))), "all are written");
-        assert_eq!(cut.len(), 3, "as few as can be");
+        assert!(runs(&[], 8).is_empty(), "nothing changed");
+        assert_eq!(runs(&[3, 5, 5, 4000, 4001], 8), [3..6, 4000..4002], "what is near goes together");
+        for bytes in [size_of::<u64>(), size_of::<GpuMesh>(), size_of::<GpuChunk>()] {
+            let most = MOST_BYTES / bytes;
+            let dense: Vec<usize> = (0..3 * most).step_by(2).collect();
+            let cut = runs(&dense, bytes);
+            assert!(cut.iter().all(|run| run.len() <= most), "{cut:?}");
+            assert!(dense.iter().all(|at| cut.iter().any(|run| run.contains(at))), "all are written");
+            assert!((3..=4).contains(&cut.len()), "as few as can be: {cut:?}");
+        }
     }
 }

@@ -10,11 +10,11 @@ use oocpt_core::residency::{AssetId, Demand, UnitId, UnitState};
 use rustc_hash::FxHashSet;
 
 /// Units that are begun in a step, those that most rays wait for first.
-const MAPPED_A_STEP: usize = 256;
+const MAPPED_A_STEP: usize = 4096;
 /// Units that no ray has asked for that are begun in a step in which none is asked for, and how much may be on the
 /// way then.
-const REST_A_STEP: usize = 64;
-const REST_ON_THE_WAY: usize = 256;
+const REST_A_STEP: usize = 1024;
+const REST_ON_THE_WAY: usize = 4096;
 
 impl Residency<'_> {
     /// Shows what host memory has of earlier frames and the device has not.

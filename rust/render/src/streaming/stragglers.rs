@@ -157,7 +157,8 @@ impl Stragglers {
         let of = |values: &[u32]| values.get(proposal.unit as usize).copied();
         let (first, later) = (of(&seen.waiting).unwrap_or(0), of(&seen.next).unwrap_or(0));
         let worth = match of(&seen.worth) {
-            Some(worth) if proposal.is_idle && first > 0 && first < MANY_RAYS && worth & WORTH_MUST == 0 => {
+            // Of a mesh whose chunk is gone the rays are counted at that chunk: here none could be ended.
+            Some(worth @ 1..WORTH_MUST) if proposal.is_idle && first > 0 && first < MANY_RAYS => {
                 f64::from(worth) / f64::from(WORTH_ONE)
             }
             _ => f64::INFINITY,
@@ -234,6 +235,7 @@ mod tests {
         assert_eq!(agreed(&seen(3, WORTH_ONE), false), 100, "the device has work");
         assert_eq!(agreed(&seen(MANY_RAYS, WORTH_ONE), true), 100, "many rays wait");
         assert_eq!(agreed(&seen(3, WORTH_ONE | WORTH_MUST), true), 100, "a camera ray waits");
+        assert_eq!(agreed(&seen(3, 0), true), 100, "the rays wait for another unit");
         assert_eq!(agreed(&Observation::default(), true), 100, "nothing is known");
     }
 

@@ -120,9 +120,8 @@ impl Tracer<'_> {
         let parity = (self.round & 1) as usize;
         let ready = |items: &[Item], shadow: bool| {
             let asked = if shadow { items } else { &items[..1] };
-            let is_there = |(chunk, mesh): &&Item| {
-                here.contains(chunk) && mesh.is_none_or(|mesh| here.contains(&(CHUNKS + mesh)))
-            };
+            let is_there =
+                |(chunk, mesh): &&Item| here.contains(chunk) && mesh.is_none_or(|mesh| here.contains(&(CHUNKS + mesh)));
             asked.iter().find(is_there).map(|(chunk, _)| *chunk)
         };
         let (mut stay, mut go) = (Vec::new(), [Vec::new(), Vec::new()]);

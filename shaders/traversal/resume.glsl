@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// Streaming only: what a walk does with items of its list and with absent meshes (traversal/pending.glsl). A part of
+// traverse.glsl: reads the walk, the pending list of its path and the tables of chunks and meshes; remembers items, and
+// adds to the counts of rays by mesh.
+#ifndef OOCPT_RESUME_GLSL
+#define OOCPT_RESUME_GLSL
+
+// The listed items of a chunk instance whose chunk is gone: what of it is done stays done.
+void remember_again(uint chunk_instance) {
+    for (uint i = 0u; i < walk.listed; ++i) {
+        const Item item = listed_item(walk.path, i);
+        if (item.chunk_instance == chunk_instance) remember(item);
+    }
+}
+
+// Whether a listed chunk instance was absent when the ray came to it: nothing of it is done.
+bool is_listed_whole(uint chunk_instance) {
+    bool whole = false;
+    for (uint i = 0u; i < walk.listed; ++i) {
+        const Item item = listed_item(walk.path, i);
+        whole = whole || (item.chunk_instance == chunk_instance && item.mesh == NO_MESH);
+    }
+    return whole;
+}
+
+// Of the records of a mesh that the walk comes to. Streaming only.
+Item current_item(uint mesh) {
+    return Item(walk.chunk_entry, walk.chunk_instance, walk.entry, mesh);
+}
+
+// Streaming: whether the walk passes by a record of a mesh: its item is done, or it is absent and remembered.
+bool skips_mesh(uint mesh) {
+    const Item item = current_item(mesh);
+    if (walk.filters && !is_due(walk.path, walk.listed, walk.resumed, item)) return true;
+    if (Meshes(FRAME.meshes).v[mesh].nodes == 0ul) {
+        remember(item);
+        return true;
+    }
+    if (HAS_CHUNK_COUNTS && (walk.path & (COUNTED_PATHS - 1u)) == 0u) {
+        atomicAdd(Uints(STREAMING.unit_rays).v[STREAMING.chunk_count + mesh], COUNTED_PATHS);
+    }
+    walk.record_entry = walk.entry;
+    return false;
+}
+
+bool is_chunk_there(uint chunk_instance) {
+    const uint chunk = ChunkInstances(FRAME.chunk_instances).v[chunk_instance].chunk;
+    return Chunks(FRAME.chunks).v[chunk].nodes != 0ul;
+}
+
+// Puts what a ray that has waited is to visit on the stack; returns where to begin.
+uint begin_resumed(uint flags) {
+    walk.listed = waiting_count(flags);
+    walk.resumed = (flags & RAY_MORE) != 0u;
+    Item item = listed_item(walk.path, walk.listed - 1u);
+    // What is behind the last item begins in its chunk: it waits until that one is there again.
+    if (walk.resumed && item.mesh != NO_MESH && !is_chunk_there(item.chunk_instance)) {
+        walk.resumed = false;
+        pending_more = true;
+    }
+    if (walk.resumed) push_reference(0u, 0.0);
+    for (uint i = walk.listed; i > 0u; --i) {
+        item = listed_item(walk.path, i - 1u);
+        if (i > 1u && listed_item(walk.path, i - 2u).chunk_instance == item.chunk_instance) continue;
+        push_reference(LEAF | LISTED | item.chunk_instance, item.entry);
+    }
+    return pop();
+}
+
+#endif
