@@ -13,6 +13,15 @@ const CHANNEL_SHIFT: u32 = 4;
 const INCLUSIVE: u32 = 64;
 const PRESENT: u32 = 128;
 
+/// `is_covered`: whether a ray meets what is there in so many parts of 255; `chance` is a number from 0 up to but not 1.
+fn is_covered(coverage: u8, is_chance: bool, of_aovs: bool, chance: impl FnOnce() -> f32) -> bool {
+    match coverage {
+        0 | 255 => coverage != 0,
+        coverage if of_aovs => is_chance || coverage >= 128,
+        coverage => chance() * 255.0 < f32::from(coverage),
+    }
+}
+
 impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     /// The question that is kept with what the ray waits for: one about the first of its list.
     pub(crate) fn kept_question(&self) -> Option<&Question> {
@@ -54,13 +63,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         let is_there = |opacity: f32| opacity > limit || (!is_chance && opacity == limit);
         let (lookup, scale, bias) = match opacity {
             Opacity::Value(value) => return is_there(value),
-            Opacity::Covered(coverage) => {
-                return match coverage {
-                    0 | 255 => coverage != 0,
-                    coverage if of_aovs => is_chance || coverage >= 128,
-                    coverage => chance() * 255.0 < f32::from(coverage),
-                };
-            }
+            Opacity::Covered(coverage) => return is_covered(coverage, is_chance, of_aovs, chance),
             Opacity::Texel { lookup, scale, bias } => (lookup, scale, bias),
         };
         match self.scene.look_up(self.world.path, &lookup) {

@@ -10,8 +10,8 @@ use crate::texture::Lookup;
 use crate::vector::{V3, dot3};
 use crate::walk::Walk;
 use oocpt_shader_abi::{
-    Features, GpuCutout, GpuInput, GpuMaterial, GpuPrim, INPUT_CHANNEL_SHIFT, INPUT_NO_SET, INPUT_PRIMVAR, INPUT_SET_SHIFT,
-    INPUT_TEXTURE, MAX_PRIM_ID, MESH_LEAF_MASK, NO_MATERIAL, SLOT_PRESENCE, SUBSET_MASK,
+    Features, GpuCutout, GpuInput, GpuMaterial, GpuPrim, INPUT_CHANNEL_SHIFT, INPUT_NO_SET, INPUT_PRIMVAR,
+    INPUT_SET_SHIFT, INPUT_TEXTURE, MAX_PRIM_ID, MESH_LEAF_MASK, NO_MATERIAL, SLOT_PRESENCE, SUBSET_MASK,
 };
 use std::mem::offset_of;
 

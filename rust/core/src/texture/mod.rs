@@ -22,7 +22,7 @@ pub use footprint::{MOST_ANISOTROPY, ellipse, filter_width};
 pub use heights::{HeightFiles, HeightImage, Heights};
 pub(crate) use heights::{HeightLevel, member_of, numbered};
 pub use layout::{Layout, LayoutError, MAX_SIDE, Piece, TAIL_SIDE, TILE_SIDE};
-pub use opacity_mask::{MASK_SIDE, OpacityMask, OpacityMaskMaker, OpacityQuery, SET as MASK_SET};
+pub use opacity_mask::{OpacityMask, OpacityMaskMaker, OpacityQuery, SET as MASK_SET, mask_bytes};
 pub use pyramid::{Pyramid, weights};
 pub use twin::{PtexSampler, Sampler, pack_ptex, select_level, unpack_ptex};
 

@@ -10,7 +10,7 @@
 //! bytes from the first word; cells, a byte each, row by row. Modes: wrap of s and of t (two bits each), a bit that is
 //! [`SET`]'s, [`OpacityMask::fine`] (3 bits from 4 on), first and last level (5 bits each from 8 and 13 on), and from
 //! 24 on the byte of what is around the picture. The first level that is kept is that of narrow lookups: level 0 with
-//! 2^fine cells along a texel, or the first one of at most [`MASK_SIDE`] texels a side. A byte is 0 only where nothing
+//! 2^fine cells along a texel, or the first one whose sides are short enough. A byte is 0 only where nothing
 //! is there whatever rounds, 255 only where all is.
 //!
 //! A record of a set of files has modes [`SET`] and, for each of 100 parts, the distance of its mask in units of 16
@@ -23,12 +23,10 @@ use cells::Cell;
 use grid::Reduction;
 use rayon::prelude::*;
 
-/// Levels with a longer side are not kept.
-pub const MASK_SIDE: u32 = 512;
 /// Of the modes: a set of files.
 pub const SET: u32 = 1 << 7;
-/// A level 0 with a longer side has one cell to a texel.
-const FINE_SIDE: u32 = 128;
+/// Cells along a side of level 0 that are parts of a texel.
+const FINE_SIDE: u32 = 256;
 /// Of what a lookup can give, on either side, as a share of what the texels around can: the shader may be off by less
 /// than that of a texel when it picks the cell.
 const PLACE_SLACK: f64 = 1.0 / 1024.0;
@@ -97,10 +95,43 @@ pub struct OpacityMask {
     pub is_opaque: bool,
 }
 
-/// The first level that is kept of an image of this layout.
-fn first_level(layout: &Layout) -> u32 {
-    let is_small = |level: &u32| layout.level_size(*level).iter().all(|side| *side <= MASK_SIDE);
-    (0..layout.levels()).find(is_small).unwrap_or(0)
+/// What is kept of an image.
+#[derive(Clone, Copy, Debug)]
+struct Kept {
+    first: u32,
+    last: u32,
+    fine: u32,
+}
+
+impl Kept {
+    /// Of levels of at most `most_side` texels a side.
+    fn new(layout: &Layout, most_side: u32) -> Self {
+        let is_small = |level: &u32| layout.level_size(*level).iter().all(|side| *side <= most_side);
+        let last = layout.levels().saturating_sub(1);
+        let first = (0..=last).find(is_small).unwrap_or(last);
+        let [width, height] = layout.size();
+        let most = FINE_SIDE.min(most_side);
+        let fine = match first {
+            0 => (0..=4).rev().find(|fine| width.max(height) << fine <= most).unwrap_or(0),
+            _ => 0,
+        };
+        Self { first, last: last.max(first).max(1), fine }
+    }
+
+    /// Cells of a level that is kept.
+    fn cells(self, layout: &Layout, level: u32) -> [u32; 2] {
+        let fine = if level == self.first { self.fine } else { 0 };
+        layout.level_size(level).map(|side| side << fine)
+    }
+}
+
+/// Bytes of the mask of an image, with levels of at most `most_side` texels a side.
+#[must_use]
+pub fn mask_bytes(layout: &Layout, most_side: u32) -> usize {
+    let kept = Kept::new(layout, most_side);
+    let level =
+        |level| size_of::<u32>() + kept.cells(layout, level).map(|side| side as usize).iter().product::<usize>();
+    2 * size_of::<u32>() + (kept.first..=kept.last).map(level).sum::<usize>()
 }
 
 /// A mask that is made of the rows of level 0 as they come, from the bottom: what is held of them are four.
@@ -108,8 +139,7 @@ fn first_level(layout: &Layout) -> u32 {
 pub struct OpacityMaskMaker {
     query: OpacityQuery,
     layout: Layout,
-    first: u32,
-    fine: u32,
+    kept: Kept,
     base: Reduction,
     /// Rows that came.
     rows: u32,
@@ -119,20 +149,17 @@ pub struct OpacityMaskMaker {
 }
 
 impl OpacityMaskMaker {
-    /// Of an image; none where its sides are too long for a mask.
+    /// Of an image, with levels of at most `most_side` texels a side; none where its sides are too long for a mask.
     #[must_use]
-    pub fn new(layout: &Layout, query: &OpacityQuery) -> Option<Self> {
+    pub fn new(layout: &Layout, query: &OpacityQuery, most_side: u32) -> Option<Self> {
         let size = layout.size();
         if layout.is_flat() || size.iter().any(|side| *side > 0xffff) {
             return None;
         }
-        let first = first_level(layout);
-        let side = size[0].max(size[1]);
-        let fine = if first > 0 { 0 } else { (0..4).find(|fine| side << fine >= FINE_SIDE).unwrap_or(4) };
-        let cells = layout.level_size(first).map(|side| side << fine);
-        let base = Reduction::new(size.map(|side| side << fine), cells);
+        let kept = Kept::new(layout, most_side);
+        let base = Reduction::new(size.map(|side| side << kept.fine), kept.cells(layout, kept.first));
         let rows = Vec::new();
-        Some(Self { query: *query, layout: *layout, first, fine, base, rows: 0, opening: rows.clone(), recent: rows })
+        Some(Self { query: *query, layout: *layout, kept, base, rows: 0, opening: rows.clone(), recent: rows })
     }
 
     /// Takes the next rows, whole ones of one channel; what is more than the image has is left out.
@@ -145,7 +172,8 @@ impl OpacityMaskMaker {
         let before = std::mem::take(&mut self.recent);
         let rows: Vec<&[f32]> = before.iter().map(Vec::as_slice).chain(new.iter().copied()).collect();
         let begin = self.rows as usize - before.len();
-        let cells: Vec<_> = rows.par_windows(3).map(|around| self.cells_of([around[0], around[1], around[2]])).collect();
+        let cells: Vec<_> =
+            rows.par_windows(3).map(|around| self.cells_of([around[0], around[1], around[2]])).collect();
         for (y, of_row) in (begin + 1..).zip(cells) {
             self.add(y, &of_row);
         }
@@ -155,12 +183,12 @@ impl OpacityMaskMaker {
 
     /// The cells of a row of texels, those along a texel's side one row after the other.
     fn cells_of(&self, rows: [&[f32]; 3]) -> Vec<Cell> {
-        cells::of_row(&self.query, rows, self.fine)
+        cells::of_row(&self.query, rows, self.kept.fine)
     }
 
     fn add(&mut self, y: usize, cells: &[Cell]) {
-        let stride = (self.layout.size()[0] as usize) << self.fine;
-        for (row, cells) in (y << self.fine..).zip(cells.chunks_exact(stride)) {
+        let stride = (self.layout.size()[0] as usize) << self.kept.fine;
+        for (row, cells) in (y << self.kept.fine..).zip(cells.chunks_exact(stride)) {
             self.base.push(row, cells);
         }
     }
@@ -191,9 +219,8 @@ impl OpacityMaskMaker {
     }
 
     fn packed(self) -> OpacityMask {
-        let Self { query, layout, first, fine, base, .. } = self;
+        let Self { query, layout, kept: Kept { first, last, fine }, base, .. } = self;
         let mut grids = vec![base.grid];
-        let last = layout.levels().saturating_sub(1).max(first).max(1);
         for level in first + 1..=last {
             let reduced = grids.last().map(|grid| grid.reduced(layout.level_size(level)));
             grids.extend(reduced);
@@ -202,10 +229,8 @@ impl OpacityMaskMaker {
         let around = cells::of_value(&query, query.outside).byte();
         let [width, height] = layout.size();
         let [s, t] = query.wrap.map(wrap_bits);
-        let mut words = vec![
-            width | height << 16,
-            s | t << 2 | fine << 4 | first << 8 | last << 13 | u32::from(around) << 24,
-        ];
+        let mut words =
+            vec![width | height << 16, s | t << 2 | fine << 4 | first << 8 | last << 13 | u32::from(around) << 24];
         let mut begin = size_of::<u32>() * (words.len() + grids.len());
         let mut bytes = Vec::new();
         for grid in &grids {

@@ -11,7 +11,7 @@ use crate::support::{file, node, number, sound, source};
 const OPEN_PBR: &str = "ND_open_pbr_surface_surfaceshader";
 const GLTF: &str = "ND_gltf_pbr_surfaceshader";
 
-/// A leaf whose opacity is this node, which reads a picture by node 2.
+/// A leaf whose opacity is this node, which reads alpha of a picture by node 2, or what node 4 makes of it.
 fn leaf(surface: &str, own: &[(&str, Value)], opacity: Node) -> Translation {
     let input = if surface == GLTF { "alpha" } else { "geometry_opacity" };
     sound(vec![
@@ -19,14 +19,14 @@ fn leaf(surface: &str, own: &[(&str, Value)], opacity: Node) -> Translation {
         opacity,
         node("ND_extract_color4", &[("index", number(3.0))], &[("in", 3)]),
         node("ND_image_color4", &[("file", file("leaf.png"))], &[]),
+        node("ND_modulo_float", &[("in2", number(0.3))], &[("in1", 2)]),
     ])
 }
 
 #[test]
 fn opacity_that_compares_a_texel_is_a_texture_with_a_threshold() {
-    let compared = |kind: &str, own: &[(&str, Value)], connection: &str| {
-        leaf(OPEN_PBR, &[], node(kind, own, &[(connection, 2)]))
-    };
+    let compared =
+        |kind: &str, own: &[(&str, Value)], connection: &str| leaf(OPEN_PBR, &[], node(kind, own, &[(connection, 2)]));
     let [half, one, zero] = [0.5, 1.0, 0.0].map(number);
     let rising = [("value2", half.clone()), ("in1", one.clone()), ("in2", zero.clone())];
     let falling = [("value1", half), ("in1", one), ("in2", zero)];
@@ -55,10 +55,12 @@ fn opacity_that_compares_a_texel_is_a_texture_with_a_threshold() {
 #[test]
 fn opacity_that_is_no_single_step_of_a_texel_keeps_its_program() {
     let [half, one, zero] = [0.5, 1.0, 0.0].map(number);
+    let wave = [("value2", number(0.05)), ("in1", one.clone()), ("in2", zero.clone())];
     let equal = [("value2", half.clone()), ("in1", one.clone()), ("in2", zero.clone())];
     let faint = [("value2", half), ("in1", number(0.8)), ("in2", zero)];
     for (what, opacity) in [
-        ("two steps", node("ND_ifequal_float", &equal, &[("value1", 2)])),
+        ("there at one value", node("ND_ifequal_float", &equal, &[("value1", 2)])),
+        ("seven steps", node("ND_ifgreatereq_float", &wave, &[("value1", 4)])),
         ("a probability beside 0 and 1", node("ND_ifgreatereq_float", &faint, &[("value1", 2)])),
         ("no step", node("ND_power_float", &[("in2", number(2.0))], &[("in1", 2)])),
     ] {

@@ -3,15 +3,17 @@
 //! (`oocpt_core::texture::OpacityMask`).
 //!
 //! Level 0 of each image is read once, when a scene has it first, through the cache that tiles come from. What has no
-//! mask is asked of the texture: Ptex, programs, images that cannot be read, and whatever would go beyond
-//! [`MOST_BYTES`]. Render thread; reads on all cores.
+//! mask is asked of the texture: Ptex, programs, images that cannot be read. All masks of a scene are as fine as
+//! [`LONGEST_SIDES`] allows. Render thread; reads on all cores.
 
 use super::heights::read_channel_by_bands;
 use super::set::TextureCache;
 use super::tiles::TextureImage;
 use oocpt_core::material::{Input, InputName, Material, MaterialFlags, PTEX_SET_ID};
 use oocpt_core::scene::SurfaceTables;
-use oocpt_core::texture::{MASK_SET, OpacityMask, OpacityMaskMaker, OpacityQuery, TexelFormat, TextureRef, Wrap};
+use oocpt_core::texture::{
+    MASK_SET, OpacityMask, OpacityMaskMaker, OpacityQuery, TexelFormat, TextureRef, Wrap, mask_bytes,
+};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::GpuTexture;
 use rayon::prelude::*;
@@ -20,13 +22,25 @@ use std::sync::Arc;
 
 /// Of all masks of a scene: they are always resident.
 const MOST_BYTES: usize = 64 << 20;
+/// Longest sides of levels of masks, texels, and what all masks may take with that. Lookups that are narrower than a
+/// texel of the finest level that is kept read the texture where that is partly there.
+const LONGEST_SIDES: [(u32, usize); 8] = [
+    (4096, MOST_BYTES / 8),
+    (2048, MOST_BYTES / 8),
+    (1024, MOST_BYTES / 8),
+    (512, MOST_BYTES),
+    (256, MOST_BYTES),
+    (128, MOST_BYTES),
+    (64, MOST_BYTES),
+    (32, MOST_BYTES),
+];
 /// Words between places where a mask may begin.
 const UNIT: usize = 4;
 /// Words of the record of a set of files.
 const SET_WORDS: usize = (2 + abi::UDIM_PARTS as usize).next_multiple_of(UNIT);
 
-/// Image, channel, wrap modes, and the bits of scale, bias, threshold and what is around the image.
-type MaskKey = (u64, u8, [u32; 2], [u32; 4]);
+/// Image, channel, wrap modes and the longest side, and the bits of scale, bias, threshold and what is around the image.
+type MaskKey = (u64, u8, [u32; 3], [u32; 4]);
 
 /// Masks that were made; `None`: there is none.
 pub(super) type MadeMasks = FxHashMap<MaskKey, Option<Arc<OpacityMask>>>;
@@ -104,8 +118,10 @@ struct Placing<'a> {
 impl TextureCache {
     /// The masks of the materials of a snapshot, of which [`Self::sync`] has the textures.
     pub(crate) fn opacity_masks(&mut self, surfaces: &SurfaceTables, records: &[GpuTexture]) -> Arc<OpacityMasks> {
-        let wanted: Vec<AllWanted> =
+        let mut wanted: Vec<AllWanted> =
             surfaces.materials.iter().map(|material| self.all_wanted(material, surfaces, records)).collect();
+        let side = longest_side(&wanted);
+        wanted.iter_mut().flat_map(|wanted| &mut wanted.parts).for_each(|(_, wanted)| wanted.key.2[2] = side);
         let all = || wanted.iter().flat_map(|wanted| &wanted.parts).map(|(_, wanted)| wanted);
         let mut made = std::mem::take(&mut self.masks);
         let missing: FxHashMap<MaskKey, &Wanted> =
@@ -168,9 +184,19 @@ impl TextureCache {
         let outside = if has_border { record.fallback[at] } else { 0.0 };
         let threshold = material.opacity_threshold;
         let query = OpacityQuery { wrap: modes.map(wrap_of), outside, scale, bias, threshold };
-        let key = (image.id(), channel, modes, [scale, bias, threshold, outside].map(f32::to_bits));
+        let key = (image.id(), channel, [modes[0], modes[1], 0], [scale, bias, threshold, outside].map(f32::to_bits));
         Some(Wanted { key, query, image })
     }
+}
+
+/// The longest side for which all masks fit.
+fn longest_side(wanted: &[AllWanted]) -> u32 {
+    let images = wanted.iter().flat_map(|wanted| &wanted.parts).map(|(_, wanted)| (wanted.key, wanted.image.layout()));
+    let layouts: FxHashMap<MaskKey, _> = images.collect();
+    let beside = size_of::<u32>() * (SET_WORDS + UNIT);
+    let bytes = |side: u32| layouts.values().map(|layout| mask_bytes(layout, side) + beside).sum::<usize>();
+    let (fitting, least) = (LONGEST_SIDES.into_iter().find(|(side, most)| bytes(*side) <= *most), LONGEST_SIDES[7]);
+    fitting.unwrap_or(least).0
 }
 
 impl Placing<'_> {
@@ -260,8 +286,8 @@ fn wrap_of(mode: u32) -> Wrap {
 }
 
 fn make(wanted: &Wanted) -> Option<OpacityMask> {
-    let Wanted { key: (_, channel, ..), query, image } = wanted;
-    let mut maker = OpacityMaskMaker::new(image.layout(), query)?;
+    let Wanted { key: (_, channel, [_, _, side], _), query, image } = wanted;
+    let mut maker = OpacityMaskMaker::new(image.layout(), query, *side)?;
     // Said first: all of it is wanted.
     image.expect(image.layout().first_tile(0));
     // Whoever looks at its tiles tells what is wrong with it.

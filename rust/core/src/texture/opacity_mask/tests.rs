@@ -34,6 +34,8 @@ impl Random {
 
 const CUT: OpacityQuery =
     OpacityQuery { wrap: [Wrap::Repeat, Wrap::Clamp], outside: 0.0, scale: 1.0, bias: 0.0, threshold: 0.5 };
+/// Of the levels of masks here.
+const MOST_SIDE: u32 = 512;
 const WRAPS: [Wrap; 5] = [Wrap::UseMetadata, Wrap::Black, Wrap::Clamp, Wrap::Repeat, Wrap::Mirror];
 
 /// Texels of level 0, from their places.
@@ -45,7 +47,7 @@ fn texels(layout: &Layout, mut texel: impl FnMut([f32; 2]) -> f32) -> Vec<f32> {
 
 /// A mask of texels that come in bands of so many rows.
 fn banded(layout: &Layout, values: &[f32], query: &OpacityQuery, rows: usize) -> Option<OpacityMask> {
-    let mut maker = OpacityMaskMaker::new(layout, query)?;
+    let mut maker = OpacityMaskMaker::new(layout, query, MOST_SIDE)?;
     values.chunks(rows * layout.size()[0] as usize).for_each(|band| maker.push(band));
     maker.finish()
 }
@@ -106,18 +108,25 @@ fn coverage_of_a_disc_is_the_same_at_every_level() {
             assert!(levels.len() > 5, "down to one texel");
             for level in levels {
                 let mean = level.mean();
-                assert!((mean - expected).abs() < 0.01 * expected, "{query:?} {:?}: {mean}, not {expected}", level.size);
+                assert!(
+                    (mean - expected).abs() < 0.01 * expected,
+                    "{query:?} {:?}: {mean}, not {expected}",
+                    level.size
+                );
             }
         }
     }
 }
 
 /// What lookups of level 0 give in the mean over a cell.
-fn share_by_lookups(sampler: &Sampler<impl Fn(u32, u32, u32) -> [f64; 4]>, query: &OpacityQuery, cell: [[f64; 2]; 2]) -> f64 {
+fn share_by_lookups(
+    sampler: &Sampler<impl Fn(u32, u32, u32) -> [f64; 4]>,
+    query: &OpacityQuery,
+    cell: [[f64; 2]; 2],
+) -> f64 {
     let along = 24;
-    let place = |axis: usize, i: usize| {
-        cell[0][axis] + (i as f64 + 0.5) / f64::from(along) * (cell[1][axis] - cell[0][axis])
-    };
+    let place =
+        |axis: usize, i: usize| cell[0][axis] + (i as f64 + 0.5) / f64::from(along) * (cell[1][axis] - cell[0][axis]);
     let places = (0..along as usize).flat_map(|y| (0..along as usize).map(move |x| [place(0, x), place(1, y)]));
     places.map(|st| query.share(sampler.bilinear(st, 0)[0])).sum::<f64>() / f64::from(along * along)
 }
@@ -163,7 +172,7 @@ fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) {
                     _ => assert!(!mask.is_opaque, "{}", text()),
                 }
             }
-            assert_eq!(first == 0, size[0] <= MASK_SIDE, "all that is small is kept");
+            assert_eq!(first == 0, size[0] <= MOST_SIDE, "all that is small is kept");
         }
     }
 }
@@ -255,7 +264,8 @@ fn masks_of_hostile_images_are_bounded() {
         let mut random = Random(3);
         let values: Vec<f32> = (0..count).map(|_| random.one_of([nan, inf, -inf, 3.0e38, -3.0e38, 0.0, 1.0])).collect();
         for wrap in WRAPS {
-            for [scale, bias, threshold] in [[1.0, 0.0, 0.5], [3.0e38, -3.0e38, 0.0], [nan, inf, nan], [0.0, 0.0, inf]] {
+            for [scale, bias, threshold] in [[1.0, 0.0, 0.5], [3.0e38, -3.0e38, 0.0], [nan, inf, nan], [0.0, 0.0, inf]]
+            {
                 let query = OpacityQuery { wrap: [wrap; 2], outside: nan, scale, bias, threshold };
                 let mask = mask(&layout, &values, &query);
                 let cells: usize = levels(&mask, &layout).1.iter().map(|level| level.bytes.len()).sum();
@@ -268,5 +278,27 @@ fn masks_of_hostile_images_are_bounded() {
     assert!(banded(&layout, &[1.0; 56], &CUT, 1).is_none(), "a row is missing");
     assert!(banded(&layout, &[1.0; 80], &CUT, 1).is_some_and(|mask| mask.is_opaque), "rows too many are left out");
     let long = Layout::new([1 << 16, 1], 4).expect("a layout");
-    assert!(OpacityMaskMaker::new(&long, &CUT).is_none(), "too long");
+    assert!(OpacityMaskMaker::new(&long, &CUT, MOST_SIDE).is_none(), "too long");
+}
+
+/// With any longest side: the bytes are as many as was said, and coverage is the same.
+#[test]
+fn smaller_masks_cover_as_much() {
+    for size in [[1, 1], [3, 2], [100, 64], [777, 300], [2048, 4]] {
+        let layout = Layout::new(size, 1).expect("a layout");
+        let values = texels(&layout, disc);
+        let means = [1, 16, 128, 1024, 4096].map(|most_side| {
+            let mut maker = OpacityMaskMaker::new(&layout, &CUT, most_side).expect("a mask");
+            maker.push(&values);
+            let mask = maker.finish().expect("a mask");
+            let said = mask_bytes(&layout, most_side).next_multiple_of(size_of::<u32>());
+            assert_eq!(size_of_val(mask.words.as_slice()), said, "{size:?} {most_side}");
+            let (_, levels) = levels(&mask, &layout);
+            assert!(levels[0].size.iter().all(|side| *side <= most_side), "{:?}", levels[0].size);
+            levels[0].mean()
+        });
+        for mean in means {
+            assert!((mean - means[4]).abs() < 0.02, "{size:?}: {means:?}");
+        }
+    }
 }

@@ -188,7 +188,8 @@ fn mask_lookups_are_as_wide_as_the_filter() {
     for (q, (_, width, near)) in queries.iter().zip(ask(&queries)) {
         assert!((0.0..1.0e9).contains(&near), "{q:?}: {near}");
         let [a, b, c, d] = q.rows;
-        let [[a, b], [c, d]] = [([a, b], q.size[0]), ([c, d], q.size[1])].map(|(row, side)| row.map(|x| x * side as f32));
+        let [[a, b], [c, d]] =
+            [([a, b], q.size[0]), ([c, d], q.size[1])].map(|(row, side)| row.map(|x| x * side as f32));
         let is_even = a * a + b * b + c * c + d * d <= 2.0 * MOST_UNEVEN * (a * d - b * c).abs();
         // Edges are as long as the normal.
         if is_even && q.vectors.iter().all(|v| (1e-3..1e3).contains(&glam::Vec3::from(*v).length())) {

@@ -94,12 +94,19 @@ fn a_texture_that_is_scaled_down_is_looked_up_coarser() {
     }
 }
 
+/// What is compared is not filtered, nor are the levels of the file asked: level 0 is 0 all over, levels 5 and 6 are
+/// 0.39 and 0.47.
 #[test]
-fn a_slanted_cutout_is_looked_up_as_coarse_as_its_shorter_side() {
-    for (times, there) in [(1.0, false), (2.0, false), (-8.0, false), (32.0, true), (-32.0, true)] {
-        let own = vec![("opacityThreshold", ParamValue::Float(0.35))];
-        let seen = middle(steps(own, "opacity"), slant(f64::abs(times)) * f64::signum(times));
-        assert_eq!(seen > 0.0, there, "{times} times: levels 4 and 5 are 0.31 and 0.39, the threshold 0.35");
+fn a_cutout_is_told_by_the_finest_level_however_slanted() {
+    for times in [1.0, 2.0, -8.0, 32.0, -32.0, 64.0] {
+        for (scale, bias, there) in [(1.0, 0.0, false), (-1.0, 0.4, true)] {
+            let mut material = steps(vec![("opacityThreshold", ParamValue::Float(0.35))], "opacity");
+            for (name, value) in [("scale", scale), ("bias", bias)] {
+                material.nodes[1].params.push(ParamDesc { name: name.into(), value: ParamValue::Vec4([value; 4]) });
+            }
+            let seen = middle(material, slant(f64::abs(times)) * f64::signum(times));
+            assert_eq!(seen > 0.0, there, "{times} times, {scale}");
+        }
     }
 }
 

@@ -105,7 +105,7 @@ fn with_masks(are_there: bool, budget: Option<u32>) -> Render {
 }
 
 /// Whether there are masks, and whether what they do not know has passes of its own.
-type Masks = (bool, bool);
+pub(super) type Masks = (bool, bool);
 
 fn masked(
     build: fn(&mut SceneDb),
@@ -179,7 +179,7 @@ fn native_masked_cutouts_match_the_shaders() {
 
 /// As many cards along a side as there are, side by side, that fill a square of 2 x 2; `part` is where the image of a
 /// card is.
-fn cards(path: &str, id: i32, along: u16, part: impl Fn(u16, u16) -> [f32; 2]) -> MeshDesc {
+pub(super) fn cards(path: &str, id: i32, along: u16, part: impl Fn(u16, u16) -> [f32; 2]) -> MeshDesc {
     let at = |i: u16| 2.0 * f32::from(i) / f32::from(along) - 1.0;
     let points = (0..=along).flat_map(|y| (0..=along).map(move |x| [at(x), at(y), 0.0])).collect();
     let number = |x: u16, y: u16| i32::from(y) * (i32::from(along) + 1) + i32::from(x);
@@ -197,7 +197,7 @@ fn cards(path: &str, id: i32, along: u16, part: impl Fn(u16, u16) -> [f32; 2]) -
 }
 
 /// What share of camera rays meets something, and of pixels that have an id.
-fn coverage(samples: u32, masks: Masks, budget: Option<u32>, build: impl Fn(&mut SceneDb)) -> [f64; 2] {
+pub(super) fn coverage(samples: u32, masks: Masks, budget: Option<u32>, build: impl Fn(&mut SceneDb)) -> [f64; 2] {
     let more_features = if masks.1 { Features::DEFERRED_CUTOUTS } else { Features::empty() };
     let faults = Faults { no_opacity_masks: !masks.0, more_features, ..Faults::default() };
     let force_streaming = budget.is_some();
@@ -207,6 +207,8 @@ fn coverage(samples: u32, masks: Masks, budget: Option<u32>, build: impl Fn(&mut
     session.with_scene(build);
     let request = request(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 2.0, [64, 64]));
     support::render(&session, &request);
+    let features = session.stats().inventory.features;
+    assert_eq!(features.iter().any(|feature| feature.name == "OPACITY_MASKS" && feature.present), masks.0, "masks");
     let pixels: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
     let ids: Vec<i32> = read(&session, &request, AovKind::PrimId);
     let alpha = pixels.iter().map(|pixel| f64::from(pixel[3])).sum::<f64>() / pixels.len() as f64;
@@ -214,10 +216,10 @@ fn coverage(samples: u32, masks: Masks, budget: Option<u32>, build: impl Fn(&mut
 }
 
 /// Cards of 16 pixels, of 4, of 1, of a quarter and of an eighth: as from ever farther away.
-const DISTANCES: [u16; 5] = [4, 16, 64, 256, 512];
+pub(super) const DISTANCES: [u16; 5] = [4, 16, 64, 256, 512];
 const IN_CORE: [Masks; 3] = [(true, false), (true, true), (false, false)];
 
-fn is_near(what: &str, found: f64, expected: f64) {
+pub(super) fn is_near(what: &str, found: f64, expected: f64) {
     assert!((found / expected - 1.0).abs() < 0.01, "{what}: {found}, not {expected}");
 }
 
@@ -294,7 +296,8 @@ fn masks_change_no_bit_of_magnified_cutouts() {
         let session = Session::with_options(settings(4, 1), SessionOptions { faults, ..options() });
         let session = session.with_images(Arc::new(Library));
         session.with_scene(|db| {
-            let mut desc = with_st(square(prim("/a", DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2)), 1, 0.5), 1.0, "/m");
+            let mut desc =
+                with_st(square(prim("/a", DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2)), 1, 0.5), 1.0, "/m");
             desc.primvars[0].primvar.values = TypedArray::of(AROUND.to_vec());
             db.upsert_mesh(desc);
             db.upsert_material(material_of("/m", cut));

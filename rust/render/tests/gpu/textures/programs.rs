@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Cutouts and lights by programs that look up textures: the same bits whatever the budget.
 
+use super::opacity_masks::{DISTANCES, cards, coverage, is_near};
+use super::test_images::LEAF_AREA;
 use super::*;
 
 /// Leaves as `leaves` has them, their opacity the product of two lookups, the second where the first says.
@@ -64,4 +66,38 @@ fn signs_by_program(db: &mut SceneDb) {
 #[test]
 fn streaming_emission_program_textures_changes_no_bit() {
     same_bits(signs_by_program);
+}
+
+/// A comparison is a texture with a threshold, and has a mask; by `opaque` there it has a program, whose lookups are of
+/// the finest level.
+#[test]
+fn coverage_of_a_comparison_is_the_same_from_every_distance() {
+    let node = crate::materials::node;
+    for (opaque, expected) in [(1.0, LEAF_AREA), (0.8, 0.8 * LEAF_AREA)] {
+        for along in DISTANCES {
+            let [alpha, _] = coverage(64, (opaque == 1.0, false), None, |db| {
+                let file =
+                    ParamValue::Asset(AssetRef { authored: "leaf 256x128".into(), resolved: "leaf 256x128".into() });
+                let values = [("value2", 0.5), ("in1", opaque), ("in2", 0.0)];
+                let nodes = vec![
+                    node("ND_open_pbr_surface_surfaceshader", &[], &[("geometry_opacity", 1)]),
+                    node(
+                        "ND_ifgreatereq_float",
+                        &values.map(|(name, value)| (name, ParamValue::Float(value))),
+                        &[("value1", 2)],
+                    ),
+                    node("ND_extract_color4", &[("index", ParamValue::Int(3))], &[("in", 3)]),
+                    node("ND_image_color4", &[("file", file)], &[]),
+                ];
+                db.upsert_mesh(cards("/cards", 1, along, |_, _| [0.0; 2]));
+                db.upsert_material(MaterialDesc {
+                    path: "/m".into(),
+                    nodes,
+                    surface: Some(0),
+                    ..MaterialDesc::default()
+                });
+            });
+            is_near(&format!("{along} cards, {opaque} where it is there"), alpha, expected);
+        }
+    }
 }
