@@ -2,7 +2,7 @@
 """Which shared libraries go into the package: those that the readers of images and the host need beyond glibc and GCC's
 runtime, from this (Debian-like) machine, under licences that let anybody hand them on.
 
-Debian's OpenImageIO is linked to everything that it can read, video and geodata included: some 190 libraries, several
+Debian's OpenImageIO is linked to everything that it can read, video and geodata included: some 250 libraries, several
 of them under the GPL. The plugin asks it for seven kinds of files only (cpp/images/imageKind.cpp). So libraries that are
 not in LICENCES are not packed; a stand-in of the same soname satisfies the loader. Its functions do nothing and return
 the address of an empty string: to the few that are called (versions of libraries, when OpenImageIO lists its readers)
@@ -11,6 +11,7 @@ that is an answer, and to a caller that expects 0 for success (libtiff, of a JBI
 
 from __future__ import annotations
 
+import functools
 import re
 import subprocess
 from collections.abc import Iterable
@@ -56,7 +57,8 @@ def found_by_loader(library: Path) -> dict[str, Path]:
 
 def on_this_machine(soname: str) -> Path:
     """A library as the loader's cache has it."""
-    found = re.search(rf"^\s*{re.escape(soname)} \(libc6,x86-64\) => (/\S+)", output("/sbin/ldconfig", "-p"), re.MULTILINE)
+    line = rf"^\s*{re.escape(soname)} \(libc6,x86-64\) => (/\S+)"
+    found = re.search(line, output("/sbin/ldconfig", "-p"), re.MULTILINE)
     if not found:
         raise SystemExit(f"no library {soname} on this machine")
     return Path(found[1])
@@ -79,6 +81,7 @@ def closure(start: Iterable[str], found: dict[str, Path]) -> tuple[dict[str, Pat
     return packed, replaced
 
 
+@functools.cache
 def symbols(library: Path, *which: str) -> dict[tuple[str, str], tuple[str, int]]:
     """Dynamic symbols: (name, version) to (nm's letter, size)."""
     lines = output("nm", "--dynamic", "--with-symbol-versions", "--print-size", *which, library).splitlines()

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Packs what was built into a Python wheel, for `cargo xtask wheel`. Needs nothing but Python and binutils.
 
-    python pack.py --plugin build/wheel/plugin --command target/product/fast/oocpt --out build/dist [--fold PATH ...]
+    python pack.py --plugin build/wheel/plugin --command target/product/fast/oocpt --out build/dist
 
-The wheel is the same bytes for the same input. Paths given by --fold are those of the machine that built (sources,
-cargo's and rustup's folders, the host): where compiled files quote them in messages, they are overwritten at the same
-length. The path of the wheel is printed.
+The wheel is the same bytes for the same input. Compiled files quote paths of their sources in messages; the folders of
+this machine in them are overwritten, at the same length. The path of the wheel is printed.
 """
 
 from __future__ import annotations
@@ -81,13 +80,21 @@ def copy_built(arguments: argparse.Namespace, package: Path) -> None:
     libraries.output("strip", "--strip-unneeded", command)
     command.chmod(0o755)
     for built in (plugin / "hdOocPT.so", plugin / "hdOocPTImages.so", command):
-        fold(built, arguments.fold)
+        hide_folders(built)
 
 
-def fold(file: Path, folders: list[str]) -> None:
-    """Overwrites the paths of folders, the longest first, since one may be within another."""
+def folders_of_machine() -> list[str]:
+    """Where sources may have been compiled from: the clone, and what belongs to its user."""
+    home = Path.home()
+    chosen = [os.environ.get(name) for name in ("CARGO_HOME", "RUSTUP_HOME", "OOCPT_CACHE")]
+    usual = [REPOSITORY, home / ".cargo", home / ".rustup", home / ".cache"]
+    return [str(folder).rstrip("/") for folder in [*chosen, *usual] if folder]
+
+
+def hide_folders(file: Path) -> None:
+    """Overwrites the paths of folders of this machine, the longest first, since one may be within another."""
     content = file.read_bytes()
-    for folder in sorted(folders, key=len, reverse=True):
+    for folder in sorted(folders_of_machine(), key=len, reverse=True):
         content = content.replace(folder.encode() + b"/", b"/" + b"_" * (len(folder) - 1) + b"/")
     file.write_bytes(content)
 
@@ -146,7 +153,7 @@ def write_wheel(root: Path, wheel: Path) -> None:
     """The files in the order of their names, RECORD last."""
     record = f"oocpt-{version()}.dist-info/RECORD"
     lines = []
-    with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+    with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:
         for file in sorted(path for path in root.rglob("*") if path.is_file()):
             name, content = file.relative_to(root).as_posix(), file.read_bytes()
             digest = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=").decode()
@@ -187,7 +194,6 @@ def main() -> None:
     parser.add_argument("--plugin", type=Path, required=True, help="folder with hdOocPT.so")
     parser.add_argument("--command", type=Path, required=True, help="the Rust program oocpt")
     parser.add_argument("--out", type=Path, required=True, help="folder to write the wheel to")
-    parser.add_argument("--fold", action="append", default=[], metavar="PATH", help="folder that no file may name")
     arguments = parser.parse_args()
     print(pack(arguments))
 
