@@ -3,10 +3,10 @@
 runtime, from this (Debian-like) machine, under licences that let anybody hand them on.
 
 Debian's OpenImageIO is linked to everything that it can read, video and geodata included: some 250 libraries, several
-of them under the GPL. The plugin asks it for seven kinds of files only (cpp/images/imageKind.cpp). So libraries that are
-not in LICENCES are not packed; a stand-in of the same soname satisfies the loader. Its functions do nothing and return
-the address of an empty string: to the few that are called (versions of libraries, when OpenImageIO lists its readers)
-that is an answer, and to a caller that expects 0 for success (libtiff, of a JBIG picture) it is a failure.
+of them under the GPL. The plugin asks it for seven kinds of files only (cpp/images/imageKind.cpp). So libraries that
+are not in LICENCES are not packed; a stand-in of the same soname satisfies the loader. Its functions do nothing and
+return the address of an empty string: to the few that are called (versions of libraries, when OpenImageIO lists its
+readers) that is an answer, and to a caller that expects 0 for success (libtiff, of a JBIG picture) it is a failure.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ LICENCES = {
     "libOpenEXR": "BSD-3-Clause", "libOpenEXRCore": "BSD-3-Clause",
     "libImath": "BSD-3-Clause", "libIex": "BSD-3-Clause", "libIlmThread": "BSD-3-Clause", "libpng16": "libpng-2.0",
     "libtiff": "libtiff", "libjpeg": "IJG AND BSD-3-Clause", "libz": "Zlib", "libzstd": "BSD-3-Clause",
-    "liblzma": "public domain", "libdeflate": "MIT", "libLerc": "Apache-2.0", "libwebp": "BSD-3-Clause", "libtbb": "Apache-2.0",
+    "liblzma": "public domain", "libdeflate": "MIT", "libLerc": "Apache-2.0", "libwebp": "BSD-3-Clause",
+    "libtbb": "Apache-2.0",
     "libboost_thread": "BSL-1.0", "libexpat": "MIT", "libpystring": "BSD-3-Clause", "libyaml-cpp": "MIT",
     "libGL": "MIT", "libGLX": "MIT", "libGLdispatch": "MIT", "libX11": "MIT", "libXext": "MIT", "libXau": "MIT",
     "libXdmcp": "MIT", "libxcb": "MIT", "libSM": "MIT", "libICE": "MIT", "libuuid": "BSD-3-Clause",

@@ -6,8 +6,8 @@
     >>> picture["color"].shape
     (540, 960, 4)
 
-`render` gives arrays, `usdrecord` writes files; both are what `oocpt record` does on a command line. The renderer runs in
-a process of its own, with the OpenUSD of the package `bpy`: an OpenUSD that is imported here does not get into it.
+`render` gives arrays, `usdrecord` writes files; both are what `oocpt record` does on a command line. The renderer runs
+in a process of its own, with the OpenUSD of the package `bpy`: an OpenUSD that is imported here does not get into it.
 """
 
 from oocpt._host import RenderError

@@ -10,18 +10,22 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
 from oocpt._host import RenderError, command, environment
 from oocpt._picture import Picture
 
-if TYPE_CHECKING:
-    from pxr import Usd
 
-    Scene = str | os.PathLike[str] | Usd.Stage
+@runtime_checkable
+class Stage(Protocol):
+    """`Usd.Stage` of any OpenUSD, none of which this package imports."""
 
+    def Flatten(self, addSourceFileComment: bool = ...) -> Any: ...  # noqa: N802, N803  names of OpenUSD
+
+
+Scene: TypeAlias = str | os.PathLike[str] | Stage
 _LARGEST = 65_535
 _NO_DRIVER = "no usable Vulkan device"
 # Of what a process said, for an error's text.
@@ -56,8 +60,8 @@ def render(
         samples: of each pixel; without it the scene's `oocpt:samplesPerPixel`, else 64.
         aovs: which images. `color`: f32, RGBA, linear Rec. 709 radiance premultiplied by alpha. `depth`: f32, clip
             space, 0 at the near plane, 1 at the far one and where nothing is. `cameraDepth`: f32, along the view axis,
-            in units of the scene, 0 where nothing is. `normal`, `Neye`: f32, 3, shading normal in the space of the world
-            and of the camera. `albedo`: f32, 3. `motion`: f32, 3, pixels to the right, pixels up, change of
+            in units of the scene, 0 where nothing is. `normal`, `Neye`: f32, 3, shading normal in the space of the
+            world and of the camera. `albedo`: f32, 3. `motion`: f32, 3, pixels to the right, pixels up, change of
             cameraDepth. `primId`, `instanceId`, `elementId`: i32, -1 where nothing is. `sampleCount`: f32.
         settings: settings of the renderer by key, "oocpt:" may be left out; they stand above those of the scene.
         purposes: drawn in addition to `default`: `render`, `proxy`, `guide`. The default is usdrecord's.
@@ -83,8 +87,13 @@ def render(
         chosen["samplesPerPixel"] = samples
     with tempfile.TemporaryDirectory(prefix="oocpt-") as folder:
         request = {
-            "scene": _file_of(scene, folder), "camera": camera, "width": int(width), "purposes": list(purposes),
-            "height": None if height is None else int(height), "aovs": names, "time": time,
+            "scene": _file_of(scene, folder),
+            "camera": camera,
+            "width": int(width),
+            "height": None if height is None else int(height),
+            "purposes": list(purposes),
+            "aovs": names,
+            "time": time,
             "settings": {str(key): _text(value) for key, value in chosen.items()},
         }
         Path(folder, "request.json").write_text(json.dumps(request), encoding="utf-8")
@@ -126,7 +135,7 @@ def _text(value: object) -> str:
 
 
 def _file_of(scene: Scene, folder: str) -> str:
-    if hasattr(scene, "Flatten"):
+    if isinstance(scene, Stage):
         path = os.path.join(folder, "stage.usdc")
         if not scene.Flatten(addSourceFileComment=False).Export(path):
             raise RenderError("the stage cannot be written to a file for the renderer")

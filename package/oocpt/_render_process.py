@@ -15,11 +15,10 @@ import os
 import sys
 import time as clock
 
-import numpy as np
-from pxr import CameraUtil, Gf, Tf, Usd, UsdAppUtils, UsdGeom, UsdImagingGL
-
 import _aov_reader as aov_reader  # looks for the loaded host
 import _usdrecord as usdrecord
+import numpy as np
+from pxr import CameraUtil, Gf, Tf, Usd, UsdAppUtils, UsdGeom, UsdImagingGL
 
 RENDERER = "HdOocPTRendererPlugin"
 OWN_CAMERA = "/OocPTCamera"

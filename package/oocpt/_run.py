@@ -4,7 +4,6 @@
 
 import ctypes
 import os
-import runpy
 import sys
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -38,9 +37,11 @@ def main():
     sys.path += [numpy, HERE]
     load_missing_libraries()
     path = os.path.join(HERE, program)
-    name = "oocpt record" if sys.argv[1] == "usdrecord" else program
-    sys.argv = [name, *sys.argv[2:]]
-    runpy.run_path(path, run_name="__main__")
+    # The program's name in its help.
+    sys.argv = ["oocpt record" if sys.argv[1] == "usdrecord" else sys.argv[1], *sys.argv[2:]]
+    with open(path, "rb") as source:
+        code = compile(source.read(), path, "exec")
+    exec(code, {"__name__": "__main__", "__file__": path})  # noqa: S102  a file of the package
 
 
 if __name__ == "__main__":

@@ -196,7 +196,7 @@ def test_libraries_are_free_to_hand_on_or_empty(wheel):
     packed = {name: content for name, content in entries.items() if re.match(r"oocpt/(plugin/hdOocPT/)?lib/", name)}
     assert len(packed) > 40
     stand_ins = {name for name in packed if not libraries.may_be_packed(name.rsplit("/", 1)[1])}
-    assert {"libavcodec", "libjbig", "libopenvdb"} <= {re.split(r"[.]", name.rsplit("/", 1)[1])[0] for name in stand_ins}
+    assert {"libavcodec", "libjbig", "libopenvdb"} <= {name.rsplit("/", 1)[1].split(".")[0] for name in stand_ins}
     # Names alone: the largest library of them has 55 MB in truth.
     assert all(len(packed[name]) < 20_000 for name in stand_ins)
     texts = [name for name in entries if "/licenses/libraries/" in name]
@@ -206,17 +206,19 @@ def test_libraries_are_free_to_hand_on_or_empty(wheel):
 
 PROGRAM = """
 import json, sys, numpy, oocpt
-from pxr import Usd
+from pxr import Usd, UsdGeom
 reported = []
 picture = oocpt.render(sys.argv[1], camera="front", width=64, samples=16, aovs=("color", "cameraDepth", "primId"),
                        settings={"maxBounces": 1}, progress=reported.append)
 stage = Usd.Stage.Open(sys.argv[1])
-for square in [prim for prim in stage.GetPseudoRoot().GetChildren() if prim.GetTypeName() == "Mesh"]:
-    square.SetActive(False)
-edited = oocpt.render(stage, width=16, height=16, samples=1, aovs=["primId"], settings={"oocpt:maxBounces": 0})
+for prim in [prim for prim in stage.GetPseudoRoot().GetChildren() if prim.GetTypeName() in ("Mesh", "Camera")]:
+    prim.SetActive(False)
+UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+edited = oocpt.render(stage, width=16, height=16, samples=1, aovs=["primId", "normal"],
+                      settings={"oocpt:maxBounces": 0})
 with open(sys.argv[2] + "/shown.png", "wb") as file:
     file.write(picture._repr_png_())
-numpy.savez(sys.argv[2] + "/arrays.npz", edited=edited["primId"], **picture)
+numpy.savez(sys.argv[2] + "/arrays.npz", ids=edited["primId"], normals=edited["normal"], **picture)
 print(json.dumps([reported, picture.messages, picture.statistics["numCompletedSamples"], repr(edited)]))
 """
 
@@ -243,13 +245,16 @@ def test_a_scene_renders_to_arrays_from_the_top_down(rendered):
     numpy.testing.assert_allclose(depth[row, column], 9.5, atol=0.01)
     assert ids[row, column] >= 0 and ids[row, 2] == -1 and depth[row, 2] == 0
     assert samples == 16 and reported[-1] == 1.0 and all(0 <= value <= 1 for value in reported)
-    assert text == "<oocpt.Picture primId int32[16, 16]>"
+    assert text == "<oocpt.Picture primId int32[16, 16], normal float32[16, 16, 3]>"
 
 
-def test_a_stage_renders_as_it_was_edited(rendered):
+def test_a_stage_without_cameras_is_framed_as_it_was_edited(rendered):
     arrays, _, _ = rendered
-    upper, lower = numpy.split(arrays["edited"], 2)
-    assert upper.max() >= 0 and lower.max() == -1, "the squares are inactive"
+    is_ball = arrays["ids"] >= 0
+    assert len(set(arrays["ids"][is_ball])) == 1, "the squares are inactive"
+    assert 0.2 < is_ball.mean() < 0.8 and (is_ball == is_ball[:, ::-1]).all() and (is_ball == is_ball[::-1]).all()
+    # Seen from -y with z up: the first row is the upper one.
+    assert arrays["normals"][is_ball][0, 2] > 0.5 and (arrays["normals"][is_ball][:, 1] < 0.1).all()
 
 
 def test_packed_readers_read_each_kind_of_image(rendered):
@@ -327,3 +332,10 @@ def test_without_its_host_the_package_says_what_to_install(installed):
     assert done.returncode == 1 and "pip install bpy==5.0.1" in done.stderr, done.stderr
     done = run(installed, "-m", "oocpt", "--help", PYTHONPATH=site)
     assert done.returncode == 0 and "doctor" in done.stdout and "oocpt record" in done.stdout, done.stdout
+
+
+def test_the_command_hands_on_flags_and_exit_statuses(installed):
+    done = run(installed, "-m", "oocpt", "record", "--help")
+    assert done.returncode == 0 and done.stdout.startswith("usage: oocpt record ") and "--samples N" in done.stdout
+    assert run(installed, "-m", "oocpt", "record", "--no-such-flag").returncode == 2
+    assert run(installed, "-m", "oocpt", "no-such-command").returncode == 2
