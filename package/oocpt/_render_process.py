@@ -15,10 +15,12 @@ import os
 import sys
 import time as clock
 
-import _aov_reader as aov_reader  # looks for the loaded host
-import _usdrecord as usdrecord
 import numpy as np
 from pxr import CameraUtil, Gf, Tf, Usd, UsdAppUtils, UsdGeom, UsdImagingGL
+
+# Last: it looks for the loaded host.
+import _aov_reader as aov_reader  # isort: skip
+import _usdrecord as usdrecord  # isort: skip
 
 RENDERER = "HdOocPTRendererPlugin"
 OWN_CAMERA = "/OocPTCamera"

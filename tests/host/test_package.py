@@ -153,7 +153,7 @@ def jbig_tiff():
 
 def run(variables, *words, **more):
     return subprocess.run(
-        [sys.executable, *map(str, words)], env={**variables, **more}, capture_output=True, text=True, timeout=300,
+        [sys.executable, *map(str, words)], env={**variables, **more}, capture_output=True, text=True, timeout=120,
         stdin=subprocess.DEVNULL, start_new_session=True, check=False,
     )  # fmt: skip
 
@@ -324,6 +324,25 @@ def test_what_is_wrong_is_said_in_one_error(installed, scene):
     assert kinds == ["RenderError"] * 4 + ["ValueError"] * 2, said
     for (_, text), part in zip(said, ["/front", "samplesPerPixel", ".none", "nothing", "0", "names"], strict=True):
         assert part in text and "\n" not in text, text
+
+
+STOPPED = """
+import os, sys, oocpt
+def stop(fraction):
+    raise KeyboardInterrupt
+try:
+    oocpt.render(sys.argv[1], width=256, samples=1000000, progress=stop)
+except KeyboardInterrupt:
+    try:
+        os.waitpid(-1, os.WNOHANG)
+    except ChildProcessError:
+        print("nobody renders")
+"""
+
+
+def test_an_interrupt_ends_the_process_that_renders(installed, scene):
+    done = run(installed, "-c", STOPPED, scene)
+    assert done.stdout == "nobody renders\n", done.stderr
 
 
 def test_without_its_host_the_package_says_what_to_install(installed):
