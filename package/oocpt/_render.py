@@ -43,12 +43,14 @@ def render(
     settings: Mapping[str, object] | None = None,
     purposes: Sequence[str] = ("proxy",),
     time: float | None = None,
+    camera_light: bool = False,
     progress: bool | Callable[[float], object] | None = None,
 ) -> Picture:
     """Renders one frame of a USD scene to arrays.
 
     All images have the shape (height, width) or (height, width, components). **Row 0 is the top of the picture**,
-    column 0 its left. There is no light at the camera, and domes are seen in the background.
+    column 0 its left. Domes are seen in the background. Without lights in the scene the picture is black, unless
+    `camera_light` puts one at the camera.
 
     Args:
         scene: a file, or a `Usd.Stage` of any OpenUSD, which is flattened to a file: the renderer has a process of its
@@ -66,6 +68,7 @@ def render(
         settings: settings of the renderer by key, "oocpt:" may be left out; they stand above those of the scene.
         purposes: drawn in addition to `default`: `render`, `proxy`, `guide`. The default is usdrecord's.
         time: a time code; without it the stage's first one.
+        camera_light: whether there is usdrecord's light at the camera.
         progress: called with the fraction that is done, some times a second; True draws a bar on standard error.
 
     Returns:
@@ -94,6 +97,7 @@ def render(
             "purposes": list(purposes),
             "aovs": names,
             "time": time,
+            "camera_light": bool(camera_light),
             "settings": {str(key): _text(value) for key, value in chosen.items()},
         }
         Path(folder, "request.json").write_text(json.dumps(request), encoding="utf-8")

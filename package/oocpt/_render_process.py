@@ -16,7 +16,7 @@ import sys
 import time as clock
 
 import numpy as np
-from pxr import CameraUtil, Gf, Tf, Usd, UsdAppUtils, UsdGeom, UsdImagingGL
+from pxr import CameraUtil, Gf, Glf, Tf, Usd, UsdAppUtils, UsdGeom, UsdImagingGL
 
 # Last: it looks for the loaded host.
 import _aov_reader as aov_reader  # isort: skip
@@ -97,8 +97,19 @@ def set_picture(engine, request, stage, camera, time):
     engine.SetRenderBufferSize(Gf.Vec2i(width, height))
     engine.SetFraming(CameraUtil.Framing(Gf.Rect2i(Gf.Vec2i(0, 0), width, height)))
     engine.SetCameraPath(camera)
+    if request["camera_light"]:
+        light_from_camera(engine, UsdGeom.Camera(stage.GetPrimAtPath(camera)).GetCamera(time))
     if not aov_reader.set_aovs(engine, request["aovs"]):
         raise usdrecord.Failed(f"the renderer does not have all of the images {', '.join(request['aovs'])}")
+
+
+def light_from_camera(engine, camera):
+    """The light that UsdAppUtils.FrameRecorder puts at the camera."""
+    place = camera.transform.ExtractTranslation()
+    light = Glf.SimpleLight()
+    light.position = Gf.Vec4f(place[0], place[1], place[2], 1.0)
+    light.transform = camera.frustum.ComputeViewInverse()
+    engine.SetLightingState([light], Glf.SimpleMaterial(), Gf.Vec4f(0.01, 0.01, 0.01, 1.0))
 
 
 def parameters_of(request, time):

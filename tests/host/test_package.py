@@ -293,6 +293,25 @@ def test_record_writes_what_render_returns(installed, scene, rendered, tmp_path)
     numpy.testing.assert_array_equal(pixels, rendered[0]["color"])
 
 
+LIT = """
+import sys, numpy, oocpt
+picture = oocpt.render(sys.argv[1], camera="front", width=16, samples=4, camera_light=True)
+numpy.save(sys.argv[2] + "/lit.npy", picture["color"])
+oocpt.usdrecord(["--camera", "front", "-w", "16", "--samples", "4", "--enableDomeLightVisibility", sys.argv[1],
+                 sys.argv[2] + "/lit.exr"])
+"""
+
+
+def test_the_light_at_the_camera_is_that_of_usdrecord(installed, scene, rendered, tmp_path):
+    import OpenImageIO as oiio
+
+    done = run(installed, "-c", LIT, scene, tmp_path)
+    assert done.returncode == 0, done.stderr
+    lit = numpy.load(tmp_path / "lit.npy")
+    numpy.testing.assert_array_equal(oiio.ImageInput.open(str(tmp_path / "lit.exr")).read_image("unknown"), lit)
+    assert lit[3, 12, 0] > 1.5 * rendered[0]["color"][14, 50, 0], "the same place on the ball"
+
+
 def test_a_missing_driver_is_said_with_what_to_install(installed, scene, tmp_path):
     program = "import oocpt, sys; oocpt.render(sys.argv[1], width=16)"
     for words in (["-c", program, scene], ["-m", "oocpt", "record", "-w", 16, scene, tmp_path / "out.exr"]):
