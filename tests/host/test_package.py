@@ -85,6 +85,16 @@ def Camera "front"
     double3 xformOp:translate = (0, 0, 10)
     uniform token[] xformOpOrder = ["xformOp:translate"]
 }}
+def Camera "side"
+{{
+    float2 clippingRange = (1, 100)
+    token projection = "orthographic"
+    float horizontalAperture = 40
+    float verticalAperture = 30
+    double3 xformOp:translate = (0, 0, 10)
+    double xformOp:rotateY = 60
+    uniform token[] xformOpOrder = ["xformOp:rotateY", "xformOp:translate"]
+}}
 def DomeLight "sky"
 {{
     float inputs:intensity = 0.5
@@ -295,9 +305,9 @@ def test_record_writes_what_render_returns(installed, scene, rendered, tmp_path)
 
 LIT = """
 import sys, numpy, oocpt
-picture = oocpt.render(sys.argv[1], camera="front", width=16, samples=4, camera_light=True)
+picture = oocpt.render(sys.argv[1], camera="side", width=16, samples=4, camera_light=True)
 numpy.save(sys.argv[2] + "/lit.npy", picture["color"])
-oocpt.usdrecord(["--camera", "front", "-w", "16", "--samples", "4", "--enableDomeLightVisibility", sys.argv[1],
+oocpt.usdrecord(["--camera", "side", "-w", "16", "--samples", "4", "--enableDomeLightVisibility", sys.argv[1],
                  sys.argv[2] + "/lit.exr"])
 """
 
@@ -309,7 +319,8 @@ def test_the_light_at_the_camera_is_that_of_usdrecord(installed, scene, rendered
     assert done.returncode == 0, done.stderr
     lit = numpy.load(tmp_path / "lit.npy")
     numpy.testing.assert_array_equal(oiio.ImageInput.open(str(tmp_path / "lit.exr")).read_image("unknown"), lit)
-    assert lit[3, 12, 0] > 1.5 * rendered[0]["color"][14, 50, 0], "the same place on the ball"
+    # The ball's middle seen from 60 degrees to the right, lit from there.
+    assert lit[3, 10, 0] > 1.5 * rendered[0]["color"][14, 50, 0]
 
 
 def test_a_missing_driver_is_said_with_what_to_install(installed, scene, tmp_path):
