@@ -116,7 +116,7 @@ def stand_in(soname: str, original: Path, users: Iterable[Path], target: Path) -
         if version
     )
     target.with_suffix(".s").write_text(source)
-    command = ["cc", "-shared", "-nostdlib", "-o", target, target.with_suffix(".s"), f"-Wl,-soname,{soname}"]
+    command = ["cc", "-shared", "-nostdlib", "-s", "-o", target, target.with_suffix(".s"), f"-Wl,-soname,{soname}"]
     if script:
         target.with_suffix(".map").write_text(script)
         command.append(f"-Wl,--version-script,{target.with_suffix('.map')}")
