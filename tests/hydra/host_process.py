@@ -22,7 +22,9 @@ import traceback
 import numpy as np
 from pxr import CameraUtil, Gf, Sdf, Tf, Usd, UsdAppUtils, UsdGeom, UsdImagingGL, UsdLux, Vt
 
-import aov_reader
+sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../plugin"))
+
+import aov_reader  # noqa: E402  of the product
 
 RENDERER = "HdOocPTRendererPlugin"
 

@@ -62,6 +62,8 @@ enum Task {
         #[arg(long)]
         prefix: PathBuf,
     },
+    /// Pack plugin, `usdrecord` and command as a Python package into `build/dist`, for `pip install`
+    Wheel,
     /// Run all tests, or those whose name contains FILTER
     Test {
         /// Part of a test's name
@@ -126,6 +128,7 @@ fn perform(task: Task) -> Result<()> {
         Task::Build => build(&places).map(drop),
         Task::Record { arguments } => record(&places, &arguments),
         Task::Env => print_env(&places),
+        Task::Wheel => product::pack(&places, &set_up(&places)?),
         Task::Install { usd, prefix } => install(&places, &usd, &prefix),
         Task::Test { filter, full } => {
             let interpreter = set_up(&places)?;

@@ -113,6 +113,22 @@ fn build_plugin_for_wheel(places: &Places, interpreter: &Interpreter) -> Result<
     HOST_PROGRAMS.iter().try_for_each(|(name, script)| write_program(places, name, script))
 }
 
+/// Builds bridge, command and plugin, and packs them as a Python package into `build/dist`.
+///
+/// # Errors
+/// If cargo, `CMake`, the build or the packing fails.
+pub(crate) fn pack(places: &Places, interpreter: &Interpreter) -> Result<()> {
+    run(cargo(places, "build").args(packages()).args(["--profile", PROFILE]))?;
+    [BRIDGE_FILE, COMMAND_FILE].iter().try_for_each(|file| keep(places, PROFILE, file))?;
+    build_plugin_for_wheel(places, interpreter)?;
+    let mut pack = Command::new(&interpreter.program);
+    pack.arg("-I").arg(places.repo.join("package/pack.py"));
+    pack.arg("--plugin").arg(places.wheel_build().join("plugin"));
+    pack.arg("--command").arg(kept(places, PROFILE, COMMAND_FILE));
+    pack.arg("--out").arg(places.repo.join("build/dist"));
+    run(&mut pack)
+}
+
 /// Builds release code against the SDK at `usd` and installs the plugin below `prefix`.
 ///
 /// # Errors

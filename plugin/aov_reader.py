@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads every AOV of a UsdImagingGL.Engine, and decodes picks, which the Python binding does not offer.
 
-Runs inside the wheel host only (OpenUSD 25.08, Itanium ABI): calls the C++ functions of the loaded libusd_ms through
-ctypes. Symbols are looked up by their mangled names, virtual functions by their slot in `HdRenderBuffer`; both are
-checked on import against a concrete class of the runtime by tests/abi. All functions must be called on the thread that
-owns the engine.
+Used by the Python package and by tests/hydra. Runs inside the wheel host only (OpenUSD 25.08, Itanium ABI): calls the
+C++ functions of the loaded libusd_ms through ctypes. Symbols are looked up by their mangled names, virtual functions by
+their slot in `HdRenderBuffer`; both are checked on import against a concrete class of the runtime by tests/abi. All
+functions must be called on the thread that owns the engine.
 """
 
 from __future__ import annotations
