@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Streaming only: the items that a ray has come to and could not visit. An item is a chunk instance whose chunk is
-// absent (mesh = NO_MESH), or, in one whose chunk is there, all records of one mesh that the ray enters at one distance:
-// the mesh is absent, or a tile that decides about a cutout of it. Tables change between submissions only, so these
-// records are all there or all absent, and no path through nested levels has to be kept. The ray keeps the items with
-// the smallest keys (entry distance and number of the chunk instance, entry distance of the record, mesh), in order, and
-// knows whether there were others. A walk goes on to the end with everything that is resident; a ray that comes back
-// visits those of the list that are resident now, then, if there were others, everything behind the last one. So an item
-// is done or not begun; visiting one twice changes nothing.
+// absent (mesh = NO_MESH), or, in one whose chunk is there, all records of one mesh that the ray enters at one
+// distance: the mesh is absent, or a tile that decides about a cutout of it. Tables change between submissions only, so
+// these records are all there or all absent, and no path through nested levels has to be kept. The ray keeps the items
+// with the smallest keys (entry distance and number of the chunk instance, entry distance of the record, mesh), in
+// order, and knows whether there were others. A walk goes on to the end with everything that is resident; a ray that
+// comes back visits those of the list that are resident now, then, if there were others, everything behind the last
+// one. So an item is done or not begun; visiting one twice changes nothing.
 #ifndef OOCPT_PENDING_GLSL
 #define OOCPT_PENDING_GLSL
 

@@ -5,7 +5,8 @@
 //! *bases* of the planner's catalog.
 //!
 //! Asset ids: meshes first (the mesh index), then assemblies (index + meshes), then chunks (index + meshes +
-//! assemblies), then tiles (their number + all those). Unit ids: chunks first, then meshes, then tiles. Pure; any thread.
+//! assemblies), then tiles (their number + all those). Unit ids: chunks first, then meshes, then tiles. Pure; any
+//! thread.
 
 use super::source::{AssetKey, Source};
 use crate::error::RenderError;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Brings chunks and meshes into host memory where rays read them (`reach`): those that rays wait for and the device has no room
-//! for. Render thread only.
+//! Brings chunks and meshes into host memory where rays read them (`reach`): those that rays wait for and the device
+//! has no room for. Render thread only.
 
 use super::reach::Reach;
 use super::residency::Residency;

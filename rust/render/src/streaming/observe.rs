@@ -45,7 +45,8 @@ pub(crate) struct Observation {
     pub(crate) visited: Vec<u32>,
     /// With roulette on loads: what it knows and counts.
     pub(crate) roulette: Roulette,
-    /// With it: what the rays that wait for each chunk and mesh first may bring, in `1 / WORTH_ONE`; empty when nobody looked.
+    /// With it: what the rays that wait for each chunk and mesh first may bring, in `1 / WORTH_ONE`; empty when nobody
+    /// looked.
     pub(crate) worth: Vec<u32>,
 }
 

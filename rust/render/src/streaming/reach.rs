@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Chunks and meshes that rays read in host memory, across the bus, while the device has no room for them: none waits for these.
-//! What is visited most comes to the device (`Planner`), what has to go is read in host memory again.
+//! Chunks and meshes that rays read in host memory, across the bus, while the device has no room for them: none waits
+//! for these. What is visited most comes to the device (`Planner`), what has to go is read in host memory again.
 //!
 //! A unit is reached when all assets of its closure lie in host memory. Pure bookkeeping.
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Whether a picture gets on, in counted work: loads that were made and paths that have ended. Seconds say nothing of it,
-//! since disks and devices may be slow. Pure.
+//! Whether a picture gets on, in counted work: loads that were made and paths that have ended. Seconds say nothing of
+//! it, since disks and devices may be slow. Pure.
 
 /// Loads without a path that ends, whatever the scene has: a million.
 const MOST_LOADS: u64 = 1 << 20;

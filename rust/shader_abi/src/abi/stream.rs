@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What paths need when chunks and meshes may be absent: lists of items that rays wait for, surfaces kept while their chunk
-//! leaves, segments of paths, and the demand that the host reads.
+//! What paths need when chunks and meshes may be absent: lists of items that rays wait for, surfaces kept while their
+//! chunk leaves, segments of paths, and the demand that the host reads.
 //!
 //! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Rays that need two units at the same time, such as a chunk and a mesh that it places: they all get on, also where the
-//! budget holds no more than the two.
+//! Rays that need two units at the same time, such as a chunk and a mesh that it places: they all get on, also where
+//! the budget holds no more than the two.
 
 use super::witness::{Witness, kinds};
 use oocpt_core::residency::{Catalog, Command, Demand, Planner, PolicyKind};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The passes by themselves, with chunks and meshes that come and go without any loader: the same bits as with everything
-//! resident.
+//! The passes by themselves, with chunks and meshes that come and go without any loader: the same bits as with
+//! everything resident.
 
 mod handmade_scene;
 mod pass_runner;
