@@ -21,8 +21,10 @@ pub struct Faults {
     pub early_roulette: bool,
     /// Lets each pixel's own samples decide how many more it gets: adaptive pictures are biased.
     pub naive_sampling: bool,
-    /// Leaves masks of cutouts out: every candidate is asked of its texture. The picture is the same.
+    /// Leaves masks of cutouts out: every candidate is asked of its texture. The picture has the same mean.
     pub no_opacity_masks: bool,
+    /// What masks leave open of cutouts is looked up by the passes that trace. The picture is the same.
+    pub no_deferred_cutouts: bool,
     /// What is compiled in beside what the scene needs: lobes that only tests have.
     pub more_features: Features,
     /// The first picture of a scene that fits is rendered while the scene comes, on any device (`upload`).

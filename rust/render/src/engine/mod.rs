@@ -80,6 +80,8 @@ impl Parts {
         // While streaming a ray waits for the texture of a cutout as it does for chunks.
         let walks_natively = is_cpu(setting.device) && job.settings.traversal != TraversalKind::Compute;
         let defers = !streams && !walks_natively && needed.contains(Features::OPACITY_MASKS);
+        #[cfg(feature = "faults")]
+        let defers = defers && !job.options.faults.no_deferred_cutouts;
         if defers && view.masks_answer_most {
             needed.insert(Features::DEFERRED_CUTOUTS);
         }

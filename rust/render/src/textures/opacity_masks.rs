@@ -34,6 +34,9 @@ const LONGEST_SIDES: [(u32, usize); 8] = [
     (64, MOST_BYTES),
     (32, MOST_BYTES),
 ];
+/// Where no more than one in so many materials that have to be asked lacks a mask, what masks leave open is looked up in
+/// passes of its own: a ray that comes to a candidate without a mask is walked again.
+const LEAST_MASKED: usize = 4;
 /// Words between places where a mask may begin.
 const UNIT: usize = 4;
 /// Words of the record of a set of files.
@@ -56,8 +59,9 @@ pub(crate) struct OpacityMasks {
     are_opaque: Vec<bool>,
     /// Whether some material has to be asked.
     pub(crate) has_cutouts: bool,
-    /// Whether some of those has no mask, or a part of it has none.
-    has_unmasked: bool,
+    /// Materials that have to be asked, and those of them that have no mask, or a part without one.
+    asked: usize,
+    unmasked: usize,
     /// What of them only the shaders look up, in words.
     pub(crate) of_shaders: Option<&'static str>,
 }
@@ -68,9 +72,9 @@ impl OpacityMasks {
         self.first_words.get(material).copied().flatten()
     }
 
-    /// Whether masks answer but for lookups that are near.
+    /// Whether masks answer for most materials, but for lookups that are near.
     pub(crate) fn answer_most(&self) -> bool {
-        !self.words.is_empty() && !self.has_unmasked
+        !self.words.is_empty() && LEAST_MASKED * self.unmasked <= self.asked
     }
 
     /// Whether a material's surfaces are there, whatever it says of opacity.
@@ -211,7 +215,8 @@ impl Placing<'_> {
         };
         if material.flags.contains(MaterialFlags::PRESENCE) && !is_opaque {
             self.masks.has_cutouts = true;
-            self.masks.has_unmasked |= first.is_none() || wanted.lacks_part;
+            self.masks.asked += 1;
+            self.masks.unmasked += usize::from(first.is_none() || wanted.lacks_part);
             self.masks.of_shaders = self.masks.of_shaders.or(only_shaders);
         }
         self.masks.first_words.push(first);
@@ -240,10 +245,7 @@ impl Placing<'_> {
         words[1] = MASK_SET;
         let first = self.masks.add(&words);
         for (part, key) in &keys {
-            let (Some(set), Some(first)) = (first, self.first_word(*key)) else {
-                self.masks.has_unmasked = true;
-                continue;
-            };
+            let (Some(set), Some(first)) = (first, self.first_word(*key)) else { continue };
             // Backwards for a mask that another material has as well.
             let away = (i64::from(first) - i64::from(set)) / i64::try_from(UNIT).unwrap_or(1);
             let at = set as usize + 2 + part;

@@ -114,7 +114,8 @@ fn masked(
     settings: Settings,
 ) -> (Render, Session) {
     let more_features = if are_apart { Features::DEFERRED_CUTOUTS } else { Features::empty() };
-    let faults = Faults { no_opacity_masks: !are_there, more_features, ..Faults::default() };
+    let (no_opacity_masks, no_deferred_cutouts) = (!are_there, !are_apart);
+    let faults = Faults { no_opacity_masks, no_deferred_cutouts, more_features, ..Faults::default() };
     let force_streaming = budget.is_some();
     let settings = Settings { geometry_budget_kib: budget.unwrap_or(0), ..settings };
     let wanted = settings.traversal;
@@ -199,7 +200,8 @@ pub(super) fn cards(path: &str, id: i32, along: u16, part: impl Fn(u16, u16) -> 
 /// What share of camera rays meets something, and of pixels that have an id.
 pub(super) fn coverage(samples: u32, masks: Masks, budget: Option<u32>, build: impl Fn(&mut SceneDb)) -> [f64; 2] {
     let more_features = if masks.1 { Features::DEFERRED_CUTOUTS } else { Features::empty() };
-    let faults = Faults { no_opacity_masks: !masks.0, more_features, ..Faults::default() };
+    let (no_opacity_masks, no_deferred_cutouts) = (!masks.0, !masks.1);
+    let faults = Faults { no_opacity_masks, no_deferred_cutouts, more_features, ..Faults::default() };
     let force_streaming = budget.is_some();
     let settings = Settings { geometry_budget_kib: budget.unwrap_or(0), ..settings(samples, 1) };
     let options = SessionOptions { faults, force_streaming, ..options() };
