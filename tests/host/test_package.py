@@ -19,7 +19,7 @@ import numpy
 import pytest
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
-PACKAGE = REPOSITORY / "package"
+PACKAGE = REPOSITORY / "plugin" / "package"
 sys.path.append(str(PACKAGE))
 
 import libraries  # noqa: E402  the packer's

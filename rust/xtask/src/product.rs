@@ -122,7 +122,7 @@ pub(crate) fn pack(places: &Places, interpreter: &Interpreter) -> Result<()> {
     [BRIDGE_FILE, COMMAND_FILE].iter().try_for_each(|file| keep(places, PROFILE, file))?;
     build_plugin_for_wheel(places, interpreter)?;
     let mut pack = Command::new(&interpreter.program);
-    pack.arg("-I").arg(places.repo.join("package/pack.py"));
+    pack.arg("-I").arg(places.repo.join("plugin/package/pack.py"));
     pack.arg("--plugin").arg(places.wheel_build().join("plugin"));
     pack.arg("--command").arg(kept(places, PROFILE, COMMAND_FILE));
     pack.arg("--out").arg(places.repo.join("build/dist"));

@@ -70,7 +70,7 @@ impl Commands {
             let flags = below(&[&stem, &format!("{CLI}scene/"), &format!("{CLI}host.rs"), "plugin/texture-host"]);
             made.tools.insert(name, Tool { commands, flags });
         }
-        // A command of the Python package alone (package/oocpt/__main__.py): usdrecord by another name.
+        // A command of the Python package alone (plugin/package/oocpt/__main__.py): usdrecord by another name.
         made.tools.insert("record".to_owned(), Tool { commands: Names::new(), flags: usdrecord.clone() });
         let scripts = files.iter().filter(|(file, _)| file.ends_with(".py"));
         made.programs = scripts.map(|(file, text)| (file.clone(), flags(file, text).collect())).collect();

@@ -21,7 +21,7 @@ import zipfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-REPOSITORY = HERE.parent
+REPOSITORY = HERE.parent.parent
 sys.path.insert(0, str(HERE))
 
 import libraries  # noqa: E402  beside this file
