@@ -40,8 +40,8 @@ impl Assembler<'_> {
             let (from, rises) = step_of(of)?;
             let (scale, bias, threshold) = match rises {
                 true => (1.0, 0.0, from),
-                // There up to the number before.
-                false => (-1.0, 1.0 + f32::from_bits(from.to_bits() - 1), 1.0),
+                // There below it: the difference of two numbers is 0 only where they are the same.
+                false => (-1.0, from, f32::MIN_POSITIVE),
             };
             (lookup.scale, lookup.bias) = ([scale; 4], [bias; 4]);
             Some((InputSource::Texture(lookup, Some(channel)), threshold))
