@@ -13,7 +13,7 @@ const CHANNEL_SHIFT: u32 = 4;
 const INCLUSIVE: u32 = 64;
 const PRESENT: u32 = 128;
 
-/// `is_covered`: whether a ray meets what is there in so many parts of 255; `chance` is a number from 0 up to but not 1.
+/// `is_covered`: whether a ray meets what is there in so many parts of 255; `chance` is a number from 0 to below 1.
 fn is_covered(coverage: u8, is_chance: bool, of_aovs: bool, chance: impl FnOnce() -> f32) -> bool {
     match coverage {
         0 | 255 => coverage != 0,

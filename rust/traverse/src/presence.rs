@@ -101,8 +101,8 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         Some(Presence { opacity, threshold })
     }
 
-    /// Which texel is the opacity of a candidate, or what the mask says. The threshold comes before the filter: a lookup
-    /// that is compared is of the finest level.
+    /// Which texel is the opacity of a candidate, or what the mask says. The threshold comes before the filter: a
+    /// lookup that is compared is of the finest level.
     fn texel(
         &self,
         material: u32,

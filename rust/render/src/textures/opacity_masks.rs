@@ -34,15 +34,15 @@ const LONGEST_SIDES: [(u32, usize); 8] = [
     (64, MOST_BYTES),
     (32, MOST_BYTES),
 ];
-/// Where no more than one in so many materials that have to be asked lacks a mask, what masks leave open is looked up in
-/// passes of its own: a ray that comes to a candidate without a mask is walked again.
+/// Where no more than one in so many materials that have to be asked lacks a mask, what masks leave open is looked up
+/// in passes of its own: a ray that comes to a candidate without a mask is walked again.
 const LEAST_MASKED: usize = 4;
 /// Words between places where a mask may begin.
 const UNIT: usize = 4;
 /// Words of the record of a set of files.
 const SET_WORDS: usize = (2 + abi::UDIM_PARTS as usize).next_multiple_of(UNIT);
 
-/// Image, channel, wrap modes and the longest side, and the bits of scale, bias, threshold and what is around the image.
+/// Image, channel, wrap modes, the longest side, and the bits of scale, bias, threshold and what is around the image.
 type MaskKey = (u64, u8, [u32; 3], [u32; 4]);
 
 /// Masks that were made; `None`: there is none.

@@ -108,7 +108,7 @@ impl Image for Torn {
     }
 }
 
-/// White, with alpha in the shape of a disc of this radius with a soft rim; smaller levels are made by whoever reads it.
+/// White, with alpha in the shape of a disc of this radius with a soft rim; whoever reads it makes smaller levels.
 #[derive(Debug)]
 struct Disc([u32; 2], f64);
 
