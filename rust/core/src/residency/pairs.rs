@@ -34,7 +34,7 @@ impl Planner {
         let partner = self.partner(&plan.demand, unit).filter(|partner| self.is_held(*partner));
         let partner = partner.filter(|_| !matches!(press, Press::Ahead(_)));
         partner.into_iter().for_each(|partner| self.hold(partner));
-        let tried = self.try_load_alone(plan, unit, press);
+        let tried = self.try_load_beside(plan, unit, partner, press);
         match partner {
             Some(partner) if tried == Try::Issued => {
                 self.hold(unit);
@@ -79,7 +79,7 @@ impl Planner {
     /// loaded, so that the room comes, and the other one stays meanwhile. Without that, each could go for the other.
     pub(super) fn pay_owed(&mut self, plan: &mut Plan<'_>) -> bool {
         let Some(pair) = self.owed else { return true };
-        for unit in pair {
+        for (unit, other) in [(pair[0], pair[1]), (pair[1], pair[0])] {
             if self.is_held(unit) {
                 continue;
             }
@@ -87,7 +87,7 @@ impl Planner {
                 return self.forgive(pair);
             }
             // Of partners only this one stays: with another one there might never be room.
-            match self.try_load_alone(plan, unit, Press::Must) {
+            match self.try_load_beside(plan, unit, Some(other), Press::Must) {
                 Try::Issued => {}
                 Try::Refused => return self.forgive(pair),
                 Try::NoRoom | Try::Full | Try::Shared => return false,

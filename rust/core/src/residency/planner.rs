@@ -174,7 +174,7 @@ impl Planner {
         let entry = &mut self.entries[unit as usize];
         entry.state = UnitState::Absent;
         entry.retry = self.step.wrapping_add(pause);
-        self.allowance = self.holdings.held().max(self.largest).min(self.allowance);
+        self.allowance = self.holdings.held().min(self.allowance);
         self.count_bytes();
     }
 

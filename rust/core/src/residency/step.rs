@@ -221,7 +221,15 @@ impl Planner {
         refusals
     }
 
-    pub(super) fn try_load_alone(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: Press) -> Try {
+    /// Begins to load a unit, while another one stays. Where loads have failed, all others go at last: what is free is
+    /// in one piece then.
+    pub(super) fn try_load_beside(
+        &mut self,
+        plan: &mut Plan<'_>,
+        unit: UnitId,
+        other: Option<UnitId>,
+        press: Press,
+    ) -> Try {
         let Some(missing) = self.holdings.missing(&self.catalog, unit) else { return Try::Shared };
         let (kind, limit) = match press {
             Press::Must | Press::Worth(_) => (LoadKind::Demanded, self.in_flight_limit(plan)),
@@ -231,7 +239,9 @@ impl Planner {
         if in_flight > 0 && in_flight.saturating_add(missing) > limit {
             return Try::Full;
         }
-        if self.holdings.held() + missing > self.allowance {
+        let of_both = [Some(unit), other].into_iter().flatten().map(|unit| self.catalog.closure_bytes(unit));
+        let allowance = of_both.fold(0, u64::saturating_add).max(self.allowance).min(self.budget);
+        if self.holdings.held() + missing > allowance {
             let first = self.first_victim(plan);
             if !first.is_some_and(|first| self.may_displace(plan, press, first)) {
                 return Try::NoRoom;
@@ -244,7 +254,7 @@ impl Planner {
         let mut assets = Vec::new();
         self.holdings.acquire(&self.catalog, unit, &mut assets);
         let room = kind == LoadKind::Demanded || self.leaves_room(plan);
-        let Some(victims) = room.then(|| self.make_room(plan, press)).flatten() else {
+        let Some(victims) = room.then(|| self.make_room(plan, press, allowance)).flatten() else {
             self.holdings.release(&self.catalog, unit, &mut Vec::new());
             return Try::NoRoom;
         };
@@ -256,10 +266,10 @@ impl Planner {
         Try::Issued
     }
 
-    /// Releases victims until what is held fits; releases nothing when that cannot be.
-    fn make_room(&mut self, plan: &mut Plan<'_>, press: Press) -> Option<Vec<(Victim, Vec<AssetId>)>> {
+    /// Releases victims until no more is held than `allowance`; releases nothing when that cannot be.
+    fn make_room(&mut self, plan: &mut Plan<'_>, press: Press, allowance: u64) -> Option<Vec<(Victim, Vec<AssetId>)>> {
         let mut gone: Vec<(Victim, Vec<AssetId>)> = Vec::new();
-        while self.holdings.held() > self.allowance {
+        while self.holdings.held() > allowance {
             let next = self.first_victim(plan);
             let Some(victim) = next.filter(|&victim| self.may_displace(plan, press, victim)) else {
                 let victims = plan.victims.get_or_insert_default();

@@ -157,3 +157,26 @@ fn another_partner_takes_no_room_from_units_that_starve_together() {
         assert!(steps_to_the_end(&case, &mut witness, 0, 1000).is_some(), "{kind}: rays still wait");
     }
 }
+
+/// A device whose free memory is in pieces: a unit finds none beside anything but its partner, though all fits the
+/// budget.
+#[test]
+fn a_load_that_keeps_failing_ends_beside_its_partner_alone() {
+    for kind in PolicyKind::ALL {
+        let catalog = Catalog::new(vec![40, 10, 10, 10], [[0], [1], [2], [3]]).expect("a good catalog").with_bases(2);
+        let mut planner = Planner::new(Arc::new(catalog), 60, kind).expect("they fit");
+        assert!(planner.keep_resident(1) && planner.keep_resident(2), "{kind}: kept");
+        let ended = (0..1000).any(|_| {
+            let demand = Demand { waiting: &[0, 1, 0, 1], partners: &[0, 4, 0, 2], ..Demand::default() };
+            for command in planner.step(&demand) {
+                match command {
+                    Command::Load { unit: 3, .. } if planner.is_resident(2) => planner.failed(3),
+                    Command::Load { unit, .. } => planner.loaded(unit),
+                    Command::Evict { .. } => {}
+                }
+            }
+            planner.is_resident(1) && planner.is_resident(3)
+        });
+        assert!(ended, "{kind}: it fails for ever");
+    }
+}
