@@ -46,6 +46,7 @@ fn options(variable: impl Fn(&str) -> Option<String>) -> SessionOptions {
         validation: variable("OOCPT_VALIDATION").is_some_and(is_on),
         profile: variable("OOCPT_PROFILE").is_some_and(is_on),
         progress_bar: variable("OOCPT_PROGRESS").is_some_and(is_on),
+        closing_words: true,
         ..SessionOptions::default()
     }
 }

@@ -10,18 +10,19 @@ use crate::error::RenderError;
 use crate::feedback::Feedback;
 use crate::film::Film;
 use crate::host_memory;
+use crate::in_core::{path_needs, roomy_waves};
 use crate::in_flight;
 use crate::job::Job;
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
 use crate::progress::Progress;
 use crate::request::Severity;
-use crate::setting::{Setting, geometry_cap, has_light_paths, has_shadow_rays, in_flight, is_cpu, paths, shrinking};
+use crate::setting::{Setting, geometry_cap, in_flight, is_cpu, paths, shrinking};
 use crate::shared::Gate;
 use crate::specialise::Carry;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::upload::Upload;
-use crate::wavefront::{Ahead, PathBuffers, PathNeeds};
+use crate::wavefront::{Ahead, PathBuffers};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::Snapshot;
 #[cfg(feature = "faults")]
@@ -297,14 +298,7 @@ impl Renderer {
             return false;
         }
         let missing = missing + scene.assets.tile_bytes.min(FEWEST_TILES);
-        let waves = if self.waves.is_some() {
-            0
-        } else {
-            let textures = scene.assets.tile_bytes > 0;
-            // Whether cutouts need queues is not known yet: they take little, and only of scenes that have textures.
-            let path_bytes = path_needs(setting, textures, false).bytes_a_path(scene.levels());
-            in_flight(setting, path_bytes).roomy() * path_bytes
-        };
+        let waves = if self.waves.is_some() { 0 } else { roomy_waves(setting, scene) };
         let unused_arenas = || {
             let heap = setting.device.heap.stats();
             heap.arena_bytes.saturating_sub(heap.used_bytes)
@@ -412,17 +406,5 @@ impl Renderer {
         waves.asked = wanted;
         self.waves = Some(waves);
         Ok(())
-    }
-}
-
-/// What the paths of a scene in core need.
-fn path_needs(setting: &Setting<'_>, textures: bool, deferred_cutouts: bool) -> PathNeeds {
-    PathNeeds {
-        // First hits ask no light.
-        shadows: setting.film.has_color() && has_shadow_rays(setting),
-        textures,
-        light_paths: has_light_paths(setting),
-        feedback: textures,
-        deferred_cutouts,
     }
 }

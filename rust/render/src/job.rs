@@ -40,6 +40,9 @@ pub struct SessionOptions {
     pub in_flight: Option<u32>,
     /// Draws a progress bar on standard error while samples are traced; for command lines.
     pub progress_bar: bool,
+    /// A render that shows no images on the way says how it ended: a [`crate::Severity::Status`] with time, error and
+    /// memory, and a warning where a few pixels hold most of the error. For hosts with a user.
+    pub closing_words: bool,
     /// Faults injected by tests.
     #[cfg(feature = "faults")]
     pub faults: crate::faults::Faults,

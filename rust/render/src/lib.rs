@@ -32,6 +32,7 @@ mod film;
 mod frame;
 mod geometry_files;
 mod host_memory;
+mod in_core;
 mod in_flight;
 mod inventory;
 mod job;

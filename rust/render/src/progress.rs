@@ -50,6 +50,8 @@ pub(crate) struct Progress<'a> {
     size: [u32; 2],
     /// Whether images are published before the last one.
     interactive: bool,
+    /// Whether a batch render says how it ended.
+    says_how_it_ended: bool,
     /// The render has ended as planned.
     is_finished: bool,
     /// Adaptive: paths that are decided.
@@ -92,6 +94,7 @@ impl<'a> Progress<'a> {
             next_publish: now + FIRST_INTERVAL,
             interval: FIRST_INTERVAL,
             interactive: job.settings.interactive,
+            says_how_it_ended: job.options.closing_words && !job.settings.interactive,
             is_finished: false,
             decided: None,
             before: None,
@@ -372,7 +375,7 @@ impl<'a> Progress<'a> {
         stats.host_peak_bytes = host_memory::peak();
         let usage = Usage::of(&stats);
         let nonfinite = stats.nonfinite_samples;
-        if self.is_finished && !self.interactive {
+        if self.is_finished && self.says_how_it_ended {
             self.shared.report(Severity::Status, closing_words::line(&stats));
             let row = stats.error.as_ref().filter(|_| nonfinite == 0);
             if let Some(warning) = row.and_then(|row| closing_words::fireflies(row, self.pixels)) {

@@ -185,6 +185,11 @@ impl StreamBuffers {
         list_questions(textures.questions.as_ref(), capacity, inventory);
     }
 
+    /// Device bytes that grow with the slots.
+    pub(crate) fn slots_bytes(&self, gpu: &Gpu) -> u64 {
+        u64::from(self.paths.capacity) * slot_bytes(gpu, self.needs)
+    }
+
     /// Whether this memory serves such a scene and so many paths, or is as much as there could be for them.
     pub(crate) fn serves(&self, needs: Needs, asked: (u64, u64)) -> bool {
         let enough = self.asked.0 >= asked.0 && self.asked.1 >= asked.1;

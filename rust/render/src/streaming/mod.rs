@@ -35,6 +35,7 @@ use crate::device::Device;
 use crate::engine::{self, Parts, Tracer};
 use crate::error::RenderError;
 use crate::host_memory::{self, Part};
+use crate::in_core::roomy_waves;
 use crate::job::Job;
 use crate::progress::Progress;
 use crate::setting::{Setting, geometry_cap, has_light_paths, has_shadow_rays, is_cpu, maps_host, shrinking};
@@ -106,7 +107,17 @@ pub(crate) fn render(
     };
     let parts = Parts::new(setting, &view, true);
     device.bsdf_tables(parts.features)?; // before geometry takes what is left
-    let budget = geometry_budget(setting, scene);
+    let maps = maps_host(device, &job.settings);
+    let budget = match geometry_budget(setting, scene) {
+        left if maps && may_split(setting, scene) => {
+            let waves = roomy_waves(setting, scene);
+            // What is taken of what is unused then: half where tiles come too, else all but an eighth.
+            let waves = if scene.assets.tile_bytes > 0 { 2 * waves } else { waves + waves / 7 };
+            let beside = share::beside_waves(left, buffers.slots_bytes(&device.gpu), waves);
+            beside.max(scene.assets.catalog.least_budget().min(left))
+        }
+        left => left,
+    };
     reserve(setting, scene, budget)?;
     let policy = job.settings.policy;
     let mut listed = Inventory::default();
@@ -114,7 +125,7 @@ pub(crate) fn render(
     buffers.list(&mut listed);
     listed.add("geometry and textures, at most", budget);
     let assets = scene.assets.clone();
-    let filler = host_share(setting, scene, maps_host(device, &job.settings))?;
+    let filler = host_share(setting, scene, maps)?;
     let may_leave = filler.is_some() && may_split(setting, scene) && holds(device, &assets, budget)?;
     let mut leave = Leave::new(may_leave, assets.tile_bytes > 0, buffers.paths.capacity, leaves_soon(job));
     let (_, store, tables) = scene.parts()?;

@@ -55,9 +55,26 @@ impl Room {
     }
 }
 
+/// Bytes of units on the device where the rest of a picture may be traced without streaming: of the `left` bytes so
+/// many that, when the `slots` bytes of paths in slots are freed, there is room for `waves` bytes of paths in core, or
+/// half of both. What else there is of the scene is read in host memory then; a wave that is too small takes longer than
+/// that (decisions/0029).
+pub(super) fn beside_waves(left: u64, slots: u64, waves: u64) -> u64 {
+    let all = left.saturating_add(slots);
+    left.min(all.saturating_sub(waves).max(all / 2))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn units_leave_room_for_the_waves_that_come_after_streaming() {
+        assert_eq!(beside_waves(140, 27, 98), 83, "both freed, the waves have room");
+        assert_eq!(beside_waves(500, 200, 98), 500, "the slots alone leave enough");
+        assert_eq!(beside_waves(60, 20, 98), 40, "half of both, however small");
+        assert_eq!(beside_waves(0, 0, 98), 0);
+    }
 
     const ROOM: Room = Room {
         bytes: 1 << 30,
