@@ -308,7 +308,10 @@ fn reserve(setting: &Setting<'_>, scene: &Scene, budget: u64) -> Result<(), Rend
     let wanted = budget.min(scene.assets.bytes);
     let wanted = (wanted + wanted / SLACK).saturating_sub(there);
     let unused = memory.budget.saturating_sub(memory.used).saturating_sub(SMALL_BUFFERS);
-    let mut left = wanted.min(unused);
+    // What is too large for arenas has memory of its own, which these are to leave.
+    let largest = scene.assets.largest_bytes;
+    let dedicated = if largest > setting.device.heap.largest_shared() { largest } else { 0 };
+    let mut left = wanted.min(unused).saturating_sub(dedicated);
     while left >= LEAST_RESERVED {
         match setting.device.heap.reserve(left)? {
             0 => break,

@@ -254,7 +254,7 @@ impl<'a> Residency<'a> {
                 if self.orphans.remove(&asset) {
                     continue;
                 }
-                if self.store.begin(self.device, &self.assets, asset, Patience::Now)? {
+                if self.begins(asset)? {
                     load.begun.push(asset);
                     continue;
                 }
@@ -270,6 +270,19 @@ impl<'a> Residency<'a> {
             self.finish_if_ready(load.unit);
         }
         Ok(())
+    }
+
+    /// Starts to bring an asset; one that is too large for arenas, if need be in place of those that hold nothing.
+    fn begins(&mut self, asset: AssetId) -> Result<bool, RenderError> {
+        let Self { device, assets, store, .. } = self;
+        if store.begin(device, assets, asset, Patience::Now)? {
+            return Ok(true);
+        }
+        if assets.catalog.bytes(asset) <= device.heap.largest_shared() {
+            return Ok(false);
+        }
+        device.heap.trim();
+        store.begin(device, assets, asset, Patience::Now)
     }
 
     /// There is no memory for a load although nothing is about to be freed: the planner must make room. The loads after
