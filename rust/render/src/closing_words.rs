@@ -33,7 +33,7 @@ pub(crate) fn fireflies(row: &ErrorRow, pixels: u64) -> Option<String> {
     let estimate = row.estimate?;
     #[expect(clippy::cast_precision_loss, reason = "a share")]
     let limit = SHARE * estimate.rel_mse * pixels as f64;
-    if !(limit > 0.0) {
+    if limit.is_nan() || limit <= 0.0 {
         return None;
     }
     let mut sum = 0.0;

@@ -2,8 +2,6 @@
 //! What all cases do: render, compare with the f64 tracer, write rows. Whatever a render does wrong by itself (NaN,
 //! hang, error) is a row too.
 
-#![expect(clippy::too_many_arguments, reason = "a comparison takes what is compared")]
-
 use std::time::Instant;
 
 use oocpt_core::camera::Camera;

@@ -4,11 +4,11 @@
 //! the threshold, or what its opacity is there in the mean. A wide lookup of a ray is met with the probability that the
 //! cell of its width has; a narrow one is decided where all of its cell is there or nothing is, and else looked up at
 //! the finest level. So coverage is the same from every distance (after Yuksel 2017, "Alpha Distribution for Alpha
-//! Testing", and Wyman and McGuire 2017, "Hashed Alpha Testing", which keep it by other means).
+//! Testing", and Wyman and `McGuire` 2017, "Hashed Alpha Testing", which keep it by other means).
 //!
 //! Words, u32: width | height << 16 of level 0; a word of modes; for each level that is kept, where its cells begin, in
 //! bytes from the first word; cells, a byte each, row by row. Modes: wrap of s and of t (two bits each), a bit that is
-//! [`SET`]'s, [`OpacityMask::fine`] (3 bits from 4 on), first and last level (5 bits each from 8 and 13 on), and from
+//! [`SET`]'s, the fineness (3 bits from 4 on), first and last level (5 bits each from 8 and 13 on), and from
 //! 24 on the byte of what is around the picture. The first level that is kept is that of narrow lookups: level 0 with
 //! 2^fine cells along a texel, or the first one whose sides are short enough. A byte is 0 only where nothing
 //! is there whatever rounds, 255 only where all is.

@@ -108,16 +108,7 @@ pub(crate) fn render(
     let parts = Parts::new(setting, &view, true);
     device.bsdf_tables(parts.features)?; // before geometry takes what is left
     let maps = maps_host(device, &job.settings);
-    let budget = match geometry_budget(setting, scene) {
-        left if maps && may_split(setting, scene) => {
-            let waves = roomy_waves(setting, scene);
-            // What is taken of what is unused then: half where tiles come too, else all but an eighth.
-            let waves = if scene.assets.tile_bytes > 0 { 2 * waves } else { waves + waves / 7 };
-            let beside = share::beside_waves(left, buffers.slots_bytes(&device.gpu), waves);
-            beside.max(scene.assets.catalog.least_budget().min(left))
-        }
-        left => left,
-    };
+    let budget = geometry_budget(setting, scene, buffers);
     reserve(setting, scene, budget)?;
     let policy = job.settings.policy;
     let mut listed = Inventory::default();
@@ -288,16 +279,24 @@ fn host_share(setting: &Setting<'_>, scene: &mut Scene, maps: bool) -> Result<Op
     HostHeapFiller::start(device, mapped).map(Some)
 }
 
-/// Bytes that chunks, meshes and assemblies may take: what the budget leaves, less some slack, and no more than the
-/// user's own cap.
-fn geometry_budget(setting: &Setting<'_>, scene: &Scene) -> u64 {
+/// Bytes that chunks, meshes and assemblies may take: what the budget leaves, less some slack, no more than the user's
+/// own cap, and so little that a picture whose rest is traced without streaming has room for waves then.
+fn geometry_budget(setting: &Setting<'_>, scene: &Scene, buffers: &StreamBuffers) -> u64 {
     let memory = setting.device.gpu.memory();
     let heap = setting.device.heap.stats();
     let unused_arenas = heap.arena_bytes.saturating_sub(heap.used_bytes);
     let free = memory.budget.saturating_sub(memory.used) + unused_arenas + scene.store.bytes();
     let slack = free / SLACK;
     let left = free - slack;
-    geometry_cap(setting.job).map_or(left, |cap| cap.min(left))
+    let cap = geometry_cap(setting.job).unwrap_or(u64::MAX);
+    if !(maps_host(setting.device, &setting.job.settings) && may_split(setting, scene)) {
+        return left.min(cap);
+    }
+    let waves = roomy_waves(setting, scene);
+    // Waves take half of what is unused where tiles come too, else all but an eighth.
+    let waves = if scene.assets.tile_bytes > 0 { 2 * waves } else { waves + waves / 7 };
+    let beside = share::beside_waves(left, buffers.slots_bytes(&setting.device.gpu), waves);
+    beside.max(scene.assets.catalog.least_budget().min(left)).min(cap)
 }
 
 /// Makes large arenas for `budget` bytes of units and what they lose to holes, as far as there is

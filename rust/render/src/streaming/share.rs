@@ -57,8 +57,8 @@ impl Room {
 
 /// Bytes of units on the device where the rest of a picture may be traced without streaming: of the `left` bytes so
 /// many that, when the `slots` bytes of paths in slots are freed, there is room for `waves` bytes of paths in core, or
-/// half of both. What else there is of the scene is read in host memory then; a wave that is too small takes longer than
-/// that (decisions/0029).
+/// half of both. What else there is of the scene is read in host memory then; a wave that is too small takes
+/// longer than that (decisions/0029).
 pub(super) fn beside_waves(left: u64, slots: u64, waves: u64) -> u64 {
     let all = left.saturating_add(slots);
     left.min(all.saturating_sub(waves).max(all / 2))

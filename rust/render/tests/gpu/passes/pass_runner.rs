@@ -75,20 +75,11 @@ impl<'a> Tracer<'a> {
         for (name, bytes) in sizes.into_iter().chain(queues) {
             tracer.make(name, slots * u64::from(bytes));
         }
-        let per_slot = [
-            ("progress", 4),
-            ("pending", 64),
-            ("shadow pending", 64),
-            ("kept", 80),
-            ("deferred 0", 8),
-            ("deferred 1", 8),
-            ("places", 4),
-            ("free slots", 4),
-        ];
-        for (name, bytes) in per_slot {
+        let lists = [("pending", 64), ("shadow pending", 64), ("kept", 80), ("deferred 0", 8), ("deferred 1", 8)];
+        let numbers = [("progress", 4), ("places", 4), ("free slots", 4), ("ended", 16)];
+        for (name, bytes) in lists.into_iter().chain(numbers) {
             tracer.make(name, slots * bytes);
         }
-        tracer.make("ended", 16 * slots);
         tracer.make("segments", 16 * u64::from(SEGMENTS));
         tracer.make("demand", 16 * u64::from(UNITS));
         tracer.make("demand counts", 8);

@@ -118,8 +118,7 @@ impl Waiting {
             ..Frame::zeroed()
         };
         let push = Push::wave(upload(bytemuck::bytes_of(&frame)), 0, 0, PIXELS);
-        let features = Features::STREAMING | Features::ROULETTE;
-        let [low, high] = features.constants();
+        let [low, high] = (Features::STREAMING | Features::ROULETTE).constants();
         let spec = [(0, 2), (1, 64), low, high];
         let pipeline =
             Pipeline::new(gpu, module.name, &module.specialised(&spec), &spec, 32).expect("the pass compiles");
