@@ -13,6 +13,8 @@ pub struct Catalog {
     closures: Vec<u64>,
     total: u64,
     bases: usize,
+    /// Units behind these stand alone.
+    in_pairs: usize,
 }
 
 /// Why a catalog was refused.
@@ -48,17 +50,20 @@ impl Catalog {
         for &size in &bytes {
             total = total.checked_add(size).ok_or(CatalogError::Overflow)?;
         }
-        let mut catalog = Self { bytes, starts: vec![0], assets: Vec::new(), closures: Vec::new(), total, bases: 0 };
+        let mut catalog =
+            Self { bytes, starts: vec![0], assets: Vec::new(), closures: Vec::new(), total, bases: 0, in_pairs: 0 };
         for row in units {
             catalog.push(row.as_ref())?;
         }
         Ok(catalog)
     }
 
-    /// The first `count` units are *bases*: a ray that waits for any other unit may need one of them at the same time.
+    /// The first `count` units are *bases*: a ray that waits for any other of the units that there are by now may need
+    /// one of them at the same time. Units that are added later stand alone, such as tiles of textures.
     #[must_use]
     pub fn with_bases(self, count: usize) -> Self {
-        Self { bases: count.min(self.closures.len()), ..self }
+        let in_pairs = self.closures.len();
+        Self { bases: count.min(in_pairs), in_pairs, ..self }
     }
 
     /// Adds `bytes.len()` assets of so many bytes, and for each a unit that consists of it alone.
@@ -131,21 +136,26 @@ impl Catalog {
         self.closures.get(unit as usize).copied().unwrap_or(0)
     }
 
-    /// The largest base and the largest of the other units, with their bytes; the first of equals.
-    pub fn largest(&self) -> [Option<(UnitId, u64)>; 2] {
+    /// The largest of what rays need at once, a base with another unit or a unit that stands alone, and its bytes; the
+    /// first of equals.
+    pub fn largest(&self) -> ([Option<UnitId>; 2], u64) {
         let largest = |units: Range<usize>| {
             let closures = (0..).zip(&self.closures).skip(units.start).take(units.len());
-            closures.fold(None, |best, (unit, &bytes)| match best {
-                Some((_, most)) if most >= bytes => best,
-                _ => Some((unit, bytes)),
+            closures.fold((None, 0), |(best, most), (unit, &bytes)| match best {
+                Some(_) if most >= bytes => (best, most),
+                _ => (Some(unit), bytes),
             })
         };
-        [largest(0..self.bases), largest(self.bases..self.closures.len())]
+        let in_pairs = self.bases..self.in_pairs.max(self.bases);
+        let alone = largest(in_pairs.end..self.closures.len());
+        let (base, other) = (largest(0..self.bases), largest(in_pairs));
+        let pair = base.1.saturating_add(other.1);
+        if alone.1 > pair { ([alone.0, None], alone.1) } else { ([base.0, other.0], pair) }
     }
 
-    /// Bytes of the two together: with less, some ray could never go on.
+    /// Bytes of that: with less, some ray could never go on.
     pub fn least_budget(&self) -> u64 {
-        self.largest().into_iter().flatten().fold(0, |sum, (_, bytes)| sum.saturating_add(bytes))
+        self.largest().1
     }
 
     /// Bytes of all assets.
@@ -183,12 +193,20 @@ mod tests {
     }
 
     #[test]
-    fn the_least_budget_holds_a_base_beside_another_unit() {
+    fn the_least_budget_holds_a_base_beside_another_unit_or_one_that_stands_alone() {
         let catalog = || Catalog::new(vec![10, 20, 7, 40], [vec![0], vec![1], vec![2], vec![3]]).expect("sound");
-        let least = |bases: usize| (catalog().with_bases(bases).largest(), catalog().with_bases(bases).least_budget());
-        assert_eq!(least(0), ([None, Some((3, 40))], 40), "none");
-        assert_eq!(least(3), ([Some((1, 20)), Some((3, 40))], 60), "three");
-        assert_eq!(least(9), ([Some((3, 40)), None], 40), "all");
+        assert_eq!(catalog().largest(), ([Some(3), None], 40), "no pairs");
+        let least = |bases: usize| catalog().with_bases(bases).largest();
+        assert_eq!(least(0), ([None, Some(3)], 40), "no bases");
+        assert_eq!(least(3), ([Some(1), Some(3)], 60), "three");
+        assert_eq!(least(9), ([Some(3), None], 40), "all");
+        let with_tile = |bytes: u64| {
+            let mut catalog = catalog().with_bases(3);
+            catalog.push_singles(&[bytes]).expect("small");
+            (catalog.largest(), catalog.least_budget())
+        };
+        assert_eq!(with_tile(60), (([Some(1), Some(3)], 60), 60), "a tile needs no base beside it");
+        assert_eq!(with_tile(61), (([Some(4), None], 61), 61), "but room for itself");
     }
 
     #[test]

@@ -14,9 +14,9 @@ pub enum PlanError {
     /// Units that can never be resident together.
     #[error("units {units:?} need {bytes} bytes of device memory at once, the budget is {budget}")]
     TooLarge {
-        /// The largest base and the largest other unit, as far as there are such.
+        /// The largest base and the largest other unit, as far as there are such, or a unit that stands alone.
         units: [Option<UnitId>; 2],
-        /// Bytes of both with all they need.
+        /// Bytes of them with all they need.
         bytes: u64,
         /// What there is.
         budget: u64,
@@ -281,10 +281,9 @@ const MAX_PAUSE_LOG2: u64 = 4;
 
 /// Bytes of the largest units that rays need at once, if they fit.
 fn check_budget(catalog: &Catalog, budget: u64) -> Result<u64, PlanError> {
-    let bytes = catalog.least_budget();
+    let (units, bytes) = catalog.largest();
     if bytes <= budget {
         return Ok(bytes);
     }
-    let units = catalog.largest().map(|largest| largest.map(|(unit, _)| unit));
     Err(PlanError::TooLarge { units, bytes, budget })
 }

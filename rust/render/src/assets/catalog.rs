@@ -112,9 +112,11 @@ impl SceneAssets {
         }
         sections[Source::TILES] = tile_bytes;
         let rows = chunk_rows.into_iter().chain((0..meshes).map(|mesh| vec![asset_id(mesh)]));
-        let listed = Catalog::new(sources.iter().map(Source::bytes).collect(), rows).and_then(|mut catalog| {
+        let listed = Catalog::new(sources.iter().map(Source::bytes).collect(), rows).and_then(|catalog| {
+            let mut catalog = catalog.with_bases(world.chunks.len());
+            // A lookup needs no chunk.
             catalog.push_singles(&tiles)?;
-            Ok(catalog.with_bases(world.chunks.len()))
+            Ok(catalog)
         });
         let catalog = listed.map_err(|error| RenderError::Internal(format!("the scene's assets: {error}")))?;
         Ok(Self {
