@@ -239,12 +239,24 @@ class StandardError:
         return text
 
 
+def know_connectable_types() -> None:
+    """Asks for what UsdShade registers at the first question about a type. Where two threads of UsdImaging ask first at
+    the same time, 25.08 registers a type twice and calls that an error."""
+    from pxr import Usd, UsdShade
+
+    stage = Usd.Stage.CreateInMemory()
+    lights = ["Sphere", "Rect", "Disk", "Cylinder", "Distant", "Dome"]
+    for name in [*(f"{light}Light" for light in lights), "DomeLight_1", "Material", "NodeGraph", "Shader"]:
+        UsdShade.ConnectableAPI(stage.DefinePrim(f"/{name}", name)).IsContainer()
+
+
 def main() -> None:
     # Answers go to a private copy of standard output: what others print there must not mix with them.
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     errors = StandardError()
     os.dup2(2, 1)
+    know_connectable_types()
     commands = Commands(sys.argv[1])
     for line in sys.stdin:
         request = json.loads(line)

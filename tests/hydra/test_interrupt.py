@@ -124,9 +124,10 @@ def test_an_interrupt_writes_the_picture_so_far(start, pictures, tmp_path, numbe
     wait_for_samples(run, report)
     assert name not in names(pictures), "only a whole picture has the name"
     said = run.interrupt(number)
-    assert len(said) == 1, said
-    told = re.fullmatch(rf"OocPT: interrupted after (\d+) of {MANY} samples; {re.escape(str(out))} is written", said[0])
+    assert len(said) == 2, said
+    told = re.fullmatch(rf"OocPT: interrupted after (\d+) of {MANY} samples; {re.escape(str(out))} is written", said[1])
     assert told and 1 <= int(told[1]) < int(MANY), said
+    assert said[0].startswith(f"OocPT: {told[1]} samples, "), "what every render ends with"
     assert names(pictures) == [name]
     if name.endswith(".exr"):
         picture = exr.read(out)

@@ -35,11 +35,20 @@ fn part(file: &Path, bytes: u64, is_end: bool) -> std::io::Result<String> {
     Ok(String::from_utf8_lossy(&read).into_owned())
 }
 
+/// Whether a line says how things went, such as what a render ends with: Pixar's usdrecord names the kind, ours names
+/// all other kinds.
+fn is_status(line: &str) -> bool {
+    let ours = line
+        .strip_prefix("OocPT: ")
+        .is_some_and(|text| !["warning: ", "error: "].iter().any(|kind| text.starts_with(kind)));
+    ours || line.starts_with("Status: in ")
+}
+
 /// The lines of what a host that rendered said, each once, without where in the host's code it was said.
 pub(crate) fn warnings(errors: &Path) -> Vec<String> {
     let text = part(errors, HEAD, false).unwrap_or_else(|error| error.to_string());
     let mut lines: Vec<String> = Vec::new();
-    for line in text.lines().map(str::trim).filter(|line| !line.is_empty()) {
+    for line in text.lines().map(str::trim).filter(|line| !line.is_empty() && !is_status(line)) {
         // Pixar's usdrecord says where, ours what kind of message it is.
         let plain = line.strip_prefix("Warning: in ").and_then(|line| line.split_once(" -- "));
         let plain = plain.map_or(line, |(_, what)| what);

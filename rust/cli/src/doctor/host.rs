@@ -106,7 +106,8 @@ mod tests {
              \"maxBounces\":0,\"seed\":0,\"geometryBudgetKib\":0,\"reference\":\"\"}' > \"$OOCPT_REPORT\"\n\
              echo Camera: /A; for i in 1 2; do echo 'Warning: in F at line 3 of a.cpp -- OocPT: /A: bad data' >&2; \
              done\n\
-             echo No camera >&2\n",
+             echo No camera >&2; echo 'OocPT: 1 samples, 0.1 s' >&2\n\
+             echo 'Status: in F at line 3 of a.cpp -- OocPT: 1 samples, 0.1 s' >&2\n",
         );
         let Answer { report, warnings } = ask(&question(&program, program.as_os_str())).expect("a report");
         std::fs::remove_file(&program).expect("it is there");

@@ -289,12 +289,14 @@ fn geometry_budget(setting: &Setting<'_>, scene: &Scene, buffers: &StreamBuffers
     let slack = free / SLACK;
     let left = free - slack;
     let cap = geometry_cap(setting.job).unwrap_or(u64::MAX);
-    if !(maps_host(setting.device, &setting.job.settings) && may_split(setting, scene)) {
+    // Tiles of textures are not read in host memory: they need what there is.
+    let leaves_room = maps_host(setting.device, &setting.job.settings) && scene.assets.tile_bytes == 0;
+    if !(leaves_room && may_split(setting, scene)) {
         return left.min(cap);
     }
     let waves = roomy_waves(setting, scene);
-    // Waves take half of what is unused where tiles come too, else all but an eighth.
-    let waves = if scene.assets.tile_bytes > 0 { 2 * waves } else { waves + waves / 7 };
+    // Waves take what is unused but for an eighth.
+    let waves = waves + waves / 7;
     let beside = share::beside_waves(left, buffers.slots_bytes(&setting.device.gpu), waves);
     beside.max(scene.assets.catalog.least_budget().min(left)).min(cap)
 }
