@@ -65,7 +65,7 @@ fn a_declined_load_is_proposed_again() {
 #[test]
 fn a_unit_that_never_fits_is_an_error() {
     let refused = Planner::new(catalog(), 59, PolicyKind::Benefit).map(|_| ());
-    assert_eq!(refused, Err(PlanError::TooLarge { units: [None, Some(0)], bytes: 60, budget: 59 }), "59 of 60");
+    assert_eq!(refused, Err(PlanError::TooLarge { units: [Some(0), None], bytes: 60, budget: 59 }), "59 of 60");
     assert!(Planner::new(catalog(), 60, PolicyKind::Benefit).is_ok(), "60 of 60");
 }
 
