@@ -10,14 +10,6 @@ float fused_dot(vec2 a, vec2 b) {
     return fma(a.x, b.x, a.y * b.y);
 }
 
-float fused_dot(vec3 a, vec3 b) {
-    return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z));
-}
-
-vec3 fused_cross(vec3 a, vec3 b) {
-    return fma(a.yzx, b.zxy, -(a.zxy * b.yzx));
-}
-
 // How wide a lookup is, in texels: what footprint_width says of make_footprint, but for rounding; 0 where it cannot be
 // told. e, f: edges of the triangle; at_e, at_f: what the place in the texture grows by along them, in texels; cone:
 // width of the ray's cone over the length of d.
@@ -26,16 +18,16 @@ vec3 fused_cross(vec3 a, vec3 b) {
 // and g.d = 0, so it is (a (f x d) - b (e x d)) / (e . (f x d)). The ellipse's longer axis is the square root of the
 // larger eigenvalue of their products; the product of both axes is |at_e x at_f| |d| / |e . (f x d)|.
 float near_lookup_width(vec3 e, vec3 f, vec2 at_e, vec2 at_f, vec3 d, float cone) {
-    const vec3 p = fused_cross(e, d);
-    const vec3 q = fused_cross(f, d);
-    const float dd = fused_dot(d, d);
-    const float across = fused_dot(e, q);
+    const vec3 p = cross3(e, d);
+    const vec3 q = cross3(f, d);
+    const float dd = dot3(d, d);
+    const float across = dot3(e, q);
     const float area = fma(at_e.x, at_f.y, -(at_e.y * at_f.x));
     const vec3 u = fma(vec3(at_e.x), q, -(at_f.x * p));
     const vec3 v = fma(vec3(at_e.y), q, -(at_f.y * p));
-    const float a = fused_dot(u, u);
-    const float b = fused_dot(u, v);
-    const float c = fused_dot(v, v);
+    const float a = dot3(u, u);
+    const float b = dot3(u, v);
+    const float c = dot3(v, v);
     const float half_difference = 0.5 * (a - c);
     const float longer = sqrt(0.5 * (a + c) + sqrt(fma(half_difference, half_difference, b * b)));
     const float shorter = abs(area) * sqrt(dd) / longer;

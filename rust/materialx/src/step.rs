@@ -10,8 +10,10 @@ use crate::expression::Val;
 const BEYOND: [f32; 4] = [-8.0, -0.5, 1.5, 8.0];
 /// From 0 to 1 in so many.
 const STEPS: u8 = 64;
-/// What the other numbers of the texel are meanwhile.
-const OTHERS: [f32; 4] = [0.0, 0.3125, 0.75, 1.0];
+/// What the other numbers of the texel are meanwhile: of any two of them each is the larger one at some time, so that
+/// what depends on their differences shows.
+const OTHERS: [[f32; 4]; 6] =
+    [[0.3125; 4], [0.0; 4], [1.0; 4], [0.0, 0.3125, 0.75, 1.0], [1.0, 0.75, 0.3125, 0.0], [0.5, 1.0, 0.0, 0.75]];
 
 impl Assembler<'_> {
     /// The texture and the threshold, if the surface is there where a number of a texel is not below one value, or
@@ -32,8 +34,7 @@ impl Assembler<'_> {
             _ => None,
         };
         (0..4_u8).find_map(|channel| {
-            let of = |value: f32, others: f32| {
-                let mut texel = [others; 4];
+            let of = |value: f32, mut texel: [f32; 4]| {
                 texel[usize::from(channel)] = value;
                 is_there(texel)
             };
@@ -51,16 +52,16 @@ impl Assembler<'_> {
 
 /// The least value that is on the other side than 0 is, and whether the surface is there from it on; none where it is
 /// no single step. `of`: of a value and what else the texel has.
-fn step_of(of: impl Fn(f32, f32) -> Option<bool>) -> Option<(f32, bool)> {
-    let rises = of(1.0, OTHERS[1])?;
-    if of(0.0, OTHERS[1])? == rises {
+fn step_of(of: impl Fn(f32, [f32; 4]) -> Option<bool>) -> Option<(f32, bool)> {
+    let rises = of(1.0, OTHERS[0])?;
+    if of(0.0, OTHERS[0])? == rises {
         return None;
     }
     // Numbers from 0 on are in the order of their bits; the smallest ones may be 0 on a device.
     let (mut below, mut from) = (f32::MIN_POSITIVE.to_bits() - 1, 1.0_f32.to_bits());
     while from - below > 1 {
         let middle = u32::midpoint(below, from);
-        if of(f32::from_bits(middle), OTHERS[1])? == rises { from = middle } else { below = middle }
+        if of(f32::from_bits(middle), OTHERS[0])? == rises { from = middle } else { below = middle }
     }
     let from = f32::from_bits(from);
     let values = (0..=STEPS).map(|step| f32::from(step) / f32::from(STEPS)).chain(BEYOND);

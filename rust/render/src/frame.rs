@@ -10,7 +10,7 @@ use crate::error::RenderError;
 use crate::feedback::Feedback;
 use crate::film::Film;
 use crate::host_memory;
-use crate::in_core::{path_needs, roomy_waves};
+use crate::in_core::{LEFT_BY_WAVES, path_needs, roomy_waves};
 use crate::in_flight;
 use crate::job::Job;
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
@@ -398,7 +398,7 @@ impl Renderer {
         let memory = device.gpu.memory();
         // Nothing else comes once a scene is there, but for tiles of textures.
         let unused = memory.budget.saturating_sub(memory.used);
-        let share = if textures { unused / 2 } else { unused - unused / 8 };
+        let share = if textures { unused / 2 } else { unused - unused / LEFT_BY_WAVES };
         let capacity = wanted.min(share / path_bytes).max(in_flight::FEWEST);
         let mut waves = shrinking(capacity, in_flight::FEWEST, |capacity| {
             PathBuffers::new(&device.gpu, capacity, view.max_levels, needs)

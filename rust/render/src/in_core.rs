@@ -5,6 +5,9 @@ use crate::assets::Scene;
 use crate::setting::{Setting, has_light_paths, has_shadow_rays, in_flight};
 use crate::wavefront::PathNeeds;
 
+/// Share of what is unused that waves leave to others, where no tiles of textures come.
+pub(crate) const LEFT_BY_WAVES: u64 = 8;
+
 /// Bytes of the waves that a scene in core needs room for.
 pub(crate) fn roomy_waves(setting: &Setting<'_>, scene: &Scene) -> u64 {
     let textures = scene.assets.tile_bytes > 0;

@@ -4,7 +4,7 @@
 
 use crate::vector::{V3, cross3, dot3};
 
-const MOST_ANISOTROPY: f32 = 16.0;
+pub(crate) const MOST_ANISOTROPY: f32 = 16.0;
 const SLANT_MOST: f32 = 1.0e4;
 const LONGEST_FOOTPRINT: f32 = 8.0e37;
 /// Of a step of a direction, worked out as the shaders' compiler does.

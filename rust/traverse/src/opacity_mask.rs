@@ -3,15 +3,15 @@
 //! `include/near_width.glsl`, operation by operation. The layout is that of `oocpt_core::texture::OpacityMask`. Pure,
 //! any thread.
 
+use crate::footprint::MOST_ANISOTROPY;
 use crate::primvar::Corners;
 use crate::texture::near_image;
-use crate::vector::{V3, dot3};
+use crate::vector::{V3, cross3, dot3};
 use oocpt_gpu::{HostBytes, HostView};
 use oocpt_shader_abi::{GpuCutout, WRAP_BLACK, WRAP_MIRROR, WRAP_REPEAT};
 
 /// As in `oocpt_core::texture::MASK_SET`.
 const MASK_SET: u32 = 1 << 7;
-const MOST_ANISOTROPY: f32 = 16.0;
 
 /// A candidate of a hit, and the ray.
 #[derive(Clone, Copy, Debug)]
@@ -102,17 +102,10 @@ fn dot2(a: [f32; 3], b: [f32; 2]) -> f32 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-fn cross(a: V3, b: V3) -> V3 {
-    V3([0, 1, 2].map(|i| {
-        let (y, z) = ((i + 1) % 3, (i + 2) % 3);
-        a[y] * b[z] - a[z] * b[y]
-    }))
-}
-
 /// `near_lookup_width`: how wide a lookup is, in texels; 0 where it cannot be told.
 fn near_lookup_width(at: &Place<'_>, [at_e, at_f]: [[f32; 2]; 2]) -> f32 {
     let ([e, f], d) = (at.edges, at.direction);
-    let (p, q) = (cross(e, d), cross(f, d));
+    let (p, q) = (cross3(e, d), cross3(f, d));
     let dd = dot3(d, d);
     let across = dot3(e, q);
     let area = at_e[0] * at_f[1] - at_e[1] * at_f[0];

@@ -69,3 +69,21 @@ fn opacity_that_is_no_single_step_of_a_texel_keeps_its_program() {
         assert!(translation.opacity_threshold == 0.0 && !translation.opacity_program.instructions.is_empty(), "{what}");
     }
 }
+
+/// The other numbers cancel where they are equal: that is no reason to leave them out.
+#[test]
+fn opacity_of_one_texel_by_several_of_its_numbers_keeps_its_program() {
+    let [half, one, zero] = [0.5, 1.0, 0.0].map(number);
+    let there = [("value2", half), ("in1", one.clone()), ("in2", zero.clone())];
+    let translation = sound(vec![
+        node(OPEN_PBR, &[], &[("geometry_opacity", 1)]),
+        node("ND_ifgreatereq_float", &there, &[("value1", 2)]),
+        node("ND_add_float", &[], &[("in1", 3), ("in2", 4)]),
+        node("ND_extract_color4", &[("index", number(3.0))], &[("in", 7)]),
+        node("ND_subtract_float", &[], &[("in1", 5), ("in2", 6)]),
+        node("ND_extract_color4", &[("index", zero)], &[("in", 7)]),
+        node("ND_extract_color4", &[("index", one)], &[("in", 7)]),
+        node("ND_image_color4", &[("file", file("leaf.png"))], &[]),
+    ]);
+    assert!(matches!(source(&translation, Input::Opacity), InputSource::Register(_)), "alpha + red - green");
+}

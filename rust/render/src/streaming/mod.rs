@@ -35,7 +35,7 @@ use crate::device::Device;
 use crate::engine::{self, Parts, Tracer};
 use crate::error::RenderError;
 use crate::host_memory::{self, Part};
-use crate::in_core::roomy_waves;
+use crate::in_core::{LEFT_BY_WAVES, roomy_waves};
 use crate::job::Job;
 use crate::progress::Progress;
 use crate::setting::{Setting, geometry_cap, has_light_paths, has_shadow_rays, is_cpu, maps_host, shrinking};
@@ -295,8 +295,7 @@ fn geometry_budget(setting: &Setting<'_>, scene: &Scene, buffers: &StreamBuffers
         return left.min(cap);
     }
     let waves = roomy_waves(setting, scene);
-    // Waves take what is unused but for an eighth.
-    let waves = waves + waves / 7;
+    let waves = waves + waves / (LEFT_BY_WAVES - 1);
     let beside = share::beside_waves(left, buffers.slots_bytes(&setting.device.gpu), waves);
     beside.max(scene.assets.catalog.least_budget().min(left)).min(cap)
 }
