@@ -7,14 +7,16 @@ use std::sync::Arc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::entries::{InstancerEntry, MeshEntry};
+use super::entries::{Cutouts, InstancerEntry, MeshEntry};
 use super::linking::LinkedPrims;
 use super::mesh_lights::{MESH_LIGHT, MeshLight};
 use super::report::Reports;
 use super::snapshot::SurfaceTables;
 use crate::desc::{LightDesc, MaterialDesc, MeshDesc, Shape};
 use crate::instancing::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstancePrimvar, MemberPrimvar};
-use crate::material::{ACROSS_NAME, Compiled, Input, Material, MaterialFlags, PTEX_SET, TextureRef, built_in, compile};
+use crate::material::{
+    ACROSS_NAME, Compiled, Cutout, Input, Material, MaterialFlags, PTEX_SET, TextureRef, built_in, compile,
+};
 use crate::mesh::{Displacements, WantedPrimvar};
 use oocpt_materialx::program::{Lookup, REGISTERS};
 use oocpt_materialx::surface::Input as InputName;
@@ -51,6 +53,8 @@ pub(crate) struct Shown<'a> {
 pub(crate) struct MaterialEntry {
     pub(crate) desc: MaterialDesc,
     compiled: Option<Arc<Compiled>>,
+    /// Of `compiled`.
+    cutout: Option<Arc<Cutout>>,
 }
 
 impl MaterialEntry {
@@ -58,12 +62,17 @@ impl MaterialEntry {
     pub(crate) fn update(old: Option<Self>, desc: MaterialDesc) -> (Self, bool) {
         match old {
             Some(old) if old.desc == desc => (old, false),
-            _ => (Self { desc, compiled: None }, true),
+            _ => (Self { desc, compiled: None, cutout: None }, true),
         }
     }
 
     fn compiled(&mut self) -> &Arc<Compiled> {
-        self.compiled.get_or_insert_with(|| Arc::new(compile(&self.desc)))
+        let Self { desc, compiled, cutout } = self;
+        compiled.get_or_insert_with(|| {
+            let compiled = compile(desc);
+            *cutout = compiled.cutout().map(Arc::new);
+            Arc::new(compiled)
+        })
     }
 }
 
@@ -74,12 +83,15 @@ pub(crate) struct SurfaceStore {
     names: FxHashMap<Arc<str>, u32>,
     /// Materials of the last commit by path.
     materials: FxHashMap<Arc<str>, Arc<Material>>,
+    /// For tests: boxes do not know of cutouts.
+    pub(crate) has_whole_bounds: bool,
 }
 
 impl Default for SurfaceStore {
     fn default() -> Self {
         let names = [("displayColor", DISPLAY_COLOR), ("displayOpacity", DISPLAY_OPACITY)];
-        Self { names: names.map(|(name, id)| (name.into(), id)).into_iter().collect(), materials: FxHashMap::default() }
+        let names = names.map(|(name, id)| (name.into(), id)).into_iter().collect();
+        Self { names, materials: FxHashMap::default(), has_whole_bounds: false }
     }
 }
 
@@ -178,9 +190,16 @@ impl SurfaceStore {
             if displacements.iter().all(Option::is_none) {
                 displacements.clear();
             }
-            let emits = entry.desc.solid.is_some()
-                && (lights.contains_key(&*format!("{path}{MESH_LIGHT}")) || is_emissive(&entry.desc, materials));
-            entry.ask(wanted, displacements, emits);
+            let emits = lights.contains_key(&*format!("{path}{MESH_LIGHT}")) || is_emissive(&entry.desc, materials);
+            entry.ask(wanted, displacements, emits && entry.desc.solid.is_some());
+            // All faces of a light count.
+            let is_clipped = !emits && matches!(entry.desc.shape, Shape::Mesh) && !self.has_whole_bounds;
+            let cutout = |material: Option<&Arc<str>>| materials.get(material?)?.cutout.clone();
+            let mut cutouts: Cutouts = bindings(&entry.desc).filter(|_| is_clipped).map(cutout).collect();
+            if cutouts.iter().all(Option::is_none) {
+                cutouts.clear();
+            }
+            entry.cut_out(cutouts);
         }
         for (path, entry) in materials.iter() {
             if let Some(problem) = entry.compiled.as_ref().and_then(|compiled| compiled.problem()) {
