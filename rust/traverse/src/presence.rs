@@ -100,8 +100,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         Some(Presence { opacity, threshold })
     }
 
-    /// Which texel is the opacity of a candidate, or what the mask says. It is of the finest level, however wide the ray
-    /// is.
+    /// Which texel is the opacity of a candidate, or what the mask says: of the finest level, however wide the ray is.
     fn texel(&self, material: u32, input: &GpuInput, triangle: u32, t: f32, uv: [f32; 2]) -> Option<Opacity> {
         let scene = self.scene;
         let set = (input.kind >> INPUT_SET_SHIFT) & 3;

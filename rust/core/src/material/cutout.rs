@@ -6,8 +6,7 @@
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use super::{Compiled, Input, InputName, MaterialFlags, PTEX_SET, TextureRef, Wrap};
-use crate::texture::OpacityQuery;
+use super::{Compiled, Input, InputName, MaterialFlags, PTEX_SET, TextureRef};
 
 /// What is there of a surface.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,16 +45,6 @@ impl Hash for CutoutImage {
     fn hash<H: Hasher>(&self, state: &mut H) {
         let Self { texture, channel, scale, bias, threshold } = self;
         (&texture.asset, texture.wrap, channel, [scale, bias, threshold].map(|number| number.to_bits())).hash(state);
-    }
-}
-
-impl CutoutImage {
-    /// What is asked of an image that is continued so.
-    pub(crate) fn query(&self, wrap: [Wrap; 2]) -> OpacityQuery {
-        let Self { texture, channel, scale, bias, threshold } = self;
-        let border = if texture.has_border { texture.fallback } else { [0.0; 4] };
-        let outside = border[usize::from(*channel & 3)];
-        OpacityQuery { wrap, outside, scale: *scale, bias: *bias, threshold: *threshold }
     }
 }
 

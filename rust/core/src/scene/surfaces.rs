@@ -131,6 +131,14 @@ fn is_emissive(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -
     })
 }
 
+/// How materials cut a mesh out.
+fn cutouts(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -> Cutouts {
+    let cutout = |material: Option<&Arc<str>>| materials.get(material?)?.cutout.clone();
+    let all: Cutouts = bindings(desc).map(cutout).collect();
+    let is_cut = matches!(desc.shape, Shape::Mesh) && all.iter().any(Option::is_some);
+    if is_cut { all } else { Vec::new() }
+}
+
 impl SurfaceStore {
     /// Compiles the materials of the meshes `shown` and tells every mesh which primvars it has to build and how it is
     /// displaced; a mesh that was built otherwise forgets its asset. Solids that emit become polygons.
@@ -193,13 +201,8 @@ impl SurfaceStore {
             let emits = lights.contains_key(&*format!("{path}{MESH_LIGHT}")) || is_emissive(&entry.desc, materials);
             entry.ask(wanted, displacements, emits && entry.desc.solid.is_some());
             // All faces of a light count.
-            let is_clipped = !emits && matches!(entry.desc.shape, Shape::Mesh) && !self.has_whole_bounds;
-            let cutout = |material: Option<&Arc<str>>| materials.get(material?)?.cutout.clone();
-            let mut cutouts: Cutouts = bindings(&entry.desc).filter(|_| is_clipped).map(cutout).collect();
-            if cutouts.iter().all(Option::is_none) {
-                cutouts.clear();
-            }
-            entry.cut_out(cutouts);
+            let is_whole = emits || self.has_whole_bounds;
+            entry.cut_out(if is_whole { Vec::new() } else { cutouts(&entry.desc, materials) });
         }
         for (path, entry) in materials.iter() {
             if let Some(problem) = entry.compiled.as_ref().and_then(|compiled| compiled.problem()) {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where an image cuts a surface out, coarsely: bounds of what is there around a place. A cell that is left out is met by
-//! no ray, from whatever distance ([`super::opacity_mask`]). Pure but for the images that it reads; any thread.
+//! Where an image cuts a surface out, coarsely: bounds of what is there around a place. A cell that is left out is met
+//! by no ray, from whatever distance ([`super::opacity_mask`]). Pure but for the images that it reads; any thread.
 
 use xxhash_rust::xxh3::Xxh3;
 
-use super::opacity_mask::{OpacityMask, OpacityMaskMaker};
+use super::opacity_mask::{OpacityMask, OpacityMaskMaker, OpacityQuery};
 use super::{HeightFiles, Wrap};
 use crate::material::CutoutImage;
 
@@ -47,6 +47,16 @@ struct Grid {
     is_around: bool,
 }
 
+impl CutoutImage {
+    /// What is asked of an image that is continued so.
+    pub(crate) fn query(&self, wrap: [Wrap; 2]) -> OpacityQuery {
+        let Self { texture, channel, scale, bias, threshold } = self;
+        let border = if texture.has_border { texture.fallback } else { [0.0; 4] };
+        let outside = border[usize::from(*channel & 3)];
+        OpacityQuery { wrap, outside, scale: *scale, bias: *bias, threshold: *threshold }
+    }
+}
+
 impl CoveredImage {
     /// Reads an image; none where nothing is known of it, or all of it is there.
     pub(crate) fn read(image: &CutoutImage, files: &dyn HeightFiles) -> Option<Self> {
@@ -69,8 +79,8 @@ impl CoveredImage {
         }
     }
 
-    /// Bounds of what is there in a rectangle; none where nothing is. `seam`: what is narrower than this beyond the edge
-    /// of an image does not count.
+    /// Bounds of what is there in a rectangle; none where nothing is. `seam`: what is narrower than this beyond the
+    /// edge of an image does not count.
     pub(crate) fn within(&self, region: Region, seam: [f64; 2]) -> Option<Region> {
         let [low, high] = region;
         let is_near = |axis: usize| {

@@ -2,15 +2,15 @@
 //! What is known of a cutout without its texture: how much of each part of the picture is there. The threshold comes
 //! before the filter: a cell says in what share of its area the texture, looked up at its finest level, is at or above
 //! the threshold, or what its opacity is there in the mean. The cell that a ray meets decides, however wide the ray is:
-//! where nothing of it is there or all is, that is sure; else a wide lookup has the cell's probability, and a narrow one
-//! is made at the finest level. So coverage is the same from every distance, by the rays of a pixel, and what lies
+//! where nothing of it is there or all is, that is sure; else a wide lookup has the cell's probability, a narrow one is
+//! made at the finest level. So coverage is the same from every distance, by the rays of a pixel, and what lies
 //! outside of cells that have something is there for no ray: bounds may leave it out.
 //!
-//! Words, u32: width | height << 16 of level 0; a word of modes; cells, a byte each, row by row. Modes: wrap of s and of
-//! t (two bits each), a bit that is [`SET`]'s, the fineness (3 bits from 4 on), the level (5 bits from 8 on), and from 24
-//! on the byte of what is around the picture. Cells are texels of the level: level 0 with 2^fine cells along a texel, or
-//! the first one whose sides are short enough. A byte is 0 only where nothing is there, but for a rim that has
-//! no area to speak of, and then is not there; 255 only where all is, whatever rounds.
+//! Words, u32: width | height << 16 of level 0; a word of modes; cells, a byte each, row by row. Modes: wrap of s and
+//! of t (two bits each), a bit that is [`SET`]'s, the fineness (3 bits from 4 on), the level (5 bits from 8 on), and
+//! from 24 on the byte of what is around the picture. Cells are texels of the level: level 0 with 2^fine cells along a
+//! texel, or the first one whose sides are short enough. A byte is 0 only where nothing is there, but for a rim of no
+//! area to speak of, which then is not there; 255 only where all is, whatever rounds.
 //!
 //! A record of a set of files has modes [`SET`] and, for each of 100 parts, the distance of its mask in units of 16
 //! bytes from the first word, or 0.

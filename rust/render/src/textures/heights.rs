@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Textures that displace surfaces or cut them out, read through the same cache as those that the device sees. Called by the threads
-//! that build meshes during a commit; decoding uses no rayon pool, so nobody waits in a circle.
+//! Textures that displace surfaces or cut them out, read through the same cache as those that the device sees. Called
+//! by the threads that build meshes during a commit; decoding uses no rayon pool, so nobody waits in a circle.
 
 use super::convert::make_finite;
 use super::disk::DiskCache;

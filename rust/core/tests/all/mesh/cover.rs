@@ -178,8 +178,8 @@ fn triangles_of_which_nothing_is_there_are_in_no_tree() {
     let mesh = built(desc.clone(), by_primvar("/m", &[threshold(0.5)]));
     let mut numbers: Vec<u32> = mesh.triangles.iter().map(|triangle| triangle.face).collect();
     numbers.sort_unstable();
-    let expected: Vec<u32> =
-        (0..faces).filter(|face| face % side < 3 || *face == faces - 1).flat_map(|face| [face as u32; 2]).collect();
+    let is_there = |face: &u16| face % count < 3 || *face == count * count - 1;
+    let expected: Vec<u32> = (0..count * count).filter(is_there).flat_map(|face| [u32::from(face); 2]).collect();
     assert_eq!(numbers, expected, "faces keep their numbers");
     assert!(mesh.is_clipped && mesh.whole == mesh.bounds);
 }
@@ -206,8 +206,8 @@ fn holds_what_is_there(mesh: &MeshAsset, is_there: impl Fn([f32; 2]) -> bool) ->
                             continue;
                         }
                         seen += 1;
-                        for axis in 0..3 {
-                            let at = f64::from(mix(&|i| vertices[i][axis]));
+                        for (axis, at) in [0, 1, 2].map(|axis| mix(&|i| vertices[i][axis])).into_iter().enumerate() {
+                            let at = f64::from(at);
                             let [low, high] = node.planes(child as usize, axis);
                             assert!(low - 1e-6 <= at && at <= high + 1e-6, "{at} of {low} to {high}");
                         }

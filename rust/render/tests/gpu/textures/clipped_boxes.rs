@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Boxes around what cutouts leave of triangles change no picture: in core, streaming, natively, by textures, by sets of
-//! files, by primvars, and where points move.
+//! Boxes around what cutouts leave of triangles change no picture: in core, streaming, natively, by textures, by sets
+//! of files, by primvars, and where points move.
 
 #![expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "times and counts of pixels")]
 

@@ -245,7 +245,7 @@ fn coverage_of_a_cutout_is_the_same_from_every_distance() {
     }
 }
 
-/// What is seen through ten layers with so many cards along a side each, whose leaves are in the same place or anywhere.
+/// What is seen through ten layers with so many cards along a side each; leaves are in the same place or anywhere.
 fn seen_through(along: u16, are_anywhere: bool, budget: Option<u32>) -> f64 {
     let [alpha, _] = coverage(64, (true, false), budget, |db| {
         db.upsert_material(material_of("/m", ("leaf 512x512", ["repeat", "repeat"], 1.0, 0.0, 0.5)));
