@@ -142,7 +142,7 @@ pub struct Usage {
     /// See above.
     #[serde(default)]
     pub geometry_budget_bytes: u64,
-    /// Bytes of geometry that rays read in host memory.
+    /// Bytes of geometry and of tiles of textures that rays read in host memory.
     #[serde(default)]
     pub mapped_bytes: u64,
     /// The last paths were traced by passes without streaming ([`StreamingStats::is_split`]).

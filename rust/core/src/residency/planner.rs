@@ -33,8 +33,7 @@ pub struct PlannerOptions {
     /// Steps that see a unit usable before it may be evicted, 0 = 2: with one submission in flight the first step
     /// after a load still sees the demand of before. More submissions in flight need as many more.
     pub pin_steps: u32,
-    /// Units from this one on are tiles of textures: no visits of them are counted, and rays cannot read them in host
-    /// memory. They stay while they take less than a third of the budget and leave room for the least budget. None =
+    /// Units from this one on are tiles of textures, of which no visits are counted. They stay while they take less than a third of the budget and leave room for the least budget. None =
     /// there are none.
     pub first_tile: Option<UnitId>,
 }
@@ -267,11 +266,20 @@ impl Planner {
         self.tile_bytes = self.tile_bytes.saturating_sub(self.bytes_of_tile(unit));
     }
 
-    /// The unit is a tile, and these take so little that none has to go. Failed loads lower what is little, so that
-    /// they keep no memory in pieces for ever.
+    /// Bytes that tiles may take before one of them has to go. Failed loads lower it, so that tiles keep no memory in
+    /// pieces for ever.
+    fn tile_share(&self) -> u64 {
+        (self.budget / TILE_SHARE).min(self.allowance.saturating_sub(self.largest))
+    }
+
+    /// Bytes of tiles for which other units go.
+    pub fn room_for_tiles(&self) -> u64 {
+        self.tile_share().saturating_sub(self.tile_bytes)
+    }
+
+    /// The unit is a tile, and these take so little that none has to go.
     pub(super) fn is_tile_to_stay(&self, unit: UnitId) -> bool {
-        let little = (self.budget / TILE_SHARE).min(self.allowance.saturating_sub(self.largest));
-        self.options.first_tile.is_some_and(|first| unit >= first) && self.tile_bytes <= little
+        self.options.first_tile.is_some_and(|first| unit >= first) && self.tile_bytes <= self.tile_share()
     }
 
     pub(super) fn count_bytes(&mut self) {

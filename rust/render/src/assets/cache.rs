@@ -266,7 +266,8 @@ impl Scene {
         (self.tables, self.entries) = (None, Entries::new(&self.assets));
         let first = self.assets.first_tile();
         let textures = &self.assets.textures;
-        let tiles = self.store.tiles().filter_map(|(image, tile)| Some(first + textures.number_of(image, tile)?));
+        let tiles = self.store.tiles().chain(self.store.mapped_tiles());
+        let tiles = tiles.filter_map(|(image, tile)| Some(first + textures.number_of(image, tile)?));
         let there: Vec<AssetId> = self.assets.needed.iter().copied().chain(tiles).collect();
         there.into_iter().for_each(|asset| self.show(asset));
         self.tables = Some(Tables::new(device, &self.assets, &self.entries)?);

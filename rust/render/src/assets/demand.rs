@@ -48,7 +48,7 @@ impl Scene {
         let mut queue = wanted.iter().copied().peekable();
         let mut on_the_way = 0_u64;
         let mut patience = gate.patience();
-        while queue.peek().is_some() || self.store.in_flight() > 0 {
+        while queue.peek().is_some() || self.store.in_flight() + self.store.mapping() > 0 {
             if !gate.proceed() {
                 self.store.forget_arriving();
                 return Ok(Brought::GivenUp);
@@ -58,7 +58,7 @@ impl Scene {
                 if on_the_way > 0 && on_the_way + cost > IN_FLIGHT_BYTES {
                     break;
                 }
-                if !self.store.begin(device, &self.assets, asset, Patience::Now)? {
+                if !(self.store.begin(device, &self.assets, asset, Patience::Now)? || self.maps_tile(device, asset)?) {
                     self.store.forget_arriving();
                     return Ok(Brought::NoRoom);
                 }
@@ -73,14 +73,14 @@ impl Scene {
                     return Err(RenderError::Internal("a copy to the device did not finish".into()));
                 }
             }
-            for asset in &arrived.ready {
+            for asset in arrived.ready.iter().chain(&arrived.mapped) {
                 on_the_way = on_the_way.saturating_sub(self.assets.catalog.bytes(*asset));
                 patience.came(Instant::now());
             }
             gate.shared().wait_for_loads(
                 &mut patience,
                 "texture tile",
-                self.store.in_flight(),
+                self.store.in_flight() + self.store.mapping(),
                 device.loader()?.lives(),
             )?;
         }
@@ -93,6 +93,15 @@ impl Scene {
         timings.tiles += shown.len() as u64;
         timings.tile_bytes += bytes;
         Ok(Brought::All(shown))
+    }
+
+    /// Begins to bring a tile into host memory, where the scene has streamed and so there is a limit of it.
+    fn maps_tile(&mut self, device: &Device, asset: AssetId) -> Result<bool, RenderError> {
+        let has_limit = device.host_heap_if_made().is_some_and(|heap| heap.limit().is_some());
+        match self.assets.source(asset) {
+            Some(source) if has_limit => self.store.map_now(device, (asset, source)),
+            _ => Ok(false),
+        }
     }
 
     /// Lets go of tiles that other frames have brought if all that is there takes more than `cap` bytes.

@@ -70,6 +70,14 @@ impl Place {
         self.inbox.load(device.loader()?, std::mem::take(&mut self.begun), kept)
     }
 
+    /// Image and number of every tile that is ready, in no order.
+    pub(super) fn tiles(&self) -> impl Iterator<Item = (u64, u32)> + '_ {
+        self.ready.keys().filter_map(|key| match key {
+            AssetKey::Tile(image, tile) => Some((*image, *tile)),
+            _ => None,
+        })
+    }
+
     /// Forgets what is on its way.
     pub(super) fn forget_arriving(&mut self) {
         self.inbox = Inbox::default();

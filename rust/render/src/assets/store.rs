@@ -9,7 +9,7 @@ use super::catalog::SceneAssets;
 use super::kept::Kept;
 use super::load::{Copied, Loaded};
 use super::place::{Place, Resident};
-use super::source::{ALIGN, AssetKey};
+use super::source::{ALIGN, AssetKey, Source};
 use crate::device::Device;
 use crate::error::RenderError;
 use oocpt_core::residency::AssetId;
@@ -122,12 +122,14 @@ impl Store {
         self.mapping.clear();
     }
 
-    /// Image and number of every tile that is ready, in no order.
+    /// Image and number of every tile that is ready on the device, in no order.
     pub(crate) fn tiles(&self) -> impl Iterator<Item = (u64, u32)> + '_ {
-        self.device.ready.keys().filter_map(|key| match key {
-            AssetKey::Tile(image, tile) => Some((*image, *tile)),
-            _ => None,
-        })
+        self.device.tiles()
+    }
+
+    /// Likewise in host memory.
+    pub(crate) fn mapped_tiles(&self) -> impl Iterator<Item = (u64, u32)> + '_ {
+        self.host.tiles()
     }
 
     /// The asset, if it is ready on the device.
@@ -222,9 +224,12 @@ impl Store {
         }
         let (heap, bytes) = (device.host_heap()?, source.size().max(ALIGN));
         // Making an arena takes long; another thread does it.
-        if heap.stats().largest_free < bytes {
-            return Ok(false);
-        }
+        if heap.stats().largest_free < bytes { Ok(false) } else { self.map_now(device, (asset, source)) }
+    }
+
+    /// As [`Store::map`], but makes memory for it.
+    pub(crate) fn map_now(&mut self, device: &Device, (asset, source): (AssetId, Source)) -> Result<bool, RenderError> {
+        let (heap, bytes) = (device.host_heap()?, source.size().max(ALIGN));
         let Some(memory) = heap.try_alloc(source.name(), bytes, ALIGN)? else { return Ok(false) };
         self.host.bring(device, &self.kept, (asset, source), memory)?;
         Ok(true)

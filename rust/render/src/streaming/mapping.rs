@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Brings chunks and meshes into host memory where rays read them (`reach`): those that rays wait for and the device
-//! has no room for. Render thread only.
+//! Brings chunks, meshes and tiles into host memory where rays read them (`reach`): those that rays wait for and the
+//! device has no room for. Render thread only.
 
 use super::reach::Reach;
 use super::residency::Residency;
@@ -32,8 +32,11 @@ impl Residency<'_> {
             return;
         }
         let Some(mut reach) = self.reach.take() else { return };
-        let units: Vec<UnitId> = self.assets.geometry_units().collect();
-        for unit in units {
+        let tiles = self.store.mapped_tiles().filter_map(|(image, tile)| self.assets.textures.number_of(image, tile));
+        let mut tiles: Vec<UnitId> = tiles.map(|tile| self.assets.tile_unit(tile)).collect();
+        tiles.sort_unstable();
+        let geometry: Vec<UnitId> = self.assets.geometry_units().collect();
+        for unit in geometry.into_iter().chain(tiles) {
             if self.unmapped(unit).is_empty() {
                 reach.expect(unit, &[]);
                 if !self.planner.is_resident(unit) {
@@ -67,8 +70,13 @@ impl Residency<'_> {
         let nothing_wanted = wanted.is_empty();
         wanted.sort_unstable_by_key(|unit| (std::cmp::Reverse(waiting(*unit)), *unit));
         let mut free = self.planner.budget().saturating_sub(self.planner.stats().bytes_held);
+        let mut free_for_tiles = self.planner.room_for_tiles();
         for unit in wanted.into_iter().take(MAPPED_A_STEP) {
             let bytes = self.assets.catalog.closure_bytes(unit);
+            if self.assets.is_tile(unit) && bytes <= free_for_tiles {
+                free_for_tiles -= bytes;
+                continue;
+            }
             if bytes <= free {
                 free -= bytes;
                 continue;

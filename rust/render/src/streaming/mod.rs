@@ -278,7 +278,7 @@ fn host_share(setting: &Setting<'_>, scene: &mut Scene, maps: bool) -> Result<Op
     let heap = device.host_heap()?.stats();
     let held = heap.arena_bytes + heap.dedicated_bytes + scene.store.kept().bytes();
     let limit = host_memory::limit_of(Part::Encoded, &job.settings, held, job.fixed_host_bytes);
-    let mapped = bytes_with_holes(scene.assets.geometry_bytes(), scene.assets.largest_bytes).min(limit);
+    let mapped = bytes_with_holes(scene.assets.bytes, scene.assets.largest_bytes).min(limit);
     scene.store.kept().limit(limit - mapped);
     HostHeapFiller::start(device, mapped).map(Some)
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Chunks and meshes that rays read in host memory, across the bus, while the device has no room for them: none waits
-//! for these. What is visited most comes to the device (`Planner`), what has to go is read in host memory again.
+//! Chunks, meshes and tiles that rays read in host memory, across the bus, while the device has no room for them: none
+//! waits for these. What is visited most comes to the device (`Planner`), what has to go is read in host memory again.
 //!
 //! A unit is reached when all assets of its closure lie in host memory. Pure bookkeeping.
 
@@ -36,13 +36,13 @@ pub(super) struct Reach {
 }
 
 impl Reach {
-    /// Nothing is there.
-    pub(super) fn new(units: usize) -> Self {
+    /// Nothing is there of so many units, of which the first so many are chunks and meshes, whose visits are counted.
+    pub(super) fn new(units: usize, geometry: usize) -> Self {
         Self {
             states: vec![State::Absent; units],
             mapped: vec![false; units],
-            visits: vec![0; units],
-            counted: vec![0; units],
+            visits: vec![0; geometry],
+            counted: vec![0; geometry],
             ..Self::default()
         }
     }
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn a_unit_is_reachable_when_all_its_assets_are_resident() {
-        let mut reach = Reach::new(3);
+        let mut reach = Reach::new(3, 3);
         reach.expect(0, &[7, 8]);
         reach.expect(2, &[8]);
         assert_eq!([0, 1, 2].map(|unit| reach.is_absent(unit)), [false, true, false], "on their way");
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn units_in_flight_are_removed_from_demand() {
-        let mut reach = Reach::new(3);
+        let mut reach = Reach::new(3, 3);
         reach.expect(1, &[5]);
         let demand = Demand { waiting: &[1, 2, 3, 4], asked: Some(&[0, 1, 3]), active: 9, ..Demand::default() };
         let asked = reach.demand(&demand);
@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn visit_counts_come_from_the_last_step() {
-        let mut reach = Reach::new(2);
+        let mut reach = Reach::new(2, 2);
         reach.count(&[5, u32::MAX]);
         reach.count(&[7, 3]);
         assert_eq!(reach.visits, [2, 4], "counts wrap");

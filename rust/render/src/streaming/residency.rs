@@ -117,7 +117,7 @@ impl<'a> Residency<'a> {
             orphans: FxHashSet::default(),
             changed: Vec::new(),
             copies: Vec::new(),
-            reach: filler.is_some().then(|| Reach::new(assets.geometry_count() as usize)),
+            reach: filler.is_some().then(|| Reach::new(assets.catalog.unit_count(), assets.geometry_count() as usize)),
             brings_rest: false,
             stays: false,
             filler,
