@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every struct that host and shaders share. The twin of rust/shader_abi/src/abi/*.rs, where the members are documented;
+// Every struct that host and shaders share. The twin of rust/abi/src/*.rs, where the members are documented;
 // the build compares names, offsets and sizes in the SPIR-V with the Rust structs. Addresses are uint64_t; see
 // memory.glsl.
 #ifndef OOCPT_ABI_GLSL

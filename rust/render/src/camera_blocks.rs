@@ -5,10 +5,10 @@
 use crate::assets::motion_key;
 use crate::error::RenderError;
 use crate::setting::Setting;
+use oocpt_abi::{Frame, GpuCameraKey, GpuCameraMotion, GpuClipPlane};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::{CameraMotion, ClipPlane, MotionKey};
 use oocpt_gpu::{Buffer, Usage};
-use oocpt_shader_abi::{Frame, GpuCameraKey, GpuCameraMotion, GpuClipPlane};
 
 /// Uploads what there is, and writes the addresses into the block.
 pub(crate) fn upload(

@@ -8,11 +8,11 @@
 use crate::assets::{SceneView, leaf_of};
 use crate::device::Specialisation;
 use crate::lights::LightTable;
+use oocpt_abi::{CarryRule, FEATURES, Feature, Features};
 use oocpt_core::camera::CameraRays;
 use oocpt_core::inventory::FeatureUse;
 use oocpt_core::mesh::LeafKind;
 use oocpt_core::scene::{SceneFeatures, Snapshot};
-use oocpt_shader_abi::{CarryRule, FEATURES, Feature, Features};
 use std::collections::BTreeSet;
 
 /// What the frame decides, whatever the scene has.

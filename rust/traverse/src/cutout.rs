@@ -6,7 +6,7 @@ use crate::presence::{Opacity, Presence};
 use crate::sampler::{combine, hash, unit};
 use crate::texture::{Looked, Lookup};
 use crate::walk::{SECOND_SURFACE, Surface, Walk};
-use oocpt_shader_abi::{Question, RayFlags};
+use oocpt_abi::{Question, RayFlags};
 
 /// Bits of `Question::flags`, as in include/cutout.glsl.
 const CHANNEL_SHIFT: u32 = 4;

@@ -34,7 +34,7 @@ mod walk;
 
 pub use passes::{closest, shadow};
 
-use oocpt_shader_abi::Features;
+use oocpt_abi::Features;
 
 /// What the passes are specialised by: the constants of the shaders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

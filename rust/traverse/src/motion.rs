@@ -4,8 +4,8 @@
 use crate::sampler::{first_coordinate, pixel_seed};
 use crate::scene::Scene;
 use crate::vector::{Rows, V3, apply_columns, dot3};
+use oocpt_abi::{Features, GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
 use oocpt_gpu::HostBytes;
-use oocpt_shader_abi::{Features, GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
 
 /// `TIME_SET`.
 const TIME_SET: u32 = 0x4000_0000;

@@ -2,7 +2,7 @@
 //! A ray against the boxes of a node's four children: traversal/node.glsl. Pure, any thread.
 
 use crate::vector::V3;
-use oocpt_shader_abi::{ABSENT, GpuMeshNode, LEAF, POINT_BUNDLE};
+use oocpt_abi::{ABSENT, GpuMeshNode, LEAF, POINT_BUNDLE};
 use std::hint::select_unpredictable;
 
 /// The number of an inner node, or of what a leaf begins with.

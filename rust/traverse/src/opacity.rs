@@ -6,11 +6,11 @@ use crate::primvar::indices;
 use crate::sampler::{combine, hash, unit};
 use crate::scene::Scene;
 use crate::walk::{Surface, Walk};
-use oocpt_gpu::HostBytes;
-use oocpt_shader_abi::{
+use oocpt_abi::{
     Adaptive, Features, MeshFlags, NAME_DISPLAY_OPACITY, NO_MATERIAL, STREAM_BIT, STREAM_SEED, SUBSET_MASK, Segment,
     unpack_band,
 };
+use oocpt_gpu::HostBytes;
 
 impl Scene<'_> {
     /// The seed of a ray of a path: `ray` is twice the bounce, and one more for shadow rays.

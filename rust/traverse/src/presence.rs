@@ -9,7 +9,7 @@ use crate::scene::Scene;
 use crate::texture::Lookup;
 use crate::vector::{V3, dot3};
 use crate::walk::Walk;
-use oocpt_shader_abi::{
+use oocpt_abi::{
     Features, GpuCutout, GpuInput, GpuMaterial, GpuPrim, INPUT_CHANNEL_SHIFT, INPUT_NO_SET, INPUT_PRIMVAR,
     INPUT_SET_SHIFT, INPUT_TEXTURE, MAX_PRIM_ID, MESH_LEAF_MASK, NO_MATERIAL, SLOT_PRESENCE, SUBSET_MASK,
 };
@@ -176,6 +176,6 @@ mod tests {
 
     #[test]
     fn the_opacity_offset_matches_the_shaders() {
-        assert_eq!(oocpt_shader_abi::MATERIAL_INPUT_NAMES.get(INPUT_OPACITY), Some(&"OPACITY"));
+        assert_eq!(oocpt_abi::MATERIAL_INPUT_NAMES.get(INPUT_OPACITY), Some(&"OPACITY"));
     }
 }

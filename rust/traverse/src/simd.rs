@@ -12,7 +12,7 @@ pub(crate) use avx2::Avx2;
 use crate::node::{BoxRay, MeshChildren, Met};
 use crate::vector::{V3, dot3, safe_reciprocal};
 use bytemuck::cast;
-use oocpt_shader_abi::{ABSENT, GpuLevelNode, GpuMeshNode};
+use oocpt_abi::{ABSENT, GpuLevelNode, GpuMeshNode};
 use std::fmt::Debug;
 
 /// What every node begins with: `origin` and `cell`, the lower planes, the upper planes, and two numbers of its own.

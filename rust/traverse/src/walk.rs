@@ -22,11 +22,11 @@ use crate::vector::V3;
 pub(crate) use crate::walk::leaves::{SECOND_SURFACE, Surface};
 use crate::walk::mesh::triangles_of;
 use crate::walk::stack::{Key, Stack};
-use oocpt_gpu::{HostBytes, HostSpan};
-use oocpt_shader_abi::{
+use oocpt_abi::{
     DONE, Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuPoint, GpuTriangle, LEAF, LISTED, RETURN,
     RayFlags,
 };
+use oocpt_gpu::{HostBytes, HostSpan};
 
 /// Boxes are culled only this far behind the closest hit (traverse.glsl).
 const CULL_PAD: f32 = 1.000_003_8;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Specialisation constants, features and other numbers that host and shaders share. A part of abi.glsl. HAS_* and the
-// numbers come from rust/shader_abi/src/abi/features.rs and constants.rs; the build writes them.
+// numbers come from rust/abi/src/features.rs and constants.rs; the build writes them.
 #ifndef OOCPT_ABI_CONSTANTS_GLSL
 #define OOCPT_ABI_CONSTANTS_GLSL
 

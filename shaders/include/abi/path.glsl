@@ -28,7 +28,7 @@ struct ShadowRay {
     uint in_shadow;
 };
 
-// A colour of 10 bits a channel (rust/shader_abi/src/abi/path.rs packs it).
+// A colour of 10 bits a channel (rust/abi/src/path.rs packs it).
 vec3 unpack_color(uint color) {
     return vec3(uvec3(color, color >> 10, color >> 20) & 1023u) / 1023.0;
 }

@@ -23,7 +23,7 @@ pub use crate::mesh::{
 };
 
 bitflags! {
-    /// What a scene uses. The names are those of the features of the passes (`oocpt_shader_abi::Features`).
+    /// What a scene uses. The names are those of the features of the passes (`oocpt_abi::Features`).
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
     pub struct SceneFeatures: u64 {
         /// A dome light.

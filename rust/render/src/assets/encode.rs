@@ -6,9 +6,9 @@ use super::load::Copied;
 use super::source::MeshLayout;
 use super::surfaces::attributes;
 use crate::error::RenderError;
+use oocpt_abi::{GpuMeshNode, GpuPoint, GpuTriangle};
 use oocpt_core::mesh::{Attribute, Bvh4Node, LeafKind, MeshAsset, SceneMesh, Triangle};
 use oocpt_gpu::{Commands, DeviceRange, Gpu, StagingRing, StagingSlice, Submission};
-use oocpt_shader_abi::{GpuMeshNode, GpuPoint, GpuTriangle};
 use std::sync::Arc;
 
 /// Staging bytes of one piece.

@@ -6,10 +6,10 @@
 
 use super::source::Source;
 use super::values::ValueLayout;
+use oocpt_abi::{GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
 use oocpt_core::Aabb;
 use oocpt_core::mesh::build_level;
 use oocpt_core::scene::{InstanceFlags, InstanceRecord, MotionKey, Target};
-use oocpt_shader_abi::{GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
 use std::ops::Range;
 
 /// Records that one thread encodes at a time.

@@ -7,17 +7,17 @@
 
 use super::values::ValueLayout;
 use crate::textures::TextureImage;
+use oocpt_abi as abi;
+use oocpt_abi::{
+    GpuAssembly, GpuAttribute, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuMotionKey, MESH_KEYS_SHIFT,
+    MeshFlags,
+};
 use oocpt_core::mesh::{
     AttributeRate, AttributeSummary, LeafKind, MeshSummary, POINT_BUNDLE, SceneMesh, level_node_count,
     likely_level_stack,
 };
 use oocpt_core::partition::Chunk;
 use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord, MotionKey};
-use oocpt_shader_abi as abi;
-use oocpt_shader_abi::{
-    GpuAssembly, GpuAttribute, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuMotionKey, MESH_KEYS_SHIFT,
-    MeshFlags,
-};
 use std::ops::Range;
 use std::sync::Arc;
 

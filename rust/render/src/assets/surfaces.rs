@@ -4,12 +4,12 @@
 use super::source::rate_of;
 use crate::textures::OpacityMasks;
 use bytemuck::Zeroable;
+use oocpt_abi as abi;
+use oocpt_abi::{GpuAttribute, GpuCutout, GpuInput, GpuMaterial, GpuPrim};
 use oocpt_core::material::{Input, InputName, Material, MaterialFlags, PTEX_SET_ID, UvSet};
 use oocpt_core::materialx::program::{Lookup, Program};
 use oocpt_core::mesh::{MeshSummary, PrimvarSummary};
 use oocpt_core::scene::{NO_MATERIAL, PrimRecord, SurfaceTables};
-use oocpt_shader_abi as abi;
-use oocpt_shader_abi::{GpuAttribute, GpuCutout, GpuInput, GpuMaterial, GpuPrim};
 
 /// The tables of a snapshot as the shaders read them.
 #[derive(Debug)]

@@ -13,13 +13,13 @@ use crate::device::Device;
 use crate::error::RenderError;
 use crate::textures::TextureSet;
 use bytemuck::{Pod, Zeroable};
+use oocpt_abi::{
+    GpuAssembly, GpuChunk, GpuChunkInstance, GpuLevelNode, GpuMesh, GpuTexture, PAGE_BROKEN, TEXTURE_SRGB,
+};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::partition::{ChunkInstance, PlacedValues};
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{Commands, HeapRange};
-use oocpt_shader_abi::{
-    GpuAssembly, GpuChunk, GpuChunkInstance, GpuLevelNode, GpuMesh, GpuTexture, PAGE_BROKEN, TEXTURE_SRGB,
-};
 use std::ops::Range;
 use std::time::Duration;
 

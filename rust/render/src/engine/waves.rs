@@ -13,9 +13,9 @@ use crate::schedule::{Schedule, first_wave};
 use crate::shared::Gate;
 use crate::wave::Wave;
 use crate::wavefront::{Kind, Traced};
+use oocpt_abi::{Push, PushFlags};
 use oocpt_core::scene::SceneFeatures;
 use oocpt_gpu::Commands;
-use oocpt_shader_abi::{Push, PushFlags};
 use std::collections::VecDeque;
 use std::ops::Range;
 

@@ -14,12 +14,12 @@ use super::mesh_motion::{MAX_KEYS, Motions, has_usable_size, swept};
 use super::tree::{self, LightBounds, NOTHING};
 use super::{EVEN_SHARE, count, narrow};
 use crate::textures::TextureCache;
+use oocpt_abi::{
+    GpuLightKey, GpuLightLeaf, GpuLightMesh, GpuLightNode, GpuLightTriangle, GpuLightValue, GpuMeshLight, NO_INDEX,
+};
 use oocpt_core::mesh::{LeafKind, SceneMesh};
 use oocpt_core::partition::World;
 use oocpt_core::scene::{MeshPlacement, MeshPlacements, SceneFeatures, Snapshot};
-use oocpt_shader_abi::{
-    GpuLightKey, GpuLightLeaf, GpuLightMesh, GpuLightNode, GpuLightTriangle, GpuLightValue, GpuMeshLight, NO_INDEX,
-};
 use rustc_hash::FxHashMap;
 use std::f64::consts::PI;
 use std::sync::{Arc, Weak};
@@ -53,7 +53,7 @@ pub(crate) struct MeshLights {
     pub(crate) corners: Vec<[f32; 4]>,
     /// Most textures that are looked up for a point.
     pub(crate) lookups: u32,
-    /// How those that move do: see [`oocpt_shader_abi::Lighting::mesh_motion`]. Empty where none does, as the next.
+    /// How those that move do: see [`oocpt_abi::Lighting::mesh_motion`]. Empty where none does, as the next.
     pub(crate) motion: Vec<[u32; 2]>,
     pub(crate) keys: Vec<GpuLightKey>,
     /// All placements, with their power.

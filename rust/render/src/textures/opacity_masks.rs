@@ -9,13 +9,13 @@
 use super::heights::read_channel_by_bands;
 use super::set::TextureCache;
 use super::tiles::TextureImage;
+use oocpt_abi as abi;
+use oocpt_abi::GpuTexture;
 use oocpt_core::material::{Input, InputName, Material, MaterialFlags, PTEX_SET_ID};
 use oocpt_core::scene::SurfaceTables;
 use oocpt_core::texture::{
     MASK_SET, OpacityMask, OpacityMaskMaker, OpacityQuery, TexelFormat, TextureRef, Wrap, mask_bytes,
 };
-use oocpt_shader_abi as abi;
-use oocpt_shader_abi::GpuTexture;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::sync::Arc;

@@ -6,7 +6,7 @@ use crate::leaf;
 use crate::leaf::triangle::hit_triangle;
 use crate::simd::{Portable, Simd};
 use crate::vector::{V3, dot3};
-use oocpt_shader_abi::{Features, GpuTriangle, Leaf, POINT_BUNDLE};
+use oocpt_abi::{Features, GpuTriangle, Leaf, POINT_BUNDLE};
 
 /// Above the number of an item: that of its second surface.
 pub(crate) const SECOND_SURFACE: u32 = 1 << 31;

@@ -9,8 +9,8 @@ use crate::node::NUMBER;
 use crate::pending::Item;
 use crate::simd::Simd;
 use crate::vector::{V3, apply_point, apply_vector, difference};
+use oocpt_abi::{COUNTED_PATHS, Features, GpuInstance, GpuLevelNode, LEAF, LISTED, RETURN, TARGET_ASSEMBLY};
 use oocpt_gpu::HostBytes;
-use oocpt_shader_abi::{COUNTED_PATHS, Features, GpuInstance, GpuLevelNode, LEAF, LISTED, RETURN, TARGET_ASSEMBLY};
 
 impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     /// From node to node of a level, until a mesh is entered, a level is behind the ray, the walk or its turn ends.

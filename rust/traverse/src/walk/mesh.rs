@@ -5,7 +5,7 @@ use super::Walk;
 use super::stack::Key;
 use crate::node::{MeshChildren, NUMBER, bundle_members};
 use crate::simd::Simd;
-use oocpt_shader_abi::{GpuMeshNode, LEAF, MESH_LEAF_MASK, RETURN};
+use oocpt_abi::{GpuMeshNode, LEAF, MESH_LEAF_MASK, RETURN};
 
 /// How many triangles a leaf of a mesh has.
 #[inline(always)]

@@ -4,12 +4,13 @@
 mod cutouts;
 
 use bytemuck::{Pod, Zeroable};
-use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
-use oocpt_shader_abi::{
+use oocpt_abi::{
     Counters, Features, Frame, GpuChunk, GpuChunkInstance, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuPoint,
-    GpuTriangle, Leaf, MESH_KEYS_SHIFT, MeshFlags, NO_ROW, Pass, Push, Ray, SPEC_MAX_LEVELS, SPEC_STACK_SIZE,
-    ShadowRay, groups, hit_stride,
+    GpuTriangle, Leaf, MESH_KEYS_SHIFT, MeshFlags, NO_ROW, Push, Ray, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, ShadowRay,
+    groups, hit_stride,
 };
+use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
+use oocpt_shaders::Pass;
 use oocpt_traverse::{Instructions, Special};
 use std::sync::Arc;
 use std::time::Duration;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Kinds of leaves: what the items in the leaves of a mesh's tree are. A kind is a module and a row of [`LeafKind`];
-//! the shaders have a row of the same name (`oocpt_shader_abi::LEAVES`). Of a kind:
+//! the shaders have a row of the same name (`oocpt_abi::LEAVES`). Of a kind:
 //! - `bounds(vertices)`: the box around an item;
 //! - `vertices(points, radii)`: an item of its corners' points, and the radii there, where points have some.
 //!

@@ -8,13 +8,13 @@ use crate::scenes::{constant, deforming, dome, instanced, instancer, mesh, prim,
 use crate::streaming::{Scene, smallest_budget};
 use crate::support::{color_request, orthographic, perspective, read, read_all, render, request, session, settings};
 use glam::{DMat4, DQuat, DVec3, Vec3};
+use oocpt_abi::{Features, LEAF_KINDS, LEAVES};
 use oocpt_core::TypedArray;
 use oocpt_core::camera::Camera;
 use oocpt_core::mesh::LeafKind;
 use oocpt_core::scene::{Interpolation, MeshDesc, Primvar, SceneDb, Shape};
 use oocpt_core::settings::Settings;
 use oocpt_render::{AovKind, Session, SessionOptions};
-use oocpt_shader_abi::{Features, LEAF_KINDS, LEAVES};
 use std::collections::BTreeSet;
 use std::path::Path;
 

@@ -5,10 +5,11 @@
 mod cases;
 
 use cases::{Case, extreme, ops, ordinary};
+use oocpt_abi::{Features, PATTERN_GEOMETRY, PATTERN_OPS, groups};
 use oocpt_core::materialx::eval::evaluate;
 use oocpt_core::materialx::program::{Geometry, Op};
 use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
-use oocpt_shader_abi::{Features, PATTERN_GEOMETRY, PATTERN_OPS, checks, groups};
+use oocpt_shaders::checks;
 use std::time::Duration;
 
 /// Numbers below the normal ones may be 0 on a device; values in between, too.

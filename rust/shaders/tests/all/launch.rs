@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Launch arithmetic: workgroup counts, wave numbering, hit strides.
 
-use oocpt_shader_abi::{
+use oocpt_abi::{
     Counters, Frame, GpuChunkInstance, Push, PushFlags, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW,
     RAY_WORD_T_MAX, Ray, ShadowRay, WORKGROUP_SIZE, groups, hit_stride, pack_band, pack_color, unpack_band,
     unpack_color,

@@ -13,10 +13,10 @@ pub struct Module {
     /// SPIR-V.
     pub words: &'static [u32],
     /// The features that it asks for: all others leave it as it is, so scenes that differ in them share its pipelines.
-    pub features: crate::Features,
-    /// Whether it reads [`crate::SPEC_MAX_LEVELS`].
+    pub features: oocpt_abi::Features,
+    /// Whether it reads [`oocpt_abi::SPEC_MAX_LEVELS`].
     pub reads_levels: bool,
-    /// Whether it reads [`crate::SPEC_STACK_SIZE`].
+    /// Whether it reads [`oocpt_abi::SPEC_STACK_SIZE`].
     pub reads_stack: bool,
 }
 

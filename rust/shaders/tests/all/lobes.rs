@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The table of lobes: orders name lobes that there are, once each, and every lobe is in every order.
 
-use oocpt_shader_abi::{Features, LOBE_ALONE, LOBES, LOBES_ADDED, LOBES_EVALUATED, lobes_in_order};
+use oocpt_abi::{Features, LOBE_ALONE, LOBES, LOBES_ADDED, LOBES_EVALUATED, lobes_in_order};
 use std::collections::BTreeSet;
 
 #[test]

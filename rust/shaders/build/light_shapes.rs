@@ -3,12 +3,12 @@
 //!
 //! Pure. `shaders/include/light_shape.glsl` says which functions a shape has.
 
-use crate::abi::{LIGHT_SHAPES, LightShape};
+use oocpt_abi::{LIGHT_SHAPES, LightShape};
 use std::fmt::Write as _;
 
 /// `generated/light_shapes.glsl`: the shapes' files, their numbers, and functions over all of them.
 pub(crate) fn functions() -> String {
-    let mut text = String::from("// Written by rust/shader_abi/build.rs, from src/abi/light_shapes.rs.\n\n");
+    let mut text = String::from("// Written by rust/shaders/build.rs, from rust/abi/src/light_shapes.rs.\n\n");
     for LightShape { name, .. } in LIGHT_SHAPES {
         let _infallible = writeln!(text, "#include \"include/light_shapes/{name}.glsl\"");
     }

@@ -5,7 +5,8 @@
 //! it from here. A pass has one name: its shader is `shaders/wavefront/NAME.comp`, and it shows under `NAME` in
 //! timings, debuggers and errors. Pure, any thread.
 
-use crate::{Counters, Features, Module, modules::passes};
+use crate::{Module, modules::passes};
+use oocpt_abi::{Counters, Features};
 
 /// When a frame has a pass.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -3,12 +3,12 @@
 //!
 //! Pure. `shaders/geometry/leaf.glsl` says which functions a kind has.
 
-use crate::abi::{LEAVES, Leaf};
+use oocpt_abi::{LEAVES, Leaf};
 use std::fmt::Write as _;
 
 /// The kinds' files and numbers, and whether there may be any.
 fn head() -> String {
-    let mut text = String::from("// Written by rust/shader_abi/build.rs, from src/abi/leaves.rs.\n\n");
+    let mut text = String::from("// Written by rust/shaders/build.rs, from rust/abi/src/leaves.rs.\n\n");
     for Leaf { name, .. } in others() {
         let _infallible = writeln!(text, "#include \"geometry/{name}.glsl\"");
     }

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Every struct that crosses between host and shaders, and the table of their layouts.
+//! What host and compute shaders agree on, declared once: structs and the table of their layouts, flags, features,
+//! constants, the tables of lobes, leaf kinds and light shapes, and the sampler.
 //!
-//! Guarantees: depends on nothing else of this crate, because `build.rs` includes it too. Any thread.
+//! Guarantees: plain data and pure functions. No Vulkan, no shader compiler, no state: every crate may use it, the
+//! build of the shaders too, which writes GLSL from it and compares the structs with the SPIR-V. Any thread.
+
+#![forbid(unsafe_code)]
 
 mod constants;
 mod features;

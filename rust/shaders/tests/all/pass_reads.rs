@@ -2,7 +2,8 @@
 //! What a module does not read leaves it as it is: with its specialisation constants set and folded by `spirv-opt`, it
 //! is the same module whatever else they say.
 
-use oocpt_shader_abi::{ALL, Features, Module, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, checks};
+use oocpt_abi::{Features, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
+use oocpt_shaders::{ALL, Module, checks};
 use std::path::Path;
 use std::process::Command;
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The table of passes: every shader has its row, and `shaders/README.md` shows it as it is.
 
-use oocpt_shader_abi::{ALL, Features, Image, PASSES, Pass, document};
+use oocpt_abi::Features;
+use oocpt_shaders::{ALL, Image, PASSES, Pass, document};
 use std::path::Path;
 
 #[test]

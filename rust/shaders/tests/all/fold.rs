@@ -2,7 +2,8 @@
 //! A module without what its specialisation constants make unreachable is valid, and the same module: `spirv-opt` makes
 //! one and the same of both.
 
-use oocpt_shader_abi::{ALL, FEATURES, Features, Module, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, checks, passes};
+use oocpt_abi::{FEATURES, Features, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
+use oocpt_shaders::{ALL, Module, checks, passes};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

@@ -5,7 +5,8 @@
 mod check;
 
 use check::{Layout, Member};
-use oocpt_shader_abi::{ALL, LAYOUTS, Module, passes};
+use oocpt_abi::LAYOUTS;
+use oocpt_shaders::{ALL, Module, passes};
 use std::collections::BTreeSet;
 
 fn layouts() -> Vec<Layout> {

@@ -4,7 +4,7 @@
 #[path = "../../build/exact.rs"]
 mod exact;
 
-use oocpt_shader_abi::ALL;
+use oocpt_shaders::ALL;
 use rspirv::dr::{Instruction, Operand, load_words};
 use rspirv::spirv::{Decoration, Op};
 use std::collections::BTreeMap;
@@ -47,7 +47,7 @@ fn every_operation_of_every_pass_is_exact() {
 
 #[test]
 fn the_no_contraction_pass_is_idempotent_and_repairs_stripped_modules() {
-    let words = oocpt_shader_abi::passes::SHADE_SURFACE.words;
+    let words = oocpt_shaders::passes::SHADE_SURFACE.words;
     assert!(exact::without_contraction(words).expect("a module") == words, "all was decorated already");
     let mut stripped = load_words(words).expect("a module");
     let mut dropped = 0;

@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The bytes that host and compute shaders agree on: every struct that crosses, and the compiled shaders.
+//! The compiled shaders, and the table of passes.
 //!
-//! Guarantees: each struct here has the same member offsets as the GLSL struct of the same name in
+//! Guarantees: each struct of `oocpt_abi::LAYOUTS` has the same member offsets as the GLSL struct of the same name in
 //! `shaders/include/abi.glsl`; `build.rs` compares them in the SPIR-V of every pass and fails the build on a
 //! difference. No Vulkan, no state, no threads: plain data, usable from anywhere.
 //!
 //! # What the host promises
 //! [`PASSES`] declares the passes; `rust/render/src/wavefront/record.rs` records them in their order. There is a full
 //! memory barrier between two passes unless they are recorded as concurrent. What a pass is told of its paths is a
-//! [`Push`].
+//! [`Push`](oocpt_abi::Push).
 //!
 //! In core a wave traces the paths `first_path .. first_path + path_count` in rounds, without a word from the host: all
-//! rays of round `r` are at bounce `r`. `max_bounces + 1` rounds, with [`Features::MATERIALS`] one more, for rays of
+//! rays of round `r` are at bounce `r`. `max_bounces + 1` rounds, with [`Features::MATERIALS`](oocpt_abi::Features::MATERIALS) one more, for rays of
 //! delta lobes. With `Frame::texture_feedback` the host sets `Counters::ray_count[0]` to 0 before the wave and reads
-//! the [`TextureFeedback`] after it. If paths lacked tiles, it brings them, empties the feedback, and repeats the wave
+//! the [`TextureFeedback`](oocpt_abi::TextureFeedback) after it. If paths lacked tiles, it brings them, empties the feedback, and repeats the wave
 //! with `PushFlags::RETRACE`, until none does.
 //!
-//! With [`Features::STREAMING`] chunks may be absent (`GpuChunk::nodes == 0`), rays wait for them across submissions,
+//! With [`Features::STREAMING`](oocpt_abi::Features::STREAMING) chunks may be absent (`GpuChunk::nodes == 0`), rays wait for them across submissions,
 //! and paths are at different bounces. Paths live in *slots*, and leave their radiance at a *place*; there are more
 //! places than slots. Segment `s` is the places from `s * segment_size` on, and holds the paths `first .. first +
 //! count` of the render: `Push::wave(frame, first, count, pixels).with(r, s * segment_size)`, and where they begin
@@ -34,11 +34,9 @@
 
 #![forbid(unsafe_code)]
 
-mod abi;
 mod fold;
 mod modules;
 mod table;
 
-pub use abi::*;
 pub use modules::{ALL, Module, checks, passes};
 pub use table::{Condition, Image, Launch, PASSES, Pass, PassInfo, document};

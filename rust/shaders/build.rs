@@ -5,9 +5,6 @@
 //! Needs `glslangValidator` (or what `GLSLANG_VALIDATOR` names) and `spirv-val` (`SPIRV_VAL`); fails with one clear
 //! message when one is missing, when a shader is wrong, or when GLSL and Rust disagree about a struct.
 
-#[path = "src/abi/mod.rs"]
-#[allow(dead_code, unused_imports, unreachable_pub, reason = "only the layout table is needed here")]
-mod abi;
 #[path = "build/check.rs"]
 mod check;
 #[path = "build/exact.rs"]
@@ -21,6 +18,7 @@ mod lobes;
 #[path = "build/uses.rs"]
 mod uses;
 
+use oocpt_abi as abi;
 use std::collections::BTreeSet;
 use std::env;
 use std::fmt::Write as _;
@@ -45,7 +43,7 @@ fn main() -> ExitCode {
 }
 
 fn build() -> Result<(), String> {
-    for file in ["build.rs", "build", "src/abi"] {
+    for file in ["build.rs", "build"] {
         println!("cargo::rerun-if-changed={file}");
     }
     let manifest = PathBuf::from(variable("CARGO_MANIFEST_DIR")?);
@@ -196,7 +194,7 @@ impl Tools {
 /// `generated/constants.glsl`: `HAS_NAME` of every feature, and every number that host and shaders share.
 fn constants() -> Result<String, String> {
     let mut text = String::from(
-        "// Written by rust/shader_abi/build.rs, from src/abi/features.rs, flags.rs, constants.rs and pattern.rs.\n\n",
+        "// Written by rust/shaders/build.rs, from rust/abi/src/features.rs, flags.rs, constants.rs and pattern.rs.\n\n",
     );
     let mut above = abi::Features::empty();
     for abi::Feature { name, bit, needs, .. } in abi::FEATURES {
@@ -262,7 +260,7 @@ fn modules(modules: &[(String, uses::Uses)]) -> String {
             let _infallible = writeln!(
                 text,
                 "    /// `{name}`.\n    pub static {}: Module = Module {{\n        name: \"{name}\",\n        \
-                 words: words!(\"{name}\"),\n        features: crate::Features::from_bits_retain({features:#x}),\n        \
+                 words: words!(\"{name}\"),\n        features: oocpt_abi::Features::from_bits_retain({features:#x}),\n        \
                  reads_levels: {},\n        reads_stack: {},\n    }};",
                 name.to_uppercase(),
                 reads(abi::SPEC_MAX_LEVELS),

@@ -3,10 +3,10 @@
 //!
 //! Pure. `shaders/include/bsdf/lobe.glsl` says which functions a lobe has.
 
-use crate::abi::{self, Lobe, LobeNormal, LobePart, LobeSides};
+use oocpt_abi::{self as abi, Lobe, LobeNormal, LobePart, LobeSides};
 use std::fmt::Write as _;
 
-const HEAD: &str = "// Written by rust/shader_abi/build.rs, from src/abi/lobes.rs.\n\n";
+const HEAD: &str = "// Written by rust/shaders/build.rs, from rust/abi/src/lobes.rs.\n\n";
 
 /// `generated/lobes.glsl`: numbers of the lobes, and the struct of their chances.
 pub(crate) fn types() -> String {
