@@ -59,6 +59,7 @@ fn build() -> Result<(), String> {
         ("leaves.glsl", leaves::functions()),
         ("light_shapes.glsl", light_shapes::functions()),
         ("lobes.glsl", lobes::types()),
+        ("sobol.glsl", sobol()),
         ("lobe_functions.glsl", lobes::functions()),
     ];
     for (name, text) in generated {
@@ -194,7 +195,7 @@ impl Tools {
 /// `generated/constants.glsl`: `HAS_NAME` of every feature, and every number that host and shaders share.
 fn constants() -> Result<String, String> {
     let mut text = String::from(
-        "// Written by rust/shaders/build.rs, from rust/abi/src/features.rs, flags.rs, constants.rs and pattern.rs.\n\n",
+        "// Written by rust/shaders/build.rs, from rust/abi/src/features.rs, flags.rs, constants.rs, traversal.rs and pattern.rs.\n\n",
     );
     let mut above = abi::Features::empty();
     for abi::Feature { name, bit, needs, .. } in abi::FEATURES {
@@ -215,7 +216,20 @@ fn constants() -> Result<String, String> {
     for (name, value) in abi::CONSTANTS.iter().chain(patterns) {
         let _infallible = writeln!(text, "const uint {name} = {value}u;");
     }
+    for (name, value) in abi::FLOATS {
+        let _infallible = writeln!(text, "const float {name} = {value:?};");
+    }
     Ok(text)
+}
+
+/// `generated/sobol.glsl`: the direction numbers of dimensions 1 to 3, bit by bit.
+fn sobol() -> String {
+    let [_reversed_bits, x, y, z] = abi::sampler::SOBOL_DIRECTIONS;
+    let rows: Vec<_> = (0..32).map(|k| format!("    uvec3({:#x}u, {:#x}u, {:#x}u)", x[k], y[k], z[k])).collect();
+    format!(
+        "// Written by rust/shaders/build.rs, from rust/abi/src/sampler.rs.\n\nconst uvec3 SOBOL[32] = uvec3[32](\n{}\n);\n",
+        rows.join(",\n")
+    )
 }
 
 /// Runs a tool; what it printed is the error.

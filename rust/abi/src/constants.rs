@@ -74,6 +74,7 @@ constants! {
     #[cfg(feature = "faults")]
     FAULT_ALL;
 
+    TIME_SET;
     TARGET_ASSEMBLY;
     TARGET_MOVING;
     RATE_CONSTANT = AttributeRate::Constant as u32;

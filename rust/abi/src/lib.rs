@@ -21,9 +21,11 @@ mod material;
 mod path;
 mod pattern;
 mod push;
+pub mod sampler;
 mod scene;
 mod stream;
 mod texture;
+mod traversal;
 
 pub use constants::CONSTANTS;
 pub use features::{CarryRule, FEATURES, Feature, Features, SPEC_FEATURES, SPEC_FEATURES_HIGH};
@@ -81,4 +83,8 @@ pub use texture::{
     GpuTexture, PAGE_BROKEN, TEXTURE_BORDER, TEXTURE_CHANNELS, TEXTURE_F16, TEXTURE_F32, TEXTURE_FORMAT_SHIFT,
     TEXTURE_PTEX, TEXTURE_SRGB, TEXTURE_U8, TEXTURE_UDIM, TEXTURE_WRAP_S_SHIFT, TEXTURE_WRAP_T_SHIFT, TextureFeedback,
     UDIM_PARTS, WRAP_BLACK, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
+};
+pub use traversal::{
+    CULL_PAD, ENTRY_SCALE, FLOATS, GRAZING, LONGEST_FOOTPRINT, MAX_LEVELS, MESH_PAD, MOST_ANISOTROPY, SLAB_PAD,
+    SLANT_MOST, TIME_SET, TOP_PAD,
 };

@@ -3,10 +3,8 @@
 //! `include/surface_material.glsl`, operation by operation. Pure, any thread.
 
 use crate::vector::{V3, cross3, dot3};
+use oocpt_abi::{LONGEST_FOOTPRINT, MOST_ANISOTROPY, SLANT_MOST};
 
-pub(crate) const MOST_ANISOTROPY: f32 = 16.0;
-const SLANT_MOST: f32 = 1.0e4;
-const LONGEST_FOOTPRINT: f32 = 8.0e37;
 /// Of a step of a direction, worked out as the shaders' compiler does.
 #[expect(clippy::cast_possible_truncation, reason = "rounded once")]
 const STEP: f32 = (1.0 / 32767.0_f64) as f32;

@@ -25,7 +25,6 @@ mod pending;
 mod pose;
 mod presence;
 mod primvar;
-mod sampler;
 mod scene;
 mod simd;
 mod texture;

@@ -3,10 +3,10 @@
 //! `include/near_width.glsl`, operation by operation. The layout is that of `oocpt_core::texture::OpacityMask`. Pure,
 //! any thread.
 
-use crate::footprint::MOST_ANISOTROPY;
 use crate::primvar::Corners;
 use crate::texture::near_image;
 use crate::vector::{V3, cross3, dot3};
+use oocpt_abi::MOST_ANISOTROPY;
 use oocpt_abi::{GpuCutout, WRAP_BLACK, WRAP_MIRROR, WRAP_REPEAT};
 use oocpt_gpu::{HostBytes, HostView};
 

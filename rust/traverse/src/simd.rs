@@ -12,7 +12,7 @@ pub(crate) use avx2::Avx2;
 use crate::node::{BoxRay, MeshChildren, Met};
 use crate::vector::{V3, dot3, safe_reciprocal};
 use bytemuck::cast;
-use oocpt_abi::{ABSENT, GpuLevelNode, GpuMeshNode};
+use oocpt_abi::{ABSENT, GpuLevelNode, GpuMeshNode, SLAB_PAD};
 use std::fmt::Debug;
 
 /// What every node begins with: `origin` and `cell`, the lower planes, the upper planes, and two numbers of its own.
@@ -67,9 +67,6 @@ pub(crate) trait Simd: Copy + Debug + Send + Sync {
 /// What every processor has.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable;
-
-/// `SLAB_PAD` of traversal/box.glsl.
-const SLAB_PAD: f32 = 1.000_001_2;
 
 impl Simd for Portable {
     #[inline(always)]

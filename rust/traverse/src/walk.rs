@@ -23,16 +23,11 @@ pub(crate) use crate::walk::leaves::{SECOND_SURFACE, Surface};
 use crate::walk::mesh::triangles_of;
 use crate::walk::stack::{Key, Stack};
 use oocpt_abi::{
-    DONE, Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuPoint, GpuTriangle, LEAF, LISTED, RETURN,
-    RayFlags,
+    CULL_PAD, DONE, Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuPoint, GpuTriangle, LEAF, LISTED,
+    MAX_LEVELS, RETURN, RayFlags,
 };
 use oocpt_gpu::{HostBytes, HostSpan};
 
-/// Boxes are culled only this far behind the closest hit (traverse.glsl).
-const CULL_PAD: f32 = 1.000_003_8;
-const ENTRY_SCALE: f32 = 0.999_996_4;
-const TOP_PAD: f32 = 1.8e-7;
-const MESH_PAD: f32 = 2.1e-6;
 /// Steps that a ray may take, a thousand times what rays of the largest scenes take.
 const MOST_STEPS: u32 = 1 << 24;
 /// Geometry of fewer bytes is taken to be in the caches: a ray goes on as long as [`LONG_TURN`] says. Of more each step
@@ -41,7 +36,7 @@ const CACHED_BYTES: u64 = 16 << 20;
 /// Steps: nodes, leaves or instances.
 const LONG_TURN: u32 = 256;
 /// Deepest chain of instance records.
-pub(crate) const MOST_LEVELS: usize = 16;
+pub(crate) const MOST_LEVELS: usize = MAX_LEVELS as usize;
 
 /// The world ray.
 #[derive(Clone, Copy, Debug, Default)]

@@ -41,7 +41,7 @@ pub use crate::instancing::motion::{MAX_KEYS, MotionKey, map_at};
 pub use dicing::DicingCamera;
 pub use lent::Lent;
 use lent::{Lending, of_instancer, of_mesh};
-pub use resolve::MAX_LEVELS;
+pub use resolve::MAX_NESTING;
 pub use snapshot::{
     Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DomeTexture, Emitter, IesError, IesProfile,
     InstanceFlags, InstanceRecord, Light, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset,

@@ -22,7 +22,7 @@ mod tables;
 mod values;
 
 pub(crate) use cache::{Scene, SceneCache, SceneView};
-pub(crate) use catalog::{MAX_LEVELS, SceneAssets};
+pub(crate) use catalog::SceneAssets;
 pub(crate) use demand::Brought;
 pub(crate) use encode::Writer;
 pub(crate) use host_heap::{HostHeapFiller, bytes_with_holes};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The shared structs and the compiled shaders: layouts, folding, what passes read, and the tables of passes and lobes.
+//! The compiled shaders: layouts of the shared structs, folding, what passes read, and the table of passes.
 
 #[cfg(test)]
 mod fold;
@@ -7,8 +7,6 @@ mod fold;
 mod launch;
 #[cfg(test)]
 mod layout;
-#[cfg(test)]
-mod lobes;
 #[cfg(test)]
 mod no_contraction;
 #[cfg(test)]

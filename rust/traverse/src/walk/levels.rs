@@ -3,13 +3,15 @@
 //! them, into meshes and back.
 
 use super::stack::Key;
-use super::{Level, MESH_PAD, TOP_PAD, Walk, WorldRay};
+use super::{Level, Walk, WorldRay};
 use crate::leaf::triangle::Shear;
 use crate::node::NUMBER;
 use crate::pending::Item;
 use crate::simd::Simd;
 use crate::vector::{V3, apply_point, apply_vector, difference};
-use oocpt_abi::{COUNTED_PATHS, Features, GpuInstance, GpuLevelNode, LEAF, LISTED, RETURN, TARGET_ASSEMBLY};
+use oocpt_abi::{
+    COUNTED_PATHS, Features, GpuInstance, GpuLevelNode, LEAF, LISTED, MESH_PAD, RETURN, TARGET_ASSEMBLY, TOP_PAD,
+};
 use oocpt_gpu::HostBytes;
 
 impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Owen-scrambled Sobol numbers in padded sets of four dimensions: Burley, "Practical Hash-based Owen Scrambling",
-//! JCGT 9(4), 2020. Pure and deterministic; the GLSL twin must give the same bits. All arithmetic wraps at 32 bits.
+//! JCGT 9(4), 2020. Pure and deterministic; `shaders/include/sampler.glsl` gives the same bits. All arithmetic wraps at 32 bits.
 
 /// Direction numbers `v[d][k]` of Sobol dimensions 0 to 3: bit `k` of the index contributes `v[d][k]`.
 ///
@@ -101,6 +101,14 @@ pub fn sample_4d(index: u32, set: u32, seed: u32) -> [f32; 4] {
         let x = owen(sobol(shuffled, usize::from(d)), hash(combine(set_seed, u32::from(d))));
         unit_float(x)
     })
+}
+
+/// The first number of [`sample_4d`].
+#[must_use]
+pub fn sample_1d(index: u32, set: u32, seed: u32) -> f32 {
+    let set_seed = hash(combine(seed, set));
+    // Sobol dimension 0 reverses the bits.
+    unit_float(owen(owen(index, set_seed).reverse_bits(), hash(combine(set_seed, 0))))
 }
 
 /// The upper 24 bits of `x` as a number in `[0, 1)`; exact.

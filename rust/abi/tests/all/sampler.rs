@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The sampler's definition and its stratification.
 
-use oocpt_core::sampler::{SOBOL_DIRECTIONS, hash, laine_karras, owen, sobol};
-use oocpt_core::{pixel_seed, sample_4d};
+use oocpt_abi::sampler::{SOBOL_DIRECTIONS, hash, laine_karras, owen, pixel_seed, sample_1d, sample_4d, sobol};
 
 /// First numerators (over 8) of dimensions 0 to 3, by hand from the Joe-Kuo direction numbers 1/2, 1/4, 1/8; 1/2, 3/4,
 /// 5/8; 1/2, 3/4, 3/8; 1/2, 3/4, 1/8.
@@ -114,6 +113,17 @@ fn sample_bits_are_pinned_for_the_glsl_twin() {
     assert_eq!(bits(sample_4d(0, 0, 0)), PINNED[0]);
     assert_eq!(bits(sample_4d(12345, 6, 0x89ab_cdef)), PINNED[1]);
     assert_eq!(pixel_seed(17, 23, 5), PINNED_SEED);
+}
+
+#[test]
+fn one_number_is_the_first_of_four() {
+    for (index, set, seed) in (0..64).flat_map(|index| [(index, 0, 0), (index * 977, 6, 0x89ab_cdef)]) {
+        assert_eq!(
+            sample_1d(index, set, seed).to_bits(),
+            sample_4d(index, set, seed)[0].to_bits(),
+            "{index} {set} {seed}"
+        );
+    }
 }
 
 /// Recorded from an independent Python transcription of the definition.

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Numbers of traversal and of texture filtering, which the passes and native traversal compute with. The build writes
+//! a `const float` of each for the shaders.
+
+/// Longest chain of instance records below a chunk instance.
+pub const MAX_LEVELS: u32 = 16;
+
+/// The set of samples that the time of a path is the first coordinate of; those of bounces are numbered from 0.
+pub const TIME_SET: u32 = 0x4000_0000;
+
+macro_rules! floats {
+    ($($(#[doc = $doc:literal])+ $name:ident = $value:literal;)+) => {
+        $($(#[doc = $doc])+ pub const $name: f32 = $value;)+
+
+        /// Name and value of every `const float` that the build writes for the shaders.
+        pub const FLOATS: &[(&str, f32)] = &[$((stringify!($name), $name),)+];
+    };
+}
+
+floats! {
+    /// The slab test multiplies the far distance by this (Ize 2013, "Robust BVH Ray Traversal"): 1 + 2 (gamma(5) + 2.5
+    /// units in the last place), rounded up. The distance to a plane of a node rounds five times, and Vulkan lets the
+    /// reciprocals be off by as much as that. (Ize counts on planes in floats and correct rounding: 1 + 2 gamma(3).)
+    SLAB_PAD = 1.000_001_2;
+    /// Boxes are culled only this far behind the closest hit, so that rounding hides no equally close one.
+    CULL_PAD = 1.000_003_8;
+    /// A little more than 1 / [`CULL_PAD`].
+    ENTRY_SCALE = 0.999_996_4;
+    /// Times the largest component of an origin in the world: boxes are padded by this, which covers the origin's low
+    /// part (2^-24) and the rounding of the padding itself.
+    TOP_PAD = 1.8e-7;
+    /// Times the largest coordinate of the ray's origin and of the mesh: how far beside a triangle the rounding of its
+    /// edge functions (14 units of 2^-24 of a corner's distance) can see it met, and eight more for the planes of boxes
+    /// (`shaders/traversal/node.glsl`). Boxes in meshes are padded by that: else the triangle that takes a ray at a
+    /// shared edge may be in a box that the ray passes by (Woop et al. 2013, 3.1).
+    MESH_PAD = 2.1e-6;
+    /// A triangle is seen along its plane below this squared cosine.
+    GRAZING = 1.0e-4;
+    /// How many widths of a filter go to the length of a lookup's ellipse, at most.
+    MOST_ANISOTROPY = 16.0;
+    /// Limit of 1 / cos where a cone meets a surface.
+    SLANT_MOST = 1.0e4;
+    /// Longest footprint. Below 2^126: Vulkan divides by no more, for the reciprocal may be flushed to 0.
+    LONGEST_FOOTPRINT = 8.0e37;
+}
