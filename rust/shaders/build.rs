@@ -195,7 +195,7 @@ impl Tools {
 /// `generated/constants.glsl`: `HAS_NAME` of every feature, and every number that host and shaders share.
 fn constants() -> Result<String, String> {
     let mut text = String::from(
-        "// Written by rust/shaders/build.rs, from rust/abi/src/features.rs, flags.rs, constants.rs, traversal.rs and pattern.rs.\n\n",
+        "// Written by rust/shaders/build.rs, from rust/abi/src/features.rs, flags.rs, constants.rs, numbers.rs and pattern.rs.\n\n",
     );
     let mut above = abi::Features::empty();
     for abi::Feature { name, bit, needs, .. } in abi::FEATURES {
@@ -212,8 +212,7 @@ fn constants() -> Result<String, String> {
     for (name, value) in abi::flag_constants() {
         let _infallible = writeln!(text, "const uint {name} = {value}u;");
     }
-    let patterns = abi::PATTERN_OPS.iter().chain(&abi::PATTERN_GEOMETRY);
-    for (name, value) in abi::CONSTANTS.iter().chain(patterns) {
+    for (name, value) in abi::CONSTANTS {
         let _infallible = writeln!(text, "const uint {name} = {value}u;");
     }
     for (name, value) in abi::FLOATS {

@@ -4,7 +4,7 @@
 //!
 //! Guarantees: numbers only. Any thread.
 
-use super::{FrameFlags, LightFlags, MeshFlags, PushFlags};
+use super::{Features, FrameFlags, LightFlags, MaterialInput, MeshFlags, PatternGeometry, PatternOp, PushFlags};
 use bitflags::{Flags, bitflags};
 
 bitflags! {
@@ -87,85 +87,84 @@ pub const DONE: u32 = 0xffff_ffff;
 /// Reference of a child that is not there.
 pub const ABSENT: u32 = 0xffff_ffff;
 
-bitflags! {
-    /// `GpuMaterial::flags`: `oocpt_core::material::MaterialFlags`, which says more; a test of `oocpt-render` compares
-    /// them.
-    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-    pub struct GpuMaterialFlags: u32 {
-        /// Specular workflow.
-        const SPECULAR_WORKFLOW = 1;
-        /// Opacity is whether the surface is there.
-        const PRESENCE = 1 << 1;
-        /// What opacity leaves is transmitted.
-        const TRANSMISSIVE = 1 << 2;
-        /// Emits light.
-        const EMISSIVE = 1 << 3;
-        /// Has a clearcoat.
-        const COAT = 1 << 4;
-        /// Has a normal other than (0, 0, 1).
-        const NORMAL_MAP = 1 << 5;
-        /// Reads a texture.
-        const TEXTURED = 1 << 6;
-        /// Is rough glass somewhere.
-        const ROUGH_TRANSMISSION = 1 << 7;
-        /// Reads a Ptex texture.
-        const PTEX = 1 << 8;
-        /// Glass and coat have inputs of their own.
-        const OPEN_PBR = 1 << 9;
-        /// Has fuzz.
-        const SHEEN = 1 << 10;
-        /// Some input is worked out by a program.
-        const PATTERNS = 1 << 11;
-        /// Opacity is.
-        const CUTOUT_PROGRAM = 1 << 12;
-        /// Some lobe is anisotropic.
-        const ANISOTROPIC = 1 << 13;
-        /// Has a thin film.
-        const THIN_FILM = 1 << 14;
-        /// Absorbs light on its way inside.
-        const ABSORBING = 1 << 15;
-        /// Has no inside.
-        const THIN_WALLED = 1 << 16;
-        /// Is a fibre.
-        const HAIR = 1 << 17;
-        /// Has a rough diffuse lobe.
-        const ROUGH_DIFFUSE = 1 << 18;
-        /// The index of what transmits depends on the channel.
-        const DISPERSIVE = 1 << 19;
-        /// Its program reads random numbers of the hit.
-        const MIXTURE = 1 << 20;
-        /// `FRAMED_NORMAL`.
-        const FRAMED_NORMAL = 1 << 21;
-    }
+macro_rules! material_flags {
+    ($($(#[doc = $doc:literal])+ $name:ident: [$($feature:ident)?];)+) => {
+        #[expect(non_camel_case_types, clippy::upper_case_acronyms, reason = "names of constants")]
+        enum MaterialBit {
+            $($name,)+
+        }
+
+        bitflags! {
+            /// What a material needs: `GpuMaterial::flags`.
+            #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+            pub struct MaterialFlags: u32 {
+                $($(#[doc = $doc])+ const $name = 1 << (MaterialBit::$name as u32);)+
+            }
+        }
+
+        impl MaterialFlags {
+            /// What of the passes materials with these flags need.
+            #[must_use]
+            pub fn features(self) -> Features {
+                let rows = [$((Self::$name, Features::empty()$(.union(Features::$feature))?)),+];
+                rows.into_iter().filter(|(flag, _)| self.contains(*flag)).map(|(_, feature)| feature).collect()
+            }
+        }
+    };
 }
 
-/// Names of the inputs of a material, by their places in `GpuMaterial::inputs`: those of
-/// `oocpt_core::material::InputName`, which says what they are; a test of `oocpt-render` compares them.
-pub const MATERIAL_INPUT_NAMES: [&str; super::MATERIAL_INPUTS] = [
-    "DIFFUSE_COLOR",
-    "EMISSIVE_COLOR",
-    "SPECULAR_COLOR",
-    "METALLIC",
-    "ROUGHNESS",
-    "CLEARCOAT",
-    "CLEARCOAT_ROUGHNESS",
-    "OPACITY",
-    "IOR",
-    "NORMAL",
-    "TRANSMISSION",
-    "TRANSMISSION_COLOR",
-    "COAT_IOR",
-    "SHEEN_COLOR",
-    "SHEEN_ROUGHNESS",
-    "ANISOTROPY",
-    "THIN_FILM",
-    "ABSORPTION",
-    "DIFFUSE_ROUGHNESS",
-];
+// A row is a flag, in the order of the bits, and the feature that the passes need for it.
+material_flags! {
+    /// `specularColor` is the reflectance at normal incidence; else metallic and ior give it.
+    SPECULAR_WORKFLOW: [];
+    /// Opacity is whether the surface is there, asked for in traversal (`opacityThreshold` or `opacityMode`
+    /// presence).
+    PRESENCE: [CUTOUTS];
+    /// What opacity leaves is transmitted.
+    TRANSMISSIVE: [TRANSMISSION];
+    /// Emits light.
+    EMISSIVE: [EMISSION];
+    /// Has a clearcoat.
+    COAT: [COAT];
+    /// Has a normal other than (0, 0, 1).
+    NORMAL_MAP: [];
+    /// Reads a texture.
+    TEXTURED: [TEXTURES];
+    /// What is transmitted is, somewhere, by a rough surface.
+    ROUGH_TRANSMISSION: [ROUGH_TRANSMISSION];
+    /// Reads a Ptex texture.
+    PTEX: [PTEX];
+    /// Glass and coat have inputs of their own, as `OpenPBR` has them; opacity is whether the surface is there.
+    OPEN_PBR: [OPEN_PBR];
+    /// Has fuzz.
+    SHEEN: [SHEEN];
+    /// Some input is worked out by a program.
+    PATTERNS: [PATTERNS];
+    /// Opacity is.
+    CUTOUT_PROGRAM: [CUTOUT_PROGRAMS];
+    /// Some lobe is anisotropic.
+    ANISOTROPIC: [ANISOTROPY];
+    /// Has a thin film.
+    THIN_FILM: [THIN_FILM];
+    /// Absorbs light on its way inside.
+    ABSORBING: [ABSORPTION];
+    /// Has no inside.
+    THIN_WALLED: [THIN_WALLS];
+    /// Is a fibre: some inputs mean something else ([`crate::MaterialInput`]).
+    HAIR: [HAIR];
+    /// Has a rough diffuse lobe.
+    ROUGH_DIFFUSE: [ROUGH_DIFFUSE];
+    /// The index of what transmits depends on the channel.
+    DISPERSIVE: [DISPERSION];
+    /// Is one of several by chance: its program reads random numbers of the hit.
+    MIXTURE: [MIXTURES];
+    /// Its normal is worked out from one of the world: it counts where a mesh has no tangents, too.
+    FRAMED_NORMAL: [];
+}
 
-/// Side of a tile of a texture; `oocpt_core::texture::TILE_SIDE`.
+/// Side of a tile of a texture, texels.
 pub const TILE_SIDE: u32 = 128;
-/// Largest side of a level that shares a tile with those below; `oocpt_core::texture::TAIL_SIDE`.
+/// Largest side of a level that shares a tile with those below, texels.
 pub const TAIL_SIDE: u32 = 64;
 /// Rows of the energy tables: cosines.
 pub const TABLE_COSINE: u32 = 64;
@@ -178,15 +177,16 @@ pub fn flag_constants() -> Vec<(String, u32)> {
     fn named<F: Flags<Bits = u32>>(prefix: &str) -> impl Iterator<Item = (String, u32)> {
         F::FLAGS.iter().map(move |flag| (format!("{prefix}{}", flag.name()), flag.value().bits()))
     }
-    let inputs = (0..).zip(MATERIAL_INPUT_NAMES).map(|(at, name)| (format!("INPUT_{name}"), at));
     named::<FrameFlags>("FLAG_")
         .chain(named::<PushFlags>("PUSH_"))
         .chain(named::<LightFlags>("LIGHT_"))
         .chain(named::<MeshFlags>("MESH_"))
         .chain(named::<RayFlags>("RAY_"))
         .chain(named::<PathProgress>(""))
-        .chain(named::<GpuMaterialFlags>("MATERIAL_"))
-        .chain(inputs)
+        .chain(named::<MaterialFlags>("MATERIAL_"))
+        .chain(MaterialInput::constants())
+        .chain(PatternOp::constants())
+        .chain(PatternGeometry::constants())
         .collect()
 }
 

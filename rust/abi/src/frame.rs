@@ -121,7 +121,7 @@ pub struct AovClear {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Frame {
-    /// [`crate::GpuLevelNode`] array of the top level: leaves are single chunk instances, boxes are in the world; at
+    /// [`crate::LevelNode`] array of the top level: leaves are single chunk instances, boxes are in the world; at
     /// least one node. 16-byte aligned, as all node, triangle and instance arrays are.
     pub top_nodes: u64,
     /// [`crate::GpuChunkInstance`] array; its order decides ties between equally close hits. 16-byte aligned.
@@ -249,7 +249,7 @@ pub struct Frame {
     pub sheen_tables: u64,
     /// One [`crate::GpuCameraMotion`] and its keys; 0 without `Features::CAMERA_MOTION`. 16-byte aligned.
     pub camera_motion: u64,
-    /// [`GpuClipPlane`]s, `clip_plane_count` of them; 0 without `Features::CLIPPING`. 16-byte aligned.
+    /// [`ClipPlane`]s, `clip_plane_count` of them; 0 without `Features::CLIPPING`. 16-byte aligned.
     pub clip_planes: u64,
     /// Pixel x of a point = dot of this with (v, 1), v in view space, over that of `clip_w`.
     pub pixel_x: [f32; 4],
@@ -266,7 +266,7 @@ pub struct Frame {
 /// `begins + t * slope >= 0`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
-pub struct GpuClipPlane {
+pub struct ClipPlane {
     /// `begins` at image point (0, 0), and its change per pixel to the right and up.
     pub begins: [f32; 3],
     /// Its change, and that of `-slope * Frame::focus`, by the lens point's x.

@@ -4,11 +4,11 @@
 //! Guarantees: the members are listed in full: a struct literal pattern without `..` fails to compile otherwise.
 
 use super::{
-    Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCameraKey,
-    GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuClipPlane, GpuCutout, GpuInfiniteLight, GpuInput,
-    GpuInstance, GpuLevelNode, GpuLightKey, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
-    GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuMotionKey,
-    GpuPoint, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, Lighting, PathState,
+    Adaptive, AovClear, AovTargets, Bvh4Node, ClipPlane, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly,
+    GpuAttribute, GpuCameraKey, GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuCutout, GpuInfiniteLight,
+    GpuInput, GpuInstance, GpuLightKey, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
+    GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMotionKey, GpuPoint,
+    GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LevelNode, Lighting, PathState,
     Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming, TextureFeedback, UnitDemand,
 };
 use core::mem::{offset_of, size_of};
@@ -145,7 +145,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         exposure,
         error_floor
     }),
-    layout!(GpuClipPlane { begins, lens_x, slope, lens_y }),
+    layout!(ClipPlane { begins, lens_x, slope, lens_y }),
     layout!(Streaming {
         segments,
         progress,
@@ -201,8 +201,8 @@ pub const LAYOUTS: &[StructLayout] = &[
         albedo,
         cone
     }),
-    layout!(GpuMeshNode { origin, cell_and_counts, lower, upper, first_child, first_triangle }),
-    layout!(GpuLevelNode { origin, cell, lower, upper, child, pad }),
+    layout!(Bvh4Node { origin, cell_and_counts, lower, upper, first_child, first_triangle }),
+    layout!(LevelNode { origin, cell, lower, upper, child, pad }),
     layout!(GpuTriangle { v0, face, v1, subset_and_sides, v2, ptex }),
     layout!(GpuPoint { center, face }),
     layout!(GpuInstance { object_from_parent, target, prim_id, index_in_prototype, prototype_count }),

@@ -4,10 +4,9 @@
 //!
 //! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
 
+use super::MaterialInput;
 use bytemuck::{Pod, Zeroable};
 
-/// Inputs of a material, in the order of `oocpt_core::material::InputName`.
-pub const MATERIAL_INPUTS: usize = 19;
 /// In `Frame::material_slots` and `GpuSurfaceMaterial::material`: none.
 pub const NO_MATERIAL: u32 = u32::MAX;
 /// In `Frame::material_slots`: traversal has to ask the material whether the surface is there.
@@ -39,10 +38,6 @@ pub const INPUT_PRIMVAR: u32 = 2;
 pub const INPUT_REGISTER: u32 = 3;
 /// In the immediate of a program's lookup: its set and its map are its place; else the operand is.
 pub const INPUT_PLACED: u32 = 1 << 8;
-/// Lookups of a program for opacity, at most: with streaming the values of all but one are kept with a ray's question.
-pub const CUTOUT_LOOKUPS: u32 = 4;
-/// Registers of a program, f32x4 each; operands from here on are its constants.
-pub const PROGRAM_REGISTERS: u32 = 32;
 /// `GpuInput::kind`: where the channel begins, 0 = all of them, else its number + 1; three bits.
 pub const INPUT_CHANNEL_SHIFT: u32 = 2;
 /// `GpuInput::kind`: where the texture coordinate set or the primvar begins; two bits.
@@ -73,8 +68,8 @@ pub struct GpuInput {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct GpuMaterial {
     /// The inputs.
-    pub inputs: [GpuInput; MATERIAL_INPUTS],
-    /// Bits of `oocpt_core::material::MaterialFlags`.
+    pub inputs: [GpuInput; MaterialInput::COUNT],
+    /// Bits of [`super::MaterialFlags`].
     pub flags: u32,
     /// See `oocpt_core::material::Material::opacity_threshold`.
     pub opacity_threshold: f32,

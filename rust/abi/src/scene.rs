@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Scene data as the shaders read it: nodes, triangles, meshes, instance records, assemblies, chunks, distant lights.
+//! Scene data as the shaders read it: triangles, meshes, instance records, assemblies, chunks, distant lights.
 //!
 //! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
 
@@ -19,45 +19,6 @@ pub const NO_VALUE: u32 = 0x7fc0_0000;
 pub const SUBSET_MASK: u32 = 0xffff;
 /// In `GpuChunkInstance::row`: none.
 pub const NO_ROW: u32 = u32::MAX;
-
-/// Node of a hierarchy over instances, 64 B: as [`GpuMeshNode`], but children are named one by one; the layout of
-/// `oocpt_core::LevelNode`. The root is node 0.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
-pub struct GpuLevelNode {
-    /// As [`GpuMeshNode::origin`].
-    pub origin: [u32; 3],
-    /// A byte to an axis, as in [`GpuMeshNode::cell_and_counts`].
-    pub cell: u32,
-    /// As [`GpuMeshNode::lower`].
-    pub lower: [u32; 3],
-    /// As [`GpuMeshNode::upper`].
-    pub upper: [u32; 3],
-    /// A node; bit 31 and an instance; or `u32::MAX`: nothing.
-    pub child: [u32; 4],
-    /// 0.
-    pub pad: [u32; 2],
-}
-
-/// Node of a mesh's hierarchy, 48 B: the boxes of at most four children on a grid of its own; the layout of
-/// `oocpt_core::Bvh4Node`. The root is node 0. Inner children come first, then leaves.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
-pub struct GpuMeshNode {
-    /// Lower corner of the grid, the bits of three floats.
-    pub origin: [u32; 3],
-    /// A byte to an axis: exponent of the cell's edge, biased as in floats. From bit 24, two bits to a child: triangles
-    /// of the leaf (1..=3), 0 for an inner or absent child.
-    pub cell_and_counts: u32,
-    /// Per axis, a byte to a child: its lower plane, in cells from the origin.
-    pub lower: [u32; 3],
-    /// The same of the upper planes.
-    pub upper: [u32; 3],
-    /// Node of the first inner child, the others follow; how many, in the four highest bits.
-    pub first_child: u32,
-    /// First triangle of the first leaf, the others follow. Below 2^28, as nodes and instances.
-    pub first_triangle: u32,
-}
 
 /// Point in its mesh's frame, 16 B. Leaves of nodes count bundles of [`POINT_BUNDLE`], in the order of the array: all
 /// are full but the first one.
@@ -93,6 +54,16 @@ pub struct GpuTriangle {
     pub ptex: u32,
 }
 
+/// Bytes of a [`GpuTriangle`].
+#[allow(clippy::cast_possible_truncation, reason = "small")]
+pub const TRIANGLE_BYTES: u32 = size_of::<GpuTriangle>() as u32;
+/// Bytes of a [`GpuPoint`].
+#[allow(clippy::cast_possible_truncation, reason = "small")]
+pub const POINT_BYTES: u32 = size_of::<GpuPoint>() as u32;
+
+/// In [`GpuInstance::prototype_count`]: the map flips handedness.
+pub const FLIPS_HANDEDNESS: u32 = 1 << 31;
+
 /// Placement of a mesh or of an assembly, 64 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -105,8 +76,8 @@ pub struct GpuInstance {
     pub prim_id: i32,
     /// Index among the instances of the instancer's prototype; 0 if this is no instancer placement.
     pub index_in_prototype: u32,
-    /// Instances of that prototype; 1 if this is no instancer placement. Bit 31 may say that the map flips handedness
-    /// (the shaders mask it off and do not need it: normals are mapped as covectors).
+    /// Instances of that prototype; 1 if this is no instancer placement. Beside it [`FLIPS_HANDEDNESS`] (which
+    /// the shaders mask off and do not need: normals are mapped as covectors).
     pub prototype_count: u32,
 }
 
@@ -192,6 +163,7 @@ pub struct GpuLightKey {
 
 /// How values of an attribute are found; `triangle` is the index in BVH order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(u32)]
 pub enum AttributeRate {
     /// `values[0]`.
@@ -240,7 +212,7 @@ impl MeshFlags {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct GpuMesh {
-    /// [`GpuMeshNode`] array, 16-byte aligned.
+    /// [`crate::Bvh4Node`] array, 16-byte aligned.
     pub nodes: u64,
     /// [`GpuTriangle`] array, 16-byte aligned. With keys ([`MESH_KEYS_SHIFT`]) one for each, one behind the other, and
     /// behind them the times of the keys, f32. Of points ([`crate::Leaf::POINT`]) it is [`GpuPoint`] arrays, and behind
@@ -270,7 +242,7 @@ pub struct GpuMesh {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct GpuAssembly {
-    /// [`GpuLevelNode`] array over the instances, 16-byte aligned.
+    /// [`crate::LevelNode`] array over the instances, 16-byte aligned.
     pub nodes: u64,
     /// [`GpuInstance`] array, 16-byte aligned.
     pub instances: u64,
@@ -282,7 +254,7 @@ pub struct GpuAssembly {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct GpuChunk {
-    /// [`GpuLevelNode`] array over the records, 16-byte aligned.
+    /// [`crate::LevelNode`] array over the records, 16-byte aligned.
     pub nodes: u64,
     /// [`GpuInstance`] array, 16-byte aligned; the maps start from the chunk's own frame.
     pub instances: u64,

@@ -4,9 +4,9 @@
 use crate::pending::before;
 use crate::presence::{Opacity, Presence};
 use crate::texture::{Looked, Lookup};
-use crate::walk::{SECOND_SURFACE, Surface, Walk};
+use crate::walk::{Surface, Walk};
 use oocpt_abi::sampler::{combine, hash, unit_float};
-use oocpt_abi::{Question, RayFlags};
+use oocpt_abi::{Question, RayFlags, SECOND_SURFACE};
 
 /// Bits of `Question::flags`, as in include/cutout.glsl.
 const CHANNEL_SHIFT: u32 = 4;

@@ -6,12 +6,9 @@
 use crate::primvar::Corners;
 use crate::texture::near_image;
 use crate::vector::{V3, cross3, dot3};
-use oocpt_abi::MOST_ANISOTROPY;
 use oocpt_abi::{GpuCutout, WRAP_BLACK, WRAP_MIRROR, WRAP_REPEAT};
+use oocpt_abi::{MASK_SET, MOST_ANISOTROPY};
 use oocpt_gpu::{HostBytes, HostView};
-
-/// As in `oocpt_core::texture::MASK_SET`.
-const MASK_SET: u32 = 1 << 7;
 
 /// A candidate of a hit, and the ray.
 #[derive(Clone, Copy, Debug)]

@@ -19,11 +19,11 @@ use crate::pose::Pose;
 use crate::scene::Scene;
 use crate::simd::Simd;
 use crate::vector::V3;
-pub(crate) use crate::walk::leaves::{SECOND_SURFACE, Surface};
+pub(crate) use crate::walk::leaves::Surface;
 use crate::walk::mesh::triangles_of;
 use crate::walk::stack::{Key, Stack};
 use oocpt_abi::{
-    CULL_PAD, DONE, Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuPoint, GpuTriangle, LEAF, LISTED,
+    Bvh4Node, CULL_PAD, DONE, Features, GpuInstance, GpuMesh, GpuPoint, GpuTriangle, LEAF, LISTED, LevelNode,
     MAX_LEVELS, RETURN, RayFlags,
 };
 use oocpt_gpu::{HostBytes, HostSpan};
@@ -292,8 +292,8 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     fn prefetch(&self, reference: u32) {
         let number = (reference & NUMBER) as usize;
         match (reference < LEAF, self.in_mesh) {
-            (true, true) => self.at.nodes.prefetch::<GpuMeshNode>(number, 1),
-            (true, false) => self.at.nodes.prefetch::<GpuLevelNode>(number, 1),
+            (true, true) => self.at.nodes.prefetch::<Bvh4Node>(number, 1),
+            (true, false) => self.at.nodes.prefetch::<LevelNode>(number, 1),
             (false, true) if self.pose.of_points => {
                 self.pose.triangles.prefetch::<GpuPoint>(number, triangles_of(reference) as usize);
             }

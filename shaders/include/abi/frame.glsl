@@ -108,7 +108,7 @@ struct Frame {
     float error_floor;
 };
 
-struct GpuClipPlane {
+struct ClipPlane {
     vec3 begins;
     float lens_x;
     vec3 slope;

@@ -3,7 +3,7 @@
 #ifndef OOCPT_ABI_SCENE_GLSL
 #define OOCPT_ABI_SCENE_GLSL
 
-struct GpuMeshNode {
+struct Bvh4Node {
     uvec3 origin;
     uint cell_and_counts;
     uvec3 lower;
@@ -12,7 +12,7 @@ struct GpuMeshNode {
     uint first_triangle;
 };
 
-struct GpuLevelNode {
+struct LevelNode {
     uvec3 origin;
     uint cell;
     uvec3 lower;

@@ -11,9 +11,9 @@
 use super::source::{AssetKey, Source};
 use crate::error::RenderError;
 use crate::textures::{OpacityMasks, TextureSet};
-use oocpt_abi::MAX_LEVELS;
+use oocpt_abi::{LevelNode, MAX_LEVELS};
 use oocpt_core::inventory::Inventory;
-use oocpt_core::mesh::{LevelNode, level_nodes};
+use oocpt_core::mesh::level_nodes;
 use oocpt_core::partition::World;
 use oocpt_core::residency::{AssetId, Catalog, UnitId};
 use oocpt_core::scene::{Snapshot, Target};

@@ -15,11 +15,12 @@ use super::tree::{self, LightBounds, NOTHING};
 use super::{EVEN_SHARE, count, narrow};
 use crate::textures::TextureCache;
 use oocpt_abi::{
-    GpuLightKey, GpuLightLeaf, GpuLightMesh, GpuLightNode, GpuLightTriangle, GpuLightValue, GpuMeshLight, NO_INDEX,
+    Features, GpuLightKey, GpuLightLeaf, GpuLightMesh, GpuLightNode, GpuLightTriangle, GpuLightValue, GpuMeshLight,
+    NO_INDEX,
 };
 use oocpt_core::mesh::{LeafKind, SceneMesh};
 use oocpt_core::partition::World;
-use oocpt_core::scene::{MeshPlacement, MeshPlacements, SceneFeatures, Snapshot};
+use oocpt_core::scene::{MeshPlacement, MeshPlacements, Snapshot};
 use rustc_hash::FxHashMap;
 use std::f64::consts::PI;
 use std::sync::{Arc, Weak};
@@ -77,7 +78,7 @@ type EmitterKey = (u128, Vec<u32>);
 impl MeshLightCache {
     /// The mesh lights of a snapshot; `None` without any. Without `images` textures emit nothing.
     pub(crate) fn get(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Option<Arc<MeshLights>> {
-        if !snapshot.features.contains(SceneFeatures::EMISSION) {
+        if !snapshot.features.contains(Features::EMISSION) {
             *self = Self::default();
             return None;
         }

@@ -15,7 +15,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("oocpt-abi", &[]),
     ("oocpt-files", &[]),
     ("oocpt-core", &["oocpt-abi", "oocpt-materialx", "oocpt-subdiv"]),
-    ("oocpt-materialx", &["oocpt-files"]),
+    ("oocpt-materialx", &["oocpt-abi", "oocpt-files"]),
     ("oocpt-ptex", &[]),
     ("oocpt-subdiv", &[]),
     ("oocpt-shaders", &["oocpt-abi"]),
@@ -25,10 +25,10 @@ const ARROWS: &[(&str, &[&str])] = &[
         "oocpt-render",
         &["oocpt-abi", "oocpt-core", "oocpt-files", "oocpt-ptex", "oocpt-shaders", "oocpt-gpu", "oocpt-traverse"],
     ),
-    ("oocpt-bridge", &["oocpt-render", "oocpt-core", "oocpt-ptex"]),
-    ("oocpt-cli", &["oocpt-render", "oocpt-core", "oocpt-gpu", "oocpt-ptex"]),
-    ("oocpt-judge", &["oocpt-core"]),
-    ("oocpt-extreme", &["oocpt-render", "oocpt-core"]),
+    ("oocpt-bridge", &["oocpt-abi", "oocpt-render", "oocpt-core", "oocpt-ptex"]),
+    ("oocpt-cli", &["oocpt-abi", "oocpt-render", "oocpt-core", "oocpt-gpu", "oocpt-ptex"]),
+    ("oocpt-judge", &["oocpt-abi", "oocpt-core"]),
+    ("oocpt-extreme", &["oocpt-abi", "oocpt-render", "oocpt-core"]),
     ("xtask", &[]),
 ];
 

@@ -2,7 +2,8 @@
 //! The four-wide hierarchies of meshes: invariants, their checker, boxes of any size, and a walk against brute force.
 
 use glam::DVec3;
-use oocpt_core::mesh::bvh4::{ABSENT, Bvh4, Child, LEAF, LevelNode, build_bvh4, level_nodes};
+use oocpt_abi::{ABSENT, Child, LEAF, LevelNode};
+use oocpt_core::mesh::bvh4::{Bvh4, build_bvh4, level_nodes};
 use oocpt_core::mesh::{LeafKind, build_box_bvh, build_level, level_node_count, likely_level_stack};
 use oocpt_core::{Aabb, BvhError, Triangle};
 use proptest::prelude::*;

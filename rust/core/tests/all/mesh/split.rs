@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Meshes split into clusters: nothing is lost, nothing changes a bit, nothing depends on threads.
 
+use oocpt_abi::AttributeRate;
 use oocpt_core::mesh::{build_mesh, build_mesh_split, split_mesh};
-use oocpt_core::{Aabb, Attribute, AttributeRate, Interpolation, MeshAsset, MeshDesc, Primvar};
+use oocpt_core::{Aabb, Attribute, Interpolation, MeshAsset, MeshDesc, Primvar};
 use proptest::prelude::*;
 
 use crate::support::{grid, primvar};

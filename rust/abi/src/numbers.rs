@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Numbers of traversal and of texture filtering, which the passes and native traversal compute with. The build writes
-//! a `const float` of each for the shaders.
+//! Numbers that the passes and the host compute with. The build writes a `const float` of each for the shaders.
 
 /// Longest chain of instance records below a chunk instance.
 pub const MAX_LEVELS: u32 = 16;
 
 /// The set of samples that the time of a path is the first coordinate of; those of bounces are numbered from 0.
 pub const TIME_SET: u32 = 0x4000_0000;
+
+/// Above the number of an item that is no triangle: that of its second surface.
+pub const SECOND_SURFACE: u32 = 1 << 31;
+
+/// Of `GpuCutout::modes`: the mask is of a set of files.
+pub const MASK_SET: u32 = 1 << 7;
 
 macro_rules! floats {
     ($($(#[doc = $doc:literal])+ $name:ident = $value:literal;)+) => {
@@ -42,4 +47,10 @@ floats! {
     SLANT_MOST = 1.0e4;
     /// Longest footprint. Below 2^126: Vulkan divides by no more, for the reciprocal may be flushed to 0.
     LONGEST_FOOTPRINT = 8.0e37;
+    /// Surfaces that are less rough are sharp.
+    SHARP_ROUGHNESS = 0.01;
+    /// In place of the offset of a fibre, which is in -1..1: its normal says where it is met.
+    HAIR_BY_NORMAL = 2.0;
+    /// Steps along u and v of a packed Ptex place: 17 bits each.
+    PTEX_STEPS = 131_072.0;
 }
