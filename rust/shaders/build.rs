@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Compiles every `shaders/**/NAME.comp`, makes its arithmetic exact, validates it, and compares the structs in it with
-//! the Rust structs.
+//! the Rust structs. Writes `generated/*.glsl` from `oocpt_abi` before.
 //!
 //! Needs `glslangValidator` (or what `GLSLANG_VALIDATOR` names) and `spirv-val` (`SPIRV_VAL`); fails with one clear
 //! message when one is missing, when a shader is wrong, or when GLSL and Rust disagree about a struct.
@@ -15,6 +15,8 @@ mod leaves;
 mod light_shapes;
 #[path = "build/lobes.rs"]
 mod lobes;
+#[path = "build/structs.rs"]
+mod structs;
 #[path = "build/uses.rs"]
 mod uses;
 
@@ -60,6 +62,7 @@ fn build() -> Result<(), String> {
         ("light_shapes.glsl", light_shapes::functions()),
         ("lobes.glsl", lobes::types()),
         ("sobol.glsl", sobol()),
+        ("structs.glsl", structs::structs()?),
         ("lobe_functions.glsl", lobes::functions()),
     ];
     for (name, text) in generated {
@@ -195,7 +198,7 @@ impl Tools {
 /// `generated/constants.glsl`: `HAS_NAME` of every feature, and every number that host and shaders share.
 fn constants() -> Result<String, String> {
     let mut text = String::from(
-        "// Written by rust/shaders/build.rs, from rust/abi/src/features.rs, flags.rs, constants.rs, numbers.rs and pattern.rs.\n\n",
+        "// Written by rust/shaders/build.rs, from rust/abi/src: features, flags, constants, numbers and patterns.\n\n",
     );
     let mut above = abi::Features::empty();
     for abi::Feature { name, bit, needs, .. } in abi::FEATURES {
@@ -226,7 +229,8 @@ fn sobol() -> String {
     let [_reversed_bits, x, y, z] = abi::sampler::SOBOL_DIRECTIONS;
     let rows: Vec<_> = (0..32).map(|k| format!("    uvec3({:#x}u, {:#x}u, {:#x}u)", x[k], y[k], z[k])).collect();
     format!(
-        "// Written by rust/shaders/build.rs, from rust/abi/src/sampler.rs.\n\nconst uvec3 SOBOL[32] = uvec3[32](\n{}\n);\n",
+        "// Written by rust/shaders/build.rs, from rust/abi/src/sampler.rs.\n\n\
+         const uvec3 SOBOL[32] = uvec3[32](\n{}\n);\n",
         rows.join(",\n")
     )
 }
@@ -273,7 +277,8 @@ fn modules(modules: &[(String, uses::Uses)]) -> String {
             let _infallible = writeln!(
                 text,
                 "    /// `{name}`.\n    pub static {}: Module = Module {{\n        name: \"{name}\",\n        \
-                 words: words!(\"{name}\"),\n        features: oocpt_abi::Features::from_bits_retain({features:#x}),\n        \
+                 words: words!(\"{name}\"),\n        \
+                 features: oocpt_abi::Features::from_bits_retain({features:#x}),\n        \
                  reads_levels: {},\n        reads_stack: {},\n    }};",
                 name.to_uppercase(),
                 reads(abi::SPEC_MAX_LEVELS),

@@ -9,7 +9,7 @@
 #ifndef OOCPT_FOOTPRINT_GLSL
 #define OOCPT_FOOTPRINT_GLSL
 
-#include "include/abi/constants.glsl"
+#include "include/constants.glsl"
 #include "include/affine.glsl"
 
 // The larger eigenvalue of a symmetric matrix with diagonal (a, c).

@@ -4,7 +4,7 @@
 #ifndef OOCPT_BOX_GLSL
 #define OOCPT_BOX_GLSL
 
-#include "include/abi/constants.glsl"
+#include "include/constants.glsl"
 
 const float LARGEST = 3.402823466e38;
 

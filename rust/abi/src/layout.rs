@@ -1,23 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Offsets and sizes of every member of every shared struct, as the Rust compiler lays them out.
+//! The structs that host and shaders share: what declares them, and the list of them.
 //!
-//! Guarantees: the members are listed in full: a struct literal pattern without `..` fails to compile otherwise.
+//! Guarantees: a struct of [`shared!`] is declared once. The build writes its twin for the shaders
+//! (`generated/structs.glsl`), and compares offsets and sizes in the SPIR-V with those that the Rust compiler gives.
 
-use super::{
-    Adaptive, AovClear, AovTargets, Bvh4Node, ClipPlane, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly,
-    GpuAttribute, GpuCameraKey, GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuCutout, GpuInfiniteLight,
-    GpuInput, GpuInstance, GpuLightKey, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
-    GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMotionKey, GpuPoint,
-    GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LevelNode, Lighting, PathState,
-    Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming, TextureFeedback, UnitDemand,
-};
-use core::mem::{offset_of, size_of};
+use super::*;
 
-/// Where a member is.
+/// A member of a struct.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MemberLayout {
     /// Name, equal in GLSL.
     pub name: &'static str,
+    /// Type in Rust.
+    pub rust: &'static str,
+    /// Type in GLSL where that does not follow from the one in Rust.
+    pub glsl: Option<&'static str>,
     /// Bytes from the start of the struct.
     pub offset: usize,
     /// Bytes of the member.
@@ -29,375 +26,98 @@ pub struct MemberLayout {
 pub struct StructLayout {
     /// Name, equal in GLSL.
     pub name: &'static str,
-    /// Bytes of the struct, and distance of array elements.
+    /// Bytes of the struct, and stride of arrays of it.
     pub size: usize,
     /// Members in order.
     pub members: &'static [MemberLayout],
 }
 
-/// The size of what a projection returns a reference to.
-const fn member_size<S, M>(_: fn(&S) -> &M) -> usize {
-    size_of::<M>()
+/// Declares a struct that shaders have, too. In GLSL arrays of two to four `f32`, and of three `u32`, are vectors;
+/// where another type is meant there, it stands behind the member's: `pub power: [f32; 2] = "float[2]"`.
+macro_rules! shared {
+    (@glsl) => { None };
+    (@glsl $type:literal) => { Some($type) };
+    (
+        $(#[$attribute:meta])*
+        pub struct $name:ident {
+            $($(#[$doc:meta])* pub $member:ident: $type:ty $(= $glsl:literal)?,)+
+        }
+    ) => {
+        #[repr(C)]
+        $(#[$attribute])*
+        pub struct $name {
+            $($(#[$doc])* pub $member: $type,)+
+        }
+
+        impl $name {
+            pub(crate) const LAYOUT: $crate::StructLayout = $crate::StructLayout {
+                name: stringify!($name),
+                size: size_of::<Self>(),
+                members: &[$($crate::MemberLayout {
+                    name: stringify!($member),
+                    rust: stringify!($type),
+                    glsl: shared!(@glsl $($glsl)?),
+                    offset: core::mem::offset_of!(Self, $member),
+                    size: size_of::<$type>(),
+                }),+],
+            };
+        }
+    };
 }
 
-macro_rules! layout {
-    ($name:ident { $($member:ident),+ $(,)? }) => {{
-        // Fails to compile when a member is missing from the list.
-        const fn complete(value: &$name) {
-            let $name { $($member: _),+ } = value;
-        }
-        const _: fn(&$name) = complete;
-        StructLayout {
-            name: stringify!($name),
-            size: size_of::<$name>(),
-            members: &[$(MemberLayout {
-                name: stringify!($member),
-                offset: offset_of!($name, $member),
-                size: member_size(|value: &$name| &value.$member),
-            }),+],
-        }
-    }};
-}
-
-/// Every struct that crosses.
+/// Every struct that crosses, after those that it has as members.
 pub const LAYOUTS: &[StructLayout] = &[
-    layout!(Push { frame, first_pixel, first_sample, path_count, round, arg0, flags }),
-    layout!(TextureFeedback { requested, incomplete_paths, wanted, wanted_capacity, wanted_count, is_incomplete, pad }),
-    layout!(Adaptive { entries, estimates, width }),
-    layout!(AovTargets {
-        depth,
-        camera_depth,
-        prim_id,
-        instance_id,
-        element_id,
-        normal,
-        neye,
-        albedo,
-        motion,
-        sample_count
-    }),
-    layout!(AovClear { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo, motion, pad }),
-    layout!(Frame {
-        top_nodes,
-        chunk_instances,
-        chunks,
-        assemblies,
-        meshes,
-        rays,
-        shadow_rays,
-        hits,
-        paths,
-        radiance,
-        ray_queue,
-        shadow_queue,
-        surface_queue,
-        escaped_queue,
-        settle_queue,
-        settle_hits,
-        streaming,
-        counters,
-        film,
-        color,
-        aov,
-        aov_clear,
-        clear_color,
-        ray_o,
-        ray_o_lo,
-        ray_o_x,
-        ray_o_y,
-        ray_d,
-        ray_d_x,
-        ray_d_y,
-        lens_u,
-        lens_v,
-        focus,
-        clip_z,
-        clip_w,
-        view,
-        view_normal,
-        default_albedo,
-        clamp,
-        width,
-        height,
-        seed,
-        max_bounces,
-        flags,
-        most_walkers,
-        clip_plane_count,
-        materials,
-        prims,
-        material_slots,
-        textures,
-        texture_pages,
-        cones,
-        bsdf_tables,
-        lighting,
-        light_paths,
-        placed_values,
-        adaptive,
-        texture_feedback,
-        programs,
-        sheen_tables,
-        camera_motion,
-        clip_planes,
-        pixel_x,
-        pixel_y,
-        exposure,
-        error_floor
-    }),
-    layout!(ClipPlane { begins, lens_x, slope, lens_y }),
-    layout!(Streaming {
-        segments,
-        progress,
-        pending,
-        shadow_pending,
-        surfaces,
-        deferred,
-        demand,
-        demand_counts,
-        demanded,
-        demand_list,
-        sort_counts,
-        sort_sums,
-        unit_rays,
-        places,
-        ended_radiance,
-        free_slots,
-        surface_materials,
-        questions,
-        shadow_questions,
-        resolve_queue,
-        resolved,
-        resolve_progress,
-        roulette,
-        worth,
-        worth_sums,
-        verdicts,
-        segment_size,
-        chunk_count,
-        slots,
-        unit_count,
-        lookups,
-        segment_count,
-        demanded_capacity,
-        demand_capacity,
-        first_tile,
-        unused
-    }),
-    layout!(UnitDemand { unit, waiting, next, partner }),
-    layout!(Roulette { mean, second_moment, ended_paths, ended_shadows, variance, looks }),
-    layout!(Segment { first_pixel, first_sample, count, alive }),
-    layout!(Pending { entry, chunk_instance, record_entry, mesh }),
-    layout!(Question { t, id, chunk_instance, flags, mean, texture, st, width, scale, bias, limit, unit }),
-    layout!(GpuSurface {
-        position,
-        offset,
-        position_lo,
-        prim_id,
-        geometric_normal,
-        instance_id,
-        shading_normal,
-        face,
-        albedo,
-        cone
-    }),
-    layout!(Bvh4Node { origin, cell_and_counts, lower, upper, first_child, first_triangle }),
-    layout!(LevelNode { origin, cell, lower, upper, child, pad }),
-    layout!(GpuTriangle { v0, face, v1, subset_and_sides, v2, ptex }),
-    layout!(GpuPoint { center, face }),
-    layout!(GpuInstance { object_from_parent, target, prim_id, index_in_prototype, prototype_count }),
-    layout!(GpuMotionKey { translation, time, rotation, stretch, half_angle, shear, pad }),
-    layout!(GpuCameraMotion { o, key_count, o_x, lens_radius, o_y, pad0, d, pad1, d_x, pad2, d_y, pad3 }),
-    layout!(GpuCameraKey { key, translation_lo, pad }),
-    layout!(GpuMesh {
-        nodes,
-        triangles,
-        reach,
-        flags,
-        corner_indices,
-        normals,
-        colors,
-        opacities,
-        primvars,
-        primvar_count,
-        triangle_count
-    }),
-    layout!(GpuInput { value, bias, row_s, kind, row_t, texture }),
-    layout!(GpuMaterial {
-        inputs,
-        flags,
-        opacity_threshold,
-        names,
-        set_fallback,
-        program,
-        program_sizes,
-        primvar_fallback,
-        cutout
-    }),
-    layout!(GpuCutout { row_s, set, row_t, size, mask, modes, is_chance }),
-    layout!(GpuPrim { first_slot, slot_count, link_set, pad }),
-    layout!(GpuAttribute { values, name, rate_and_width }),
-    layout!(GpuSurfaceMaterial { uv, primvars, tangent, material, footprints, handedness, flags }),
-    layout!(GpuAssembly { nodes, instances, primvars }),
-    layout!(Lighting {
-        local_lights,
-        nodes,
-        infinite_lights,
-        shapings,
-        ies,
-        maps,
-        link_bits,
-        prim_sets,
-        infinite_count,
-        link_words,
-        local_share,
-        prim_count,
-        mesh_lights,
-        light_meshes,
-        mesh_nodes,
-        light_leaves,
-        light_triangles,
-        light_faces,
-        mesh_light_count,
-        joint,
-        light_values,
-        light_face_weights,
-        light_placed_values,
-        light_corners,
-        textured_mesh_lights,
-        pad,
-        light_keys,
-        local_motion,
-        infinite_motion,
-        mesh_motion,
-        mesh_keys,
-        local_reaches,
-        infinite_reaches,
-        local_brightness,
-        mesh_brightness,
-        dome_irradiance,
-        distant_irradiance,
-        distant_axis,
-        pad1
-    }),
-    layout!(GpuLightKey { key, translation_lo, radiance }),
-    layout!(GpuMeshLight {
-        position,
-        light_mesh,
-        position_lo,
-        scale,
-        x,
-        prim_id,
-        y,
-        instance_id,
-        z,
-        mesh,
-        error,
-        values,
-        trail
-    }),
-    layout!(GpuLightMesh { root, first_face, face_count, pad }),
-    layout!(GpuLightLeaf { first, count, total, pad, trail }),
-    layout!(GpuLightTriangle { v0, cumulative, v1, subset, v2, face }),
-    layout!(GpuLightValue { a, weight, b, corners, c, pad1 }),
-    layout!(GpuLocalLight {
-        position,
-        flags,
-        position_lo,
-        determinant,
-        x,
-        shaping,
-        y,
-        map,
-        z,
-        light_link,
-        row_x,
-        shadow_link,
-        row_y,
-        diffuse,
-        row_z,
-        specular,
-        radiance,
-        shadow_color
-    }),
-    layout!(GpuInfiniteLight {
-        direction,
-        one_minus_cos,
-        radiance,
-        probability,
-        cumulative,
-        diffuse,
-        specular,
-        flags,
-        map,
-        light_link,
-        shadow_link,
-        shadow_color
-    }),
-    layout!(GpuLightNode { min, max, axis, cos_axis, cos_emission, power, child, back }),
-    layout!(GpuLightShaping {
-        axis,
-        cone_angle,
-        x,
-        smooth_start,
-        y,
-        focus,
-        focus_tint,
-        ies,
-        angle_scale,
-        ies_scale,
-        pad
-    }),
-    layout!(GpuLightMap { texels, cells, width, height, columns, rows, x, format, y, pad0, z, pad1 }),
-    layout!(GpuCdf { start, guide, density }),
-    layout!(GpuChunk { nodes, instances, primvars }),
-    layout!(GpuTexture { decode, directory, first_page, flags, width, height, levels, pad, fallback }),
-    layout!(GpuChunkInstance { chunk_from_world, origin_lo, chunk, instance_id, row, pad }),
-    layout!(Ray { o, bounce, d, t_max, o_lo, flags }),
-    layout!(PathState { throughput, pdf }),
-    layout!(ShadowRay { o, bounce, d, t_max, o_lo, flags, contribution, in_shadow }),
-    layout!(IndirectArgs { x, y, z }),
-    layout!(Counters {
-        closest_rays,
-        shadow_rays,
-        chunk_visits,
-        chunk_misses,
-        nonfinite,
-        stack_overflows,
-        ray_count,
-        surface_count,
-        escaped_count,
-        shadow_count,
-        deferred_parity,
-        deferred_count,
-        visits,
-        misses,
-        resumed_rays,
-        resumed_shadows,
-        ray_base,
-        shadow_base,
-        ray_args,
-        surface_args,
-        escaped_args,
-        shadow_args,
-        deferred_args,
-        freed,
-        tile_misses,
-        resolve_count,
-        resolve_base,
-        resolve_args,
-        busy_rounds,
-        trace_args,
-        ray_next,
-        shadow_next,
-        retire_args,
-        retired_from,
-        retired_to,
-        settle_count,
-        settle_next,
-        settle_args,
-        nonfinite_pixel
-    }),
-    layout!(FilmPixel { sum, compensation, m2, samples, m2_compensation, pad0, earlier, pad1 }),
-    layout!(ErrorSums { s, d, ss, sd, dd, doubt, worst, worst_pixel, pixels, fewest, most, pad }),
+    Push::LAYOUT,
+    TextureFeedback::LAYOUT,
+    Adaptive::LAYOUT,
+    AovTargets::LAYOUT,
+    AovClear::LAYOUT,
+    Frame::LAYOUT,
+    ClipPlane::LAYOUT,
+    Streaming::LAYOUT,
+    UnitDemand::LAYOUT,
+    Roulette::LAYOUT,
+    Segment::LAYOUT,
+    Pending::LAYOUT,
+    Question::LAYOUT,
+    GpuSurface::LAYOUT,
+    Bvh4Node::LAYOUT,
+    LevelNode::LAYOUT,
+    GpuTriangle::LAYOUT,
+    GpuPoint::LAYOUT,
+    GpuInstance::LAYOUT,
+    GpuMotionKey::LAYOUT,
+    GpuCameraMotion::LAYOUT,
+    GpuCameraKey::LAYOUT,
+    GpuMesh::LAYOUT,
+    GpuInput::LAYOUT,
+    GpuCutout::LAYOUT,
+    GpuMaterial::LAYOUT,
+    GpuPrim::LAYOUT,
+    GpuAttribute::LAYOUT,
+    GpuSurfaceMaterial::LAYOUT,
+    GpuAssembly::LAYOUT,
+    Lighting::LAYOUT,
+    GpuLightKey::LAYOUT,
+    GpuMeshLight::LAYOUT,
+    GpuLightMesh::LAYOUT,
+    GpuLightLeaf::LAYOUT,
+    GpuLightTriangle::LAYOUT,
+    GpuLightValue::LAYOUT,
+    GpuLocalLight::LAYOUT,
+    GpuInfiniteLight::LAYOUT,
+    GpuLightNode::LAYOUT,
+    GpuLightShaping::LAYOUT,
+    GpuLightMap::LAYOUT,
+    GpuCdf::LAYOUT,
+    GpuChunk::LAYOUT,
+    GpuTexture::LAYOUT,
+    GpuChunkInstance::LAYOUT,
+    Ray::LAYOUT,
+    PathState::LAYOUT,
+    ShadowRay::LAYOUT,
+    IndirectArgs::LAYOUT,
+    Counters::LAYOUT,
+    FilmPixel::LAYOUT,
+    ErrorSums::LAYOUT,
 ];

@@ -7,12 +7,14 @@
 
 #![forbid(unsafe_code)]
 
+#[macro_use]
+mod layout;
+
 mod constants;
 mod features;
 mod film;
 mod flags;
 mod frame;
-mod layout;
 mod leaves;
 mod light;
 mod light_shapes;

@@ -2,29 +2,30 @@
 //! Nodes of trees: four children to a node, their boxes in 8 bits per plane on a grid of the node's own (after Ylitie,
 //! Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs").
 //!
-//! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
+//! Guarantees: plain data, of which the build makes the structs of the shaders. Any thread.
 
 use bytemuck::{Pod, Zeroable};
 
-/// Node of a mesh's hierarchy, 48 B: the boxes of at most four children. The root is node 0. Inner children come first,
-/// then leaves.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct Bvh4Node {
-    /// Lower corner of the grid, the bits of three floats.
-    pub origin: [u32; 3],
-    /// From the lowest byte: the exponents of the cell's edges, biased as in floats and never 0; then, two bits to a
-    /// child, the triangles of a leaf (1 to 3), 0 for an inner or absent child.
-    pub cell_and_counts: u32,
-    /// Per axis, a byte to a child from the lowest: its lower plane, in cells from the origin.
-    pub lower: [u32; 3],
-    /// The same of the upper planes.
-    pub upper: [u32; 3],
-    /// Node of the first inner child, the others follow; in the four highest bits how many there are.
-    pub first_child: u32,
-    /// First triangle of the first leaf, the others follow; below 2^28, as nodes and instances. Of points, leaves count
-    /// bundles.
-    pub first_triangle: u32,
+shared! {
+    /// Node of a mesh's hierarchy, 48 B: the boxes of at most four children. The root is node 0. Inner children come
+    /// first, then leaves.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+    pub struct Bvh4Node {
+        /// Lower corner of the grid, the bits of three floats.
+        pub origin: [u32; 3],
+        /// From the lowest byte: the exponents of the cell's edges, biased as in floats and never 0; then, two bits to
+        /// a child, the triangles of a leaf (1 to 3), 0 for an inner or absent child.
+        pub cell_and_counts: u32,
+        /// Per axis, a byte to a child from the lowest: its lower plane, in cells from the origin.
+        pub lower: [u32; 3],
+        /// The same of the upper planes.
+        pub upper: [u32; 3],
+        /// Node of the first inner child, the others follow; in the four highest bits how many there are.
+        pub first_child: u32,
+        /// First triangle of the first leaf, the others follow; below 2^28, as nodes and instances. Of points, leaves
+        /// count bundles.
+        pub first_triangle: u32,
+    }
 }
 
 /// What a child is.
@@ -75,23 +76,24 @@ impl Bvh4Node {
     }
 }
 
-/// Node of a hierarchy over boxes of instances, 64 B: grid and planes as those of [`Bvh4Node`], but children are named
-/// one by one. The root is node 0.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct LevelNode {
-    /// As [`Bvh4Node::origin`].
-    pub origin: [u32; 3],
-    /// Exponents as in [`Bvh4Node::cell_and_counts`], no counts.
-    pub cell: u32,
-    /// As [`Bvh4Node::lower`].
-    pub lower: [u32; 3],
-    /// As [`Bvh4Node::upper`].
-    pub upper: [u32; 3],
-    /// A node, [`crate::LEAF`] and the number of a box, or [`crate::ABSENT`].
-    pub child: [u32; 4],
-    /// 0.
-    pub pad: [u32; 2],
+shared! {
+    /// Node of a hierarchy over boxes of instances, 64 B: grid and planes as those of [`Bvh4Node`], but children are
+    /// named one by one. The root is node 0.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+    pub struct LevelNode {
+        /// As [`Bvh4Node::origin`].
+        pub origin: [u32; 3],
+        /// Exponents as in [`Bvh4Node::cell_and_counts`], no counts.
+        pub cell: u32,
+        /// As [`Bvh4Node::lower`].
+        pub lower: [u32; 3],
+        /// As [`Bvh4Node::upper`].
+        pub upper: [u32; 3],
+        /// A node, [`crate::LEAF`] and the number of a box, or [`crate::ABSENT`].
+        pub child: [u32; 4],
+        /// 0.
+        pub pad: [u32; 2],
+    }
 }
 
 impl LevelNode {

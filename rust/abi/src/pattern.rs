@@ -149,15 +149,15 @@ numbered! {
         /// The same in 3D, of a.xyz.
         Worley3,
         /// Fractal sum of Perlin noise (3D) of a.xyz: b = (octaves, lacunarity, diminish), at most 32 octaves;
-        /// `immediate`: 0 one number in all components, 1 a vector in xyz and the number at a.xyz + (19, 193, 17) in w, 2
-        /// the number and the one of w as a vector of two (`MaterialX`'s vector2), zw = 0.
+        /// `immediate`: 0 one number in all components, 1 a vector in xyz and the number at a.xyz + (19, 193, 17) in w,
+        /// 2 the number and the one of w as a vector of two (`MaterialX`'s vector2), zw = 0.
         Fractal3,
         /// The same in 2D, of a.xy; the offset is (19, 193).
         Fractal2,
         /// What the surface has: `immediate` is a [`PatternGeometry`].
         Surface,
-        /// The texel of a lookup of the program (`oocpt_materialx::program::Lookup`), whose number is the low byte of `immediate`: at a.xy, or with
-        /// bit 8 at the place that the lookup's own map says.
+        /// The texel of a lookup of the program (`oocpt_materialx::program::Lookup`), whose number is the low byte of
+        /// `immediate`: at a.xy, or with bit 8 at the place that the lookup's own map says.
         Texture,
     }
 }
@@ -183,15 +183,15 @@ numbered! {
         Bitangent,
         /// Unit, from the viewer to the surface (as `MaterialX` has it).
         ViewDirection,
-        /// A random number of the hit, uniform in [0, 1), in all components: it chooses between slabs that are mixed. Not
-        /// in programs for opacity or emission.
+        /// A random number of the hit, uniform in [0, 1), in all components: it chooses between slabs that are mixed.
+        /// Not in programs for opacity or emission.
         Random0,
         /// Another one, independent of the first.
         Random1,
         /// A third one.
         Random2,
-        /// Unit, world, at right angles to the normal: the tangent of the frame that [`crate::MaterialInput::Normal`] is
-        /// told in. [`Self::Tangent`] where the mesh has one, else any.
+        /// Unit, world, at right angles to the normal: the tangent of the frame that [`crate::MaterialInput::Normal`]
+        /// is told in. [`Self::Tangent`] where the mesh has one, else any.
         FrameX,
         /// Its bitangent.
         FrameY,
@@ -241,8 +241,8 @@ numbered! {
         SheenColor,
         /// Of the fuzz.
         SheenRoughness,
-        /// Ratio of the alphas across and along the tangent, turn of the tangent toward the bitangent (1: a whole one); of
-        /// the base, then of the coat.
+        /// Ratio of the alphas across and along the tangent, turn of the tangent toward the bitangent (1: a whole one);
+        /// of the base, then of the coat.
         Anisotropy,
         /// Weight, thickness in nm, index of a film on the base.
         ThinFilm,

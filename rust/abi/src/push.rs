@@ -44,27 +44,28 @@ pub const ESTIMATE_RING: u32 = 8;
 /// First octave of samples at which a stream estimates its variance.
 pub const ESTIMATE_FIRST: u32 = 3;
 
-/// Push constants of every wavefront pass, 32 B.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
-pub struct Push {
-    /// Device address of a [`super::Frame`].
-    pub frame: u64,
-    /// First path of the wave: index of its pixel in trace order (`first_path % (width * height)`).
-    pub first_pixel: u32,
-    /// First path of the wave: its sample number (`first_path / (width * height)`), or, with
-    /// [`super::Features::ADAPTIVE`], band and row of [`pack_band`].
-    pub first_sample: u32,
-    /// Paths in the wave. `width * height + path_count` must stay below 2^32.
-    pub path_count: u32,
-    /// Round: 0 = camera rays. In a wave all rays of round `r` are at bounce `r`; passes ask the ray for its bounce,
-    /// and the round only for which of the two ray queues is read. With streaming, rounds are numbered through all
-    /// submissions.
-    pub round: u32,
-    /// Meaning depends on the pass; 0 where none is told.
-    pub arg0: u32,
-    /// Bits of [`PushFlags`].
-    pub flags: u32,
+shared! {
+    /// Push constants of every wavefront pass, 32 B.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+    pub struct Push {
+        /// Device address of a [`super::Frame`].
+        pub frame: u64,
+        /// First path of the wave: index of its pixel in trace order (`first_path % (width * height)`).
+        pub first_pixel: u32,
+        /// First path of the wave: its sample number (`first_path / (width * height)`), or, with
+        /// [`super::Features::ADAPTIVE`], band and row of [`pack_band`].
+        pub first_sample: u32,
+        /// Paths in the wave. `width * height + path_count` must stay below 2^32.
+        pub path_count: u32,
+        /// Round: 0 = camera rays. In a wave all rays of round `r` are at bounce `r`; passes ask the ray for its
+        /// bounce, and the round only for which of the two ray queues is read. With streaming, rounds are numbered
+        /// through all submissions.
+        pub round: u32,
+        /// Meaning depends on the pass; 0 where none is told.
+        pub arg0: u32,
+        /// Bits of [`PushFlags`].
+        pub flags: u32,
+    }
 }
 
 impl Push {

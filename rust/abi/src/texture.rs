@@ -3,7 +3,7 @@
 //!
 //! `Frame::texture_pages` is u64 per tile of the scene: its device address, 0 = absent, with [`PAGE_BROKEN`] when it
 //! could not be read. Texels of a tile are tightly packed, row by row from the bottom. Guarantees: plain data with the
-//! offsets of `shaders/include/abi.glsl`. Any thread.
+//! offsets of the shaders' structs. Any thread.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -43,50 +43,52 @@ pub const PAGE_BROKEN: u64 = 1;
 /// Members of a UDIM set, 1001 to 1100.
 pub const UDIM_PARTS: u32 = 100;
 
-/// A texture, 56 B.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
-pub struct GpuTexture {
-    /// With `TEXTURE_SRGB` and bytes: 256 floats, what a byte stands for.
-    pub decode: u64,
-    /// With `TEXTURE_PTEX`: u32 for each face, log2 of its texels along u, and along v << 8; then, for each class of
-    /// sizes from 1 texel on and each face, the number of the first texel of its block
-    /// (`oocpt_core::texture::FaceLayout`).
-    pub directory: u64,
-    /// Number of the first tile among all tiles.
-    pub first_page: u32,
-    /// See the constants.
-    pub flags: u32,
-    /// Texels along s.
-    pub width: u32,
-    /// Texels along t.
-    pub height: u32,
-    /// Levels, down to 1 x 1; 0 = there is no image, and `fallback` is what a lookup gives.
-    pub levels: u32,
-    /// 0.
-    pub pad: u32,
-    /// See `levels`.
-    pub fallback: [f32; 4],
+shared! {
+    /// A texture, 56 B.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+    pub struct GpuTexture {
+        /// With `TEXTURE_SRGB` and bytes: 256 floats, what a byte stands for.
+        pub decode: u64,
+        /// With `TEXTURE_PTEX`: u32 for each face, log2 of its texels along u, and along v << 8; then, for each class
+        /// of sizes from 1 texel on and each face, the number of the first texel of its block
+        /// (`oocpt_core::texture::FaceLayout`).
+        pub directory: u64,
+        /// Number of the first tile among all tiles.
+        pub first_page: u32,
+        /// See the constants.
+        pub flags: u32,
+        /// Texels along s.
+        pub width: u32,
+        /// Texels along t.
+        pub height: u32,
+        /// Levels, down to 1 x 1; 0 = there is no image, and `fallback` is what a lookup gives.
+        pub levels: u32,
+        /// 0.
+        pub pad: u32,
+        /// See `levels`.
+        pub fallback: [f32; 4],
+    }
 }
 
-/// Tiles that lookups did not find, in core; one in device memory, emptied by the host before a wave that is to go on.
-/// A path that
-/// lacked a tile is traced again when the tile is there; until then the film does not take its wave.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct TextureFeedback {
-    /// u32 for each 32 tiles of the scene, a bit each: it is in `wanted`, or did not fit.
-    pub requested: u64,
-    /// u32 per path of the wave: not 0 if it lacked a tile.
-    pub incomplete_paths: u64,
-    /// u32 each: numbers of tiles, in no order.
-    pub wanted: u64,
-    /// Elements of `wanted`.
-    pub wanted_capacity: u32,
-    /// Tiles that were requested; `wanted` has no more than it holds.
-    pub wanted_count: u32,
-    /// Not 0 if a path lacked a tile.
-    pub is_incomplete: u32,
-    /// Nothing.
-    pub pad: u32,
+shared! {
+    /// Tiles that lookups did not find, in core; one in device memory, emptied by the host before a wave that is to go
+    /// on. A path that lacked a tile is traced again when the tile is there; until then the film does not take its
+    /// wave.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+    pub struct TextureFeedback {
+        /// u32 for each 32 tiles of the scene, a bit each: it is in `wanted`, or did not fit.
+        pub requested: u64,
+        /// u32 per path of the wave: not 0 if it lacked a tile.
+        pub incomplete_paths: u64,
+        /// u32 each: numbers of tiles, in no order.
+        pub wanted: u64,
+        /// Elements of `wanted`.
+        pub wanted_capacity: u32,
+        /// Tiles that were requested; `wanted` has no more than it holds.
+        pub wanted_count: u32,
+        /// Not 0 if a path lacked a tile.
+        pub is_incomplete: u32,
+        /// Nothing.
+        pub pad: u32,
+    }
 }

@@ -7,7 +7,7 @@ use rspirv::dr::{Instruction, Module, Operand};
 use rspirv::spirv::{Decoration, Op};
 use std::collections::{BTreeSet, HashMap};
 
-/// Where a member is. Same shape as the table in `src/abi/layout.rs`.
+/// Where a member is. As `oocpt_abi::MemberLayout`.
 #[derive(Debug, Clone)]
 pub(crate) struct Member {
     /// Name.

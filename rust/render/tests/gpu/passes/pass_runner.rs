@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs the passes on a scene, with everything resident or with chunks that come and go, in the order that `oocpt_shaders`
-//! tells.
+//! Runs the passes on a scene, with everything resident or with chunks that come and go, in the order that
+//! `oocpt_shaders` tells.
 
 use super::handmade_scene::{CHUNKS, Scene, UNITS};
 use bytemuck::{Pod, Zeroable};

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Specialisation constants, features and other numbers that host and shaders share. A part of abi.glsl. HAS_* and the
 // numbers come from rust/abi/src/features.rs and constants.rs; the build writes them.
-#ifndef OOCPT_ABI_CONSTANTS_GLSL
-#define OOCPT_ABI_CONSTANTS_GLSL
+#ifndef OOCPT_CONSTANTS_GLSL
+#define OOCPT_CONSTANTS_GLSL
 
 layout(constant_id = 0) const uint MAX_LEVELS = 1u;
 layout(constant_id = 1) const uint STACK_SIZE = 64u;
