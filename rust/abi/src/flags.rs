@@ -193,6 +193,7 @@ pub fn flag_constants() -> Vec<(String, u32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::FEATURES;
 
     #[test]
     fn packed_wait_counts_round_trip() {
@@ -210,6 +211,24 @@ mod tests {
     fn a_shadow_ray_has_bounce_and_category() {
         assert_eq!(unpack_shadow_bounce(0xffff), (0xffff, 0));
         assert_eq!(unpack_shadow_bounce(3 | 0xabcd << 16), (3, 0xabcd));
+    }
+
+    #[test]
+    fn flags_of_materials_ask_for_features_of_materials() {
+        let of_materials = |feature: Features| {
+            let row = FEATURES.iter().find(|row| row.bit == feature).expect("a row");
+            let mut needs = row.needs;
+            // Rows need rows above them only.
+            for above in FEATURES.iter().rev().filter(|above| above.bit.bits() < feature.bits()) {
+                needs |= if needs.contains(above.bit) { above.needs } else { Features::empty() };
+            }
+            needs.contains(Features::MATERIALS)
+        };
+        let asking: Vec<_> = MaterialFlags::all().iter().map(MaterialFlags::features).collect();
+        assert!(asking.iter().flat_map(Features::iter).all(of_materials), "{asking:?}");
+        assert_eq!(asking.iter().filter(|features| features.is_empty()).count(), 3, "the others have one");
+        let both = MaterialFlags::COAT | MaterialFlags::NORMAL_MAP | MaterialFlags::HAIR;
+        assert_eq!(both.features(), Features::COAT | Features::HAIR);
     }
 
     #[test]
