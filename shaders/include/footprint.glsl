@@ -9,8 +9,13 @@
 #ifndef OOCPT_FOOTPRINT_GLSL
 #define OOCPT_FOOTPRINT_GLSL
 
-#include "include/constants.glsl"
 #include "include/affine.glsl"
+#include "include/constants.glsl"
+
+// Limit of 1 / cos.
+const float SLANT_MOST = 1.0e4;
+// Below 2^126: Vulkan divides by no more, for the reciprocal may be flushed to 0.
+const float LONGEST_FOOTPRINT = 8.0e37;
 
 // The larger eigenvalue of a symmetric matrix with diagonal (a, c).
 float larger_eigenvalue(float a, float b, float c) {

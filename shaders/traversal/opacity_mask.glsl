@@ -24,19 +24,15 @@ float inside_image(float s, uint wrap, inout bool narrow) {
     return clamp(s, 0.0, 1.0);
 }
 
-// How much is there around st for a lookup as wide as `width` texels. `head`: the first two words of the mask.
+// How much is there at st, for a lookup as wide as `width` texels. `head`: the first two words of the mask.
 uint coverage_in_mask(uint64_t mask, uvec2 head, vec2 st, float width) {
-    const uint first = (head.y >> 8) & 31u;
-    const uint last = (head.y >> 13) & 31u;
-    const uint level = width >= 2.0 ? min((floatBitsToUint(width) >> 23) - 127u, last) : 0u;
-    bool narrow = level < max(first, 1u);
+    const uint level = (head.y >> 8) & 31u;
+    bool narrow = width < uintBitsToFloat((127u + max(level, 1u)) << 23);
     st = vec2(inside_image(st.x, head.y & 3u, narrow), inside_image(st.y, (head.y >> 2) & 3u, narrow));
     if (min(st.x, st.y) < 0.0) return narrow ? COVERAGE_UNKNOWN : head.y >> 24;
-    const uint kept = narrow ? first : level;
-    const uint fine = narrow ? (head.y >> 4) & 7u : 0u;
-    const uvec2 sides = max(uvec2(head.x & 0xffffu, head.x >> 16) >> kept, uvec2(1u)) << fine;
+    const uvec2 sides = max(uvec2(head.x & 0xffffu, head.x >> 16) >> level, uvec2(1u)) << ((head.y >> 4) & 7u);
     const uvec2 at = min(uvec2(st * vec2(sides)), sides - 1u);
-    const uint byte = ConstUints(mask).v[2u + kept - first] + at.y * sides.x + at.x;
+    const uint byte = 8u + at.y * sides.x + at.x;
     const uint coverage = (ConstUints(mask).v[byte >> 2] >> ((byte & 3u) * 8u)) & 0xffu;
     return narrow && coverage - 1u < 254u ? COVERAGE_UNKNOWN : coverage;
 }

@@ -36,7 +36,8 @@ float ray_cone(uint path, float t) {
 }
 
 // What the material of a triangle asks. `d`: where the ray goes, in the mesh's frame; `cone`: the width of its cone
-// there over the length of d. The threshold comes before the filter: a lookup that is compared is of the finest level.
+// there over the length of d. What is there is told at the finest level, however wide the ray is: only the probability
+// that a Ptex file has is filtered.
 Presence presence_of(Pose pose, uint mesh, int prim_id, uint triangle, vec2 uv, float cone, vec3 d) {
     Presence p = Presence(false, NO_TEXTURE, NO_MATERIAL, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0, COVERAGE_UNKNOWN);
     const uint slot = material_slot(prim_id, item_subset(pose, triangle));
@@ -76,14 +77,14 @@ Presence presence_of(Pose pose, uint mesh, int prim_id, uint triangle, vec2 uv, 
             if (entry != NO_NAME) st = primvar_value(mesh, entry, triangle, weights).xy;
             const GpuCutout cutout = materials.v[material].cutout;
             const bool has_mask = HAS_OPACITY_MASKS && cutout.mask != 0ul;
-            filters = p.threshold <= 0.0 && !has_mask;
+            filters = p.threshold <= 0.0 && is_ptex;
             if (has_mask && entry != NO_NAME) {
                 vec4 a, b, c;
                 primvar_corners(mesh, entry, triangle, a, b, c);
                 vec3 e, f;
                 item_edges(pose, mesh, triangle, e, f);
                 p.coverage = coverage_at(cutout, a.xy, b.xy, c.xy, uv, e, f, d, cone);
-            } else if (filters && (is_ptex || entry != NO_NAME)) {
+            } else if (filters) {
                 vec3 e, f, u, v, n;
                 item_edges(pose, mesh, triangle, e, f);
                 if (set_gradients(mesh, name, triangle, st, e, f, u, v, n)) {

@@ -43,10 +43,6 @@ floats! {
     GRAZING = 1.0e-4;
     /// How many widths of a filter go to the length of a lookup's ellipse, at most.
     MOST_ANISOTROPY = 16.0;
-    /// Limit of 1 / cos where a cone meets a surface.
-    SLANT_MOST = 1.0e4;
-    /// Longest footprint. Below 2^126: Vulkan divides by no more, for the reciprocal may be flushed to 0.
-    LONGEST_FOOTPRINT = 8.0e37;
     /// Surfaces that are less rough are sharp.
     SHARP_ROUGHNESS = 0.01;
     /// In place of the offset of a fibre, which is in -1..1: its normal says where it is met.

@@ -14,7 +14,6 @@
 
 mod asking;
 mod cutout;
-mod footprint;
 mod leaf;
 mod motion;
 mod node;

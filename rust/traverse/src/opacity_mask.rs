@@ -6,8 +6,7 @@
 use crate::primvar::Corners;
 use crate::texture::near_image;
 use crate::vector::{V3, cross3, dot3};
-use oocpt_abi::{GpuCutout, WRAP_BLACK, WRAP_MIRROR, WRAP_REPEAT};
-use oocpt_abi::{MASK_SET, MOST_ANISOTROPY};
+use oocpt_abi::{GpuCutout, MASK_SET, MOST_ANISOTROPY, WRAP_BLACK, WRAP_MIRROR, WRAP_REPEAT};
 use oocpt_gpu::{HostBytes, HostView};
 
 /// A candidate of a hit, and the ray.
@@ -39,7 +38,7 @@ fn inside_image(s: f32, wrap: u32, narrow: &mut bool) -> Option<f32> {
     }
 }
 
-/// `coverage_in_mask`: how much is there around `st`, in 255 parts, for a lookup as wide as `width` texels; none where
+/// `coverage_in_mask`: how much is there at `st`, in 255 parts, for a lookup as wide as `width` texels; none where
 /// the finest level of the texture says it.
 #[expect(
     clippy::cast_possible_truncation,
@@ -48,19 +47,16 @@ fn inside_image(s: f32, wrap: u32, narrow: &mut bool) -> Option<f32> {
     reason = "in the image"
 )]
 fn coverage_in_mask(mask: HostBytes<'_>, [size, modes]: [u32; 2], st: [f32; 2], width: f32) -> Option<u8> {
-    let (first, last) = ((modes >> 8) & 31, (modes >> 13) & 31);
-    let level = if width >= 2.0 { ((width.to_bits() >> 23) - 127).min(last) } else { 0 };
-    let mut narrow = level < first.max(1);
+    let level = (modes >> 8) & 31;
+    let mut narrow = width < f32::from_bits((127 + level.max(1)) << 23);
     let st = [inside_image(st[0], modes & 3, &mut narrow), inside_image(st[1], (modes >> 2) & 3, &mut narrow)];
     let [Some(s), Some(t)] = st else {
         return (!narrow).then_some((modes >> 24) as u8);
     };
-    let (kept, fine) = if narrow { (first, (modes >> 4) & 7) } else { (level, 0) };
-    let side = |size: u32| (size >> kept).max(1) << fine;
+    let side = |size: u32| (size >> level).max(1) << ((modes >> 4) & 7);
     let [width, height] = [side(size & 0xffff), side(size >> 16)];
     let [x, y] = [(s * width as f32) as u32, (t * height as f32) as u32];
-    let begin: u32 = mask.get(kept.wrapping_sub(first).wrapping_add(2) as usize)?;
-    let byte = begin.wrapping_add(y.min(height - 1).wrapping_mul(width)).wrapping_add(x.min(width - 1));
+    let byte = 8_u32.wrapping_add(y.min(height - 1).wrapping_mul(width)).wrapping_add(x.min(width - 1));
     let coverage = mask.get::<u8>(byte as usize)?;
     (!narrow || matches!(coverage, 0 | 255)).then_some(coverage)
 }

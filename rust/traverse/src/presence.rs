@@ -2,12 +2,11 @@
 //! What a material asks about whether its surfaces are there: traversal/presence.glsl, without programs and Ptex. Any
 //! thread.
 
-use crate::footprint::Gradients;
 use crate::leaf;
 use crate::opacity_mask::{Place, coverage_at};
 use crate::scene::Scene;
 use crate::texture::Lookup;
-use crate::vector::{V3, dot3};
+use crate::vector::V3;
 use crate::walk::Walk;
 use oocpt_abi::{
     Features, GpuCutout, GpuInput, GpuMaterial, GpuPrim, INPUT_CHANNEL_SHIFT, INPUT_NO_SET, INPUT_PRIMVAR,
@@ -93,35 +92,26 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             }
             // Without images there is nothing to read: opaque.
             INPUT_TEXTURE if !scene.has(Features::TEXTURES) => Opacity::Value(1.0),
-            INPUT_TEXTURE => self.texel(material, &input, triangle, threshold <= 0.0, t, uv)?,
+            INPUT_TEXTURE => self.texel(material, &input, triangle, t, uv)?,
             _ => Opacity::Value(value),
         };
         Some(Presence { opacity, threshold })
     }
 
-    /// Which texel is the opacity of a candidate, or what the mask says. The threshold comes before the filter: a
-    /// lookup that is compared is of the finest level.
-    fn texel(
-        &self,
-        material: u32,
-        input: &GpuInput,
-        triangle: u32,
-        is_chance: bool,
-        t: f32,
-        uv: [f32; 2],
-    ) -> Option<Opacity> {
+    /// Which texel is the opacity of a candidate, or what the mask says. It is of the finest level, however wide the ray
+    /// is.
+    fn texel(&self, material: u32, input: &GpuInput, triangle: u32, t: f32, uv: [f32; 2]) -> Option<Opacity> {
         let scene = self.scene;
         let set = (input.kind >> INPUT_SET_SHIFT) & 3;
         // A shadow ray starts as wide as its surface was seen and stays so.
         let (cone, d) = (scene.cone_width(self.world.path, if ANY_HIT { 0.0 } else { t }), self.direction());
-        let (mut st, mut footprint, mut filters) = ([0.0; 2], [0; 2], false);
+        let mut st = [0.0; 2];
         if set != INPUT_NO_SET {
             let set = set as usize & 1;
             let names: [u32; 4] = member!(scene, material, names)?;
             let cutout: Option<GpuCutout> =
                 if scene.has(Features::OPACITY_MASKS) { Some(member!(scene, material, cutout)?) } else { None };
             let cutout = cutout.filter(|cutout| cutout.mask != 0);
-            filters = is_chance && cutout.is_none();
             if let Some(corners) = self.mesh_primvar(names[set], triangle) {
                 let [x, y, ..] = corners.at(uv);
                 st = [x, y];
@@ -130,11 +120,6 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
                 if let Some(coverage) = cutout.and_then(|cutout| coverage_at(scene.view, &cutout, &place)) {
                     return Some(Opacity::Covered(coverage));
                 }
-                let ([along, up], [e, f]) = (corners.growth(), edges);
-                footprint = match filters {
-                    true => Gradients::of_edges(along, up, e, f).map_or([0; 2], |over| over.footprint(d)),
-                    false => [0; 2],
-                };
             } else if let Some([x, y, ..]) = self.instance_primvar(names[set]) {
                 st = [x, y];
             } else {
@@ -145,11 +130,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         let channel = ((input.kind >> INPUT_CHANNEL_SHIFT) & 7).saturating_sub(1);
         let map = [input.row_s, input.row_t];
         let st = map.map(|row| row[0] * st[0] + row[1] * st[1] + row[2]);
-        let width = match filters {
-            true => scene.lookup_width(input.texture, st, footprint, cone * dot3(d, d).sqrt(), map),
-            false => 0.0,
-        };
-        let lookup = Lookup { texture: input.texture, st, width, channel };
+        let lookup = Lookup { texture: input.texture, st, width: 0.0, channel };
         let at = channel as usize & 3;
         Some(Opacity::Texel { lookup, scale: input.value[at], bias: input.bias[at] })
     }

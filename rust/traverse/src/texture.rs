@@ -3,7 +3,6 @@
 //! pictures whose channel goes through the sRGB curve, which is the device's own function: scenes with such cutouts are
 //! left to the shaders ([`crate::unsupported`]). Any thread.
 
-use crate::footprint::{self, Footprint};
 use crate::scene::Scene;
 use half::f16;
 use oocpt_abi::{
@@ -188,19 +187,6 @@ impl Scene<'_> {
         let number = part[0] as u32 + 10 * part[1] as u32;
         let found = self.textures.get(t.first_page.wrapping_add(number) as usize)?;
         Some(Part::Found(found, [st[0] - part[0], st[1] - part[1]]))
-    }
-
-    /// `lookup_width`; `map` has the rows of the map from the coordinates.
-    pub(crate) fn lookup_width(
-        &self,
-        texture: u32,
-        st: [f32; 2],
-        footprint: Footprint,
-        cone: f32,
-        [s, t]: [[f32; 3]; 2],
-    ) -> f32 {
-        let Some(Part::Found(found, _)) = self.texture_part(texture, st) else { return 0.0 };
-        footprint::width(footprint, cone, [s[0], s[1]], [t[0], t[1]], [found.width, found.height])
     }
 
     /// `continue_lookup` from its begin; in core `requested_lookup`, which goes on without what is absent.

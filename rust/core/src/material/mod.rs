@@ -9,6 +9,7 @@
 //! displaces it; `params` reads authored values. Rules and defaults: the specification of `UsdPreviewSurface` 2.5.
 
 mod compile;
+mod cutout;
 mod describe;
 mod displacement;
 mod materialx;
@@ -27,6 +28,7 @@ use crate::desc::AssetRef;
 
 pub(crate) use compile::NEUTRAL;
 pub use compile::{Compiled, MAX_NODES, compile};
+pub use cutout::{Cutout, CutoutImage};
 pub use describe::{LONGEST_TEXT, MaterialText, NodeText, ProgramText, describe};
 pub use displacement::{Displacement, PatternDisplacement, PreviewDisplacement};
 pub use spaces::linear_from_srgb;

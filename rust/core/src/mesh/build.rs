@@ -10,6 +10,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::bvh4::{Bvh4, build_bvh4_over};
+use super::cover::covered_boxes;
 use super::deform::{Pose, poses, read_keys};
 use super::demand::Demand;
 use super::leaf::{Items, read_items};
@@ -17,7 +18,7 @@ use super::normals::smooth_normals;
 use super::primvar::{Layout, Slot, Source, convert, convert_wanted, extend_points, subset_numbers};
 use super::ptex::{PtexNumbers, PtexTriangle};
 use super::refine::{Refined, refine};
-use super::split::{Order, arrange, expected_bytes, split_ordered};
+use super::split::{Order, Source as Whole, arrange, expected_bytes, split_ordered};
 use super::topology::{Face, Topology, read_topology};
 use super::triangulate::Triangulator;
 use super::{Aabb, Attribute, LeafKind, MeshAsset, Triangle, WantedPrimvar};
@@ -122,7 +123,7 @@ pub(crate) fn build_mesh_into(
         dropped.zero_area_triangles = zero_area_triangles;
         dropped.empty_items = std::mem::take(&mut dropped.empty_meshes);
         drop(items);
-        *asset = loose.and_then(|loose| arrange_or_split(loose, cuts, put));
+        *asset = loose.and_then(|loose| arrange_or_split(loose, None, cuts, put));
         return built;
     }
     let kind = LeafKind::Triangles;
@@ -140,20 +141,40 @@ pub(crate) fn build_mesh_into(
         loose
     });
     drop(poses);
-    *asset = loose.and_then(|loose| arrange_or_split(loose, cuts, put));
+    *asset = loose.and_then(|loose| {
+        let covered = covered_boxes(&loose, demand);
+        arrange_or_split(loose, covered, cuts, put)
+    });
     built
 }
 
 /// `loose` with its hierarchy, or none if it would take more than about the limit: its clusters go to `put` then.
-fn arrange_or_split(loose: MeshAsset, cuts: Cuts, put: &mut dyn FnMut(MeshAsset)) -> Option<MeshAsset> {
+/// `covered`: as of [`covered_boxes`].
+fn arrange_or_split(
+    loose: MeshAsset,
+    covered: Option<Vec<Aabb>>,
+    cuts: Cuts,
+    put: &mut dyn FnMut(MeshAsset),
+) -> Option<MeshAsset> {
     if expected_bytes(&loose) > cuts.limit_bytes {
-        split_ordered(&loose, cuts.cluster_bytes, Order::Authored, cuts.at_once, put);
+        let source = Whole { mesh: &loose, covered: covered.as_deref() };
+        split_ordered(source, cuts.cluster_bytes, Order::Authored, cuts.at_once, put);
         return None;
     }
-    let boxes: Vec<Aabb> = (0..loose.triangles.len()).map(|at| loose.item_bounds(at)).collect();
+    let Some(covered) = covered else {
+        let boxes: Vec<Aabb> = (0..loose.triangles.len()).map(|at| loose.item_bounds(at)).collect();
+        let (bvh, order) = build_bvh4_over(&boxes, loose.kind);
+        drop(boxes);
+        return Some(arrange(&loose, bvh, &order, None));
+    };
+    let count = u32::try_from(covered.len()).unwrap_or(u32::MAX);
+    let there: Vec<u32> = (0..count).zip(&covered).filter(|(_, bounds)| !bounds.is_empty()).map(|(at, _)| at).collect();
+    let boxes: Vec<Aabb> = covered.into_iter().filter(|bounds| !bounds.is_empty()).collect();
+    let bounds = boxes.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds));
     let (bvh, order) = build_bvh4_over(&boxes, loose.kind);
     drop(boxes);
-    Some(arrange(&loose, bvh, &order, None))
+    let order: Vec<u32> = order.iter().filter_map(|&at| there.get(at as usize).copied()).collect();
+    Some(MeshAsset { bounds, is_clipped: true, ..arrange(&loose, bvh, &order, None) })
 }
 
 /// What becomes a mesh in authored order, without a hierarchy.
@@ -211,6 +232,8 @@ fn read_triangles(loose: Loose<'_>, dropped: &mut DroppedData) -> Option<MeshAss
     Some(MeshAsset {
         key,
         bounds: Aabb::EMPTY,
+        whole: Aabb::EMPTY,
+        is_clipped: false,
         bvh: Bvh4::default(),
         kind: compact(kind, &subsets),
         triangles,

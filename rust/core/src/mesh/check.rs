@@ -16,6 +16,8 @@ struct Walk<'a> {
     nodes: usize,
     /// Of a [`Bvh4`]: of the stack.
     depth: u32,
+    /// Of a [`Bvh4`]: leaves hold parts of the items.
+    is_clipped: bool,
 }
 
 impl Bvh2 {
@@ -41,7 +43,7 @@ impl Bvh2 {
         if self.nodes.is_empty() {
             return Err(BvhError::Empty);
         }
-        let mut walk = Walk { boxes, max_leaf, seen: vec![false; boxes.len()], nodes: 0, depth: 0 };
+        let mut walk = Walk { boxes, max_leaf, seen: vec![false; boxes.len()], nodes: 0, depth: 0, is_clipped: false };
         self.walk(&mut walk)?;
         if walk.nodes != self.nodes.len() || walk.seen.contains(&false) {
             return Err(BvhError::Coverage);
@@ -100,18 +102,27 @@ impl Bvh4 {
     /// The first broken invariant.
     pub fn validate_items(&self, boxes: &[Aabb], kind: LeafKind) -> Result<(), BvhError> {
         match kind {
-            LeafKind::Points => self.validate_leaves(&bundle_boxes(boxes), 1),
-            _ => self.validate_leaves(boxes, MAX_LEAF_TRIANGLES),
+            LeafKind::Points => self.validate_leaves(&bundle_boxes(boxes), 1, false),
+            _ => self.validate_leaves(boxes, MAX_LEAF_TRIANGLES, false),
         }
     }
 
+    /// The same where leaves are boxes of what is there of the items, which are triangles: no box goes beyond the items
+    /// in it.
+    ///
+    /// # Errors
+    /// The first broken invariant.
+    pub fn validate_clipped(&self, boxes: &[Aabb]) -> Result<(), BvhError> {
+        self.validate_leaves(boxes, MAX_LEAF_TRIANGLES, true)
+    }
+
     /// Against the boxes of what leaves count.
-    fn validate_leaves(&self, boxes: &[Aabb], max_leaf: u32) -> Result<(), BvhError> {
+    fn validate_leaves(&self, boxes: &[Aabb], max_leaf: u32, is_clipped: bool) -> Result<(), BvhError> {
         if self.nodes.is_empty() || boxes.is_empty() {
             return Err(BvhError::Empty);
         }
         let seen = vec![false; boxes.len()];
-        let mut walk = Walk { boxes, max_leaf, seen, nodes: 0, depth: 0 };
+        let mut walk = Walk { boxes, max_leaf, seen, nodes: 0, depth: 0, is_clipped };
         self.walk(&mut walk, 0, 0)?;
         if walk.nodes != self.nodes.len() || walk.seen.contains(&false) {
             return Err(BvhError::Coverage);
@@ -139,7 +150,8 @@ impl Bvh4 {
             for axis in 0..3 {
                 let [lower, upper] = node.planes(place, axis);
                 let spare = [f64::from(inside.min[axis]) - lower, upper - f64::from(inside.max[axis])];
-                if !spare.iter().all(|spare| (0.0..node.cell(axis)).contains(spare)) {
+                let least = if walk.is_clipped { f64::NEG_INFINITY } else { 0.0 };
+                if !spare.iter().all(|spare| (least..node.cell(axis)).contains(spare)) {
                     return Err(BvhError::Bounds(at));
                 }
             }

@@ -302,8 +302,13 @@ pub(super) fn swept(item: &Triangle, kind: LeafKind, keys: &MeshKeys, at: usize,
         return own;
     }
     let all = keys.of(at, count).fold(own, |b, &vertices| b.union(&Triangle { vertices, ..*item }.bounds(kind)));
+    padded(all, &all)
+}
+
+/// A box of what moves. `whole`: of the item of which it is a part.
+pub(super) fn padded(all: Aabb, whole: &Aabb) -> Aabb {
     // A vertex between its keys, `a + f (b - a)`, rounds three times, by five units of the largest coordinate at most.
-    let size = all.min.iter().chain(&all.max).fold(0.0_f32, |size, v| size.max(v.abs()));
+    let size = whole.min.iter().chain(&whole.max).fold(0.0_f32, |size, v| size.max(v.abs()));
     let pad = size * (8.0 / 16_777_216.0);
     Aabb { min: all.min.map(|v| v - pad), max: all.max.map(|v| v + pad) }
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use xxhash_rust::xxh3::Xxh3;
 
 use super::WantedPrimvar;
+use super::cover::Cover;
 use super::dicing::Dicing;
 use super::refine::is_refined;
 use crate::desc::{MeshDesc, Shape};
@@ -24,6 +25,8 @@ pub struct Demand<'a> {
     pub dicing: Option<&'a Dicing>,
     /// As [`Displacements`].
     pub displacements: &'a [Option<Arc<Displacement>>],
+    /// What is there of surfaces that are cut out, as [`super::Covers`].
+    pub covers: &'a [Option<Cover>],
     /// Reads the textures of displacements; none: they have their fallbacks.
     pub heights: Option<&'a Heights>,
 }
@@ -46,6 +49,16 @@ impl Demand<'_> {
             for displacement in self.displacements {
                 hasher.update(&[u8::from(displacement.is_some())]);
                 displacement.iter().for_each(|displacement| displacement.hash(hasher));
+            }
+        }
+    }
+
+    /// Adds what decides what is there of a mesh.
+    pub(crate) fn hash_covers(&self, hasher: &mut Xxh3) {
+        for (slot, cover) in (0_u64..).zip(self.covers) {
+            if let Some(cover) = cover {
+                hasher.update(&slot.to_le_bytes());
+                cover.hash(hasher);
             }
         }
     }

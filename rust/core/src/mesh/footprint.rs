@@ -25,6 +25,8 @@ const READ_ITEM: u64 = ITEM + size_of::<Source>() as u64;
 const NODES: u64 = size_of::<Bvh4Node>() as u64 * 5 / 16;
 /// Bytes of an item that is sorted into clusters.
 const SORTED: u64 = 16;
+/// Bytes of the box of what is there of a triangle that is cut out, and of its number.
+const COVERED: u64 = 28;
 /// Bytes of a point in any array.
 const POINT: u64 = size_of::<[f32; 3]>() as u64;
 /// Bytes that OpenSubdiv takes for each corner of a control mesh.
@@ -77,7 +79,10 @@ impl Footprint {
             // It is refused before anything is made of it.
             return Self::default();
         }
-        Read::of(desc, demand, lengths.map(|length| length as u64)).footprint(limit_bytes, cluster_bytes)
+        let mut read = Read::of(desc, demand, lengths.map(|length| length as u64));
+        let is_cut_out = matches!(desc.shape, Shape::Mesh) && demand.covers.iter().any(Option::is_some);
+        read.covered = if is_cut_out { COVERED.saturating_mul(read.items) } else { 0 };
+        read.footprint(limit_bytes, cluster_bytes)
     }
 }
 
@@ -94,6 +99,8 @@ struct Read {
     attributes: u64,
     /// Bytes of all keys of what moves, beyond the first.
     keys: u64,
+    /// Bytes of what is known of what is there of them.
+    covered: u64,
 }
 
 impl Read {
@@ -154,7 +161,7 @@ impl Read {
         let attributes = attributes.saturating_add(subsets);
         // Vertices at each key, and normals by corner.
         let of_keys = 72_u64.saturating_mul(items).saturating_mul(keys.saturating_sub(1));
-        Self { items, is_of_points: false, beside, attributes, keys: of_keys }
+        Self { items, is_of_points: false, beside, attributes, keys: of_keys, covered: 0 }
     }
 
     /// Items in authored order with all they have.
@@ -177,13 +184,13 @@ impl Read {
         // The copy in the tree's order is made when most of the tree's memory is free again.
         let tree = |items: u64| (per_item * items).max(arranged(items) + 32 * items);
         let expected = device.saturating_mul(self.items).saturating_add(self.attributes);
-        let whole = loose.saturating_add(tree(self.items.min(limit_bytes / device)));
+        let whole = loose.saturating_add(self.covered).saturating_add(tree(self.items.min(limit_bytes / device)));
         if expected <= limit_bytes {
             return Footprint { reading, whole, cluster: 0, clusters: 0 };
         }
         let of_cluster = self.items.min(cluster_bytes / device + 1);
         let cluster = tree(of_cluster).saturating_add(arranged(of_cluster)).saturating_add(40 * of_cluster);
-        let sorted = loose.saturating_add(SORTED * self.items);
+        let sorted = loose.saturating_add(self.covered).saturating_add(SORTED * self.items);
         // Values that are not usable may make it small enough for one tree.
         let is_near = expected / 2 <= limit_bytes;
         let reading = if is_near { reading.max(whole) } else { reading };

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_128;
 
 use super::build::{Built, Cuts, build_mesh_into};
+use super::cover::Covers;
 use super::demand::{Demand, Displacements};
 use super::dicing::Dicing;
 use super::footprint::Footprint;
@@ -26,7 +27,7 @@ use crate::texture::{HeightFiles, Heights};
 
 /// Raised whenever a description is built to other bits than before, or they are stored otherwise: entries of other
 /// versions are not found.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// What a mesh is built from.
 #[derive(Debug)]
@@ -35,6 +36,7 @@ pub(crate) struct Recipe {
     pub(crate) wanted: Vec<WantedPrimvar>,
     pub(crate) dicing: Dicing,
     pub(crate) displacements: Displacements,
+    pub(crate) covers: Covers,
     pub(crate) height_files: Option<Arc<dyn HeightFiles>>,
     /// [`super::mesh_key_with`] of all that.
     pub(crate) key: u128,
@@ -46,8 +48,8 @@ pub(crate) struct Recipe {
 
 impl Recipe {
     fn demand(&self) -> Demand<'_> {
-        let Self { wanted, dicing, displacements, .. } = self;
-        Demand { wanted, dicing: Some(dicing), displacements, heights: None }
+        let Self { wanted, dicing, displacements, covers, .. } = self;
+        Demand { wanted, dicing: Some(dicing), displacements, covers, heights: None }
     }
 
     /// The mesh, and its clusters to `put`, of which `at_once` are made side by side.

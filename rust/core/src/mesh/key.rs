@@ -15,7 +15,7 @@ pub fn mesh_key(desc: &MeshDesc) -> u128 {
 }
 
 /// [`mesh_key`] of a mesh that is built for a demand. Which faces are in which subset counts, their materials only by
-/// how they displace.
+/// how they displace and by what they cut out.
 pub(crate) fn mesh_key_with(desc: &MeshDesc, demand: &Demand<'_>) -> u128 {
     let wanted = demand.wanted;
     let mut hasher = Xxh3::new();
@@ -62,6 +62,7 @@ pub(crate) fn mesh_key_with(desc: &MeshDesc, demand: &Demand<'_>) -> u128 {
         hasher.update(primvar.name.as_bytes());
         add_primvar(&mut hasher, desc.authored_primvar(&primvar.name));
     }
+    demand.hash_covers(&mut hasher);
     hasher.digest128()
 }
 

@@ -15,6 +15,7 @@ pub mod bvh4;
 mod cage;
 mod check;
 mod collapse;
+mod cover;
 mod creases;
 mod cut_values;
 mod deform;
@@ -54,6 +55,7 @@ pub use build::{BuiltMesh, build_mesh, build_mesh_split, build_mesh_with};
 pub use bundle::POINT_BUNDLE;
 pub use bvh::{Bvh2, BvhError, BvhNode, build_box_bvh};
 pub use bvh4::{Bvh4, level_nodes};
+pub use cover::{Cover, Covers};
 pub use deform::MeshKeys;
 pub use demand::{Demand, Displacements};
 pub use dicing::{Dicing, Eye};
@@ -150,8 +152,12 @@ impl Triangle {
 pub struct MeshAsset {
     /// Content hash of the authored data and of the flags; of a cluster, see [`split_mesh`].
     pub key: u128,
-    /// Box of all triangles.
+    /// Box of what rays can meet of the triangles.
     pub bounds: Aabb,
+    /// Box of all triangles.
+    pub whole: Aabb,
+    /// Boxes of triangles are those of what is there of them: some is cut out.
+    pub is_clipped: bool,
     /// Hierarchy over `triangles`.
     pub bvh: Bvh4,
     /// What `triangles` are.

@@ -105,6 +105,8 @@ pub(super) fn read(summary: &MeshSummary, payload: &dyn Payload) -> Result<MeshA
     let mut mesh = MeshAsset {
         key: summary.key,
         bounds: summary.bounds,
+        whole: summary.whole,
+        is_clipped: summary.is_clipped,
         bvh: Bvh4 { nodes: zeros(summary.nodes)?, stack: summary.stack },
         kind: summary.kind,
         triangles: zeros(summary.triangles)?,

@@ -41,8 +41,26 @@ struct Item {
     triangle: u32,
 }
 
+/// What is split.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a> {
+    pub(super) mesh: &'a MeshAsset,
+    /// Boxes of what is there of its triangles, empty where nothing is; none: all of each is.
+    pub(super) covered: Option<&'a [Aabb]>,
+}
+
+impl Source<'_> {
+    fn item_bounds(&self, item: u32) -> Aabb {
+        match self.covered {
+            Some(covered) => covered.get(item as usize).copied().unwrap_or(Aabb::EMPTY),
+            None => self.mesh.item_bounds(item as usize),
+        }
+    }
+}
+
 /// A mesh being split.
 struct Splitter<'a> {
+    source: Source<'a>,
     mesh: &'a MeshAsset,
     max_bytes: u64,
     /// Of an item at a key, with its radius.
@@ -58,28 +76,31 @@ struct Splitter<'a> {
 #[must_use]
 pub fn split_mesh(mesh: &MeshAsset, max_bytes: u64) -> Vec<MeshAsset> {
     let mut clusters = Vec::new();
-    split_ordered(mesh, max_bytes, Order::Bvh, usize::MAX, &mut |cluster| clusters.push(cluster));
+    split_ordered(Source { mesh, covered: None }, max_bytes, Order::Bvh, usize::MAX, &mut |cluster| {
+        clusters.push(cluster)
+    });
     clusters
 }
 
 /// [`split_mesh`] for a mesh in any order; its own hierarchy is not looked at. Gives each cluster to `put`, in order;
 /// at most `at_once` are made side by side and wait for that, so that who puts them away needs memory for no more.
 pub(super) fn split_ordered(
-    mesh: &MeshAsset,
+    source: Source<'_>,
     max_bytes: u64,
     order: Order,
     at_once: usize,
     put: &mut dyn FnMut(MeshAsset),
 ) {
+    let mesh = source.mesh;
     let item = |triangle: u32| {
-        let b = mesh.item_bounds(triangle as usize);
-        Item { center: [0, 1, 2].map(|k| b.min[k] + b.max[k]), triangle }
+        let b = source.item_bounds(triangle);
+        (!b.is_empty()).then(|| Item { center: [0, 1, 2].map(|k| b.min[k] + b.max[k]), triangle })
     };
     let count = u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX);
-    let mut items: Vec<Item> = (0..count).into_par_iter().map(item).collect();
+    let mut items: Vec<Item> = (0..count).into_par_iter().filter_map(item).collect();
     let summary = MeshSummary::of(mesh);
     let item_bytes = summary.item_bytes() + if summary.radii > 1 { 4 } else { 0 };
-    let splitter = Splitter { mesh, max_bytes, item_bytes };
+    let splitter = Splitter { source, mesh, max_bytes, item_bytes };
     let filled = (max_bytes / 16).saturating_mul(FILL_16).max(1);
     let parts = if splitter.fits(&items) { 1 } else { expected_bytes(mesh).div_ceil(filled) };
     let mut numbers = 0_u64..;
@@ -145,10 +166,14 @@ impl Splitter<'_> {
         let mut members: Vec<u32> = items.iter().map(|item| item.triangle).collect();
         // The cuts leave them in no order worth keeping; neighbours in the mesh are often neighbours in space.
         members.sort_unstable();
-        let boxes: Vec<Aabb> = members.iter().map(|&item| self.mesh.item_bounds(item as usize)).collect();
+        let boxes: Vec<Aabb> = members.iter().map(|&item| self.source.item_bounds(item)).collect();
         let (bvh, order) = build_bvh4_over(&boxes, self.mesh.kind);
         let order: Vec<u32> = pick(&members, &order);
-        let cluster = arrange(self.mesh, bvh, &order, Some(&self.points(&members)));
+        let mut cluster = arrange(self.mesh, bvh, &order, Some(&self.points(&members)));
+        if self.source.covered.is_some() {
+            cluster.bounds = boxes.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds));
+            cluster.is_clipped = true;
+        }
         (members.len() <= 1 || cluster.device_bytes() <= self.max_bytes).then_some(cluster)
     }
 
@@ -200,6 +225,8 @@ pub(super) fn arrange(mesh: &MeshAsset, bvh: Bvh4, order: &[u32], points: Option
     let mut arranged = MeshAsset {
         key: mesh.key,
         bounds: Aabb::EMPTY,
+        whole: Aabb::EMPTY,
+        is_clipped: false,
         bvh,
         kind: mesh.kind,
         triangles,
@@ -215,7 +242,8 @@ pub(super) fn arrange(mesh: &MeshAsset, bvh: Bvh4, order: &[u32], points: Option
         left_handed: mesh.left_handed,
     };
     let boxes = (0..arranged.triangles.len()).map(|at| arranged.item_bounds(at));
-    arranged.bounds = boxes.fold(Aabb::EMPTY, |all, bounds| all.union(&bounds));
+    arranged.whole = boxes.fold(Aabb::EMPTY, |all, bounds| all.union(&bounds));
+    arranged.bounds = arranged.whole;
     arranged
 }
 

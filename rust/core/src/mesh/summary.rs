@@ -31,8 +31,12 @@ pub struct PrimvarSummary {
 pub struct MeshSummary {
     /// Content hash.
     pub key: u128,
-    /// Box of all triangles.
+    /// Box of what rays can meet of the triangles.
     pub bounds: Aabb,
+    /// Box of all triangles.
+    pub whole: Aabb,
+    /// Boxes of triangles are those of what is there of them.
+    pub is_clipped: bool,
     /// What the triangles are.
     pub kind: LeafKind,
     /// False: seen from the front only.
@@ -104,6 +108,8 @@ impl MeshSummary {
         Self {
             key: mesh.key,
             bounds: mesh.bounds,
+            whole: mesh.whole,
+            is_clipped: mesh.is_clipped,
             kind: mesh.kind,
             double_sided: mesh.double_sided,
             left_handed: mesh.left_handed,

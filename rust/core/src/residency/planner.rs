@@ -33,6 +33,10 @@ pub struct PlannerOptions {
     /// Steps that see a unit usable before it may be evicted, 0 = 2: with one submission in flight the first step
     /// after a load still sees the demand of before. More submissions in flight need as many more.
     pub pin_steps: u32,
+    /// Units from this one on are tiles of textures: no visits of them are counted, and rays cannot read them in host
+    /// memory. They stay while they take less than a third of the budget and leave room for the least budget. None =
+    /// there are none.
+    pub first_tile: Option<UnitId>,
 }
 
 /// A load that is under way.
@@ -61,6 +65,8 @@ pub struct Planner {
     /// What loads may fill: the budget, or less for a while after a failed load.
     pub(super) allowance: u64,
     pub(super) largest: u64,
+    /// Bytes of tiles of textures that are held.
+    tile_bytes: u64,
     pub(super) entries: Vec<Entry>,
     pub(super) holdings: Holdings,
     pub(super) residents: Vec<UnitId>,
@@ -100,6 +106,7 @@ impl Planner {
             budget,
             allowance: budget,
             largest,
+            tile_bytes: 0,
             entries: vec![Entry::default(); catalog.unit_count()],
             holdings: Holdings::new(&catalog),
             residents: Vec::new(),
@@ -132,6 +139,7 @@ impl Planner {
         let mut new = Vec::new();
         self.holdings.acquire(&self.catalog, unit, &mut new);
         self.holdings.arrived(&self.catalog, &new);
+        self.count_tile(unit);
         self.stats.peak_bytes = self.stats.peak_bytes.max(self.holdings.held());
         self.become_resident(unit);
         true
@@ -164,6 +172,7 @@ impl Planner {
         self.holdings.set_in_flight(&load.assets, false);
         let mut freed = Vec::new();
         self.holdings.release(&self.catalog, unit, &mut freed);
+        self.count_tile_gone(unit);
         freed.retain(|asset| load.assets.binary_search(asset).is_err());
         if !freed.is_empty() {
             self.dropped.push(Command::Evict { unit, assets: freed });
@@ -245,6 +254,26 @@ impl Planner {
         self.step != 0 && self.entries[unit as usize].seen == self.step
     }
 
+    fn bytes_of_tile(&self, unit: UnitId) -> u64 {
+        let is_tile = self.options.first_tile.is_some_and(|first| unit >= first);
+        if is_tile { self.catalog.closure_bytes(unit) } else { 0 }
+    }
+
+    pub(super) fn count_tile(&mut self, unit: UnitId) {
+        self.tile_bytes += self.bytes_of_tile(unit);
+    }
+
+    pub(super) fn count_tile_gone(&mut self, unit: UnitId) {
+        self.tile_bytes = self.tile_bytes.saturating_sub(self.bytes_of_tile(unit));
+    }
+
+    /// The unit is a tile, and these take so little that none has to go. Failed loads lower what is little, so that
+    /// they keep no memory in pieces for ever.
+    pub(super) fn is_tile_to_stay(&self, unit: UnitId) -> bool {
+        let little = (self.budget / TILE_SHARE).min(self.allowance.saturating_sub(self.largest));
+        self.options.first_tile.is_some_and(|first| unit >= first) && self.tile_bytes <= little
+    }
+
     pub(super) fn count_bytes(&mut self) {
         self.stats.bytes_held = self.holdings.held();
         self.stats.bytes_in_flight = self.in_flight.iter().sum();
@@ -274,6 +303,8 @@ impl Planner {
 }
 
 const DEFAULT_PIN_STEPS: u32 = 2;
+/// Tiles of textures stay below this share of the budget.
+const TILE_SHARE: u64 = 3;
 /// A load that completes gives back this fraction of what failures took from the allowance.
 const RECOVERY: u64 = 128;
 /// The longest pause after failures is 2 to this power steps.

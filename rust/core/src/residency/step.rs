@@ -275,6 +275,7 @@ impl Planner {
                 let victims = plan.victims.get_or_insert_default();
                 for (victim, _) in gone {
                     self.holdings.acquire(&self.catalog, victim.unit, &mut Vec::new());
+                    self.count_tile(victim.unit);
                     victims.put_back(victim);
                 }
                 return None;
@@ -282,6 +283,7 @@ impl Planner {
             plan.victims.get_or_insert_default().pop();
             let mut freed = Vec::new();
             self.holdings.release(&self.catalog, victim.unit, &mut freed);
+            self.count_tile_gone(victim.unit);
             gone.push((victim, freed));
         }
         Some(gone)
@@ -307,8 +309,8 @@ impl Planner {
         loop {
             self.find_victims(plan);
             let first = plan.victims.as_ref().and_then(Victims::first)?;
-            // Since it was listed, it may have become what is loaded needs.
-            if self.entries[first.unit as usize].holds == 0 {
+            // Since it was listed, it may have become what is loaded needs, or other tiles may have gone.
+            if self.entries[first.unit as usize].holds == 0 && !self.is_tile_to_stay(first.unit) {
                 return Some(first);
             }
             plan.victims.get_or_insert_default().pop();
@@ -328,7 +330,8 @@ impl Planner {
         let (keep_below, mapped) = (plan.demand.keep_below, plan.demand.mapped);
         let is_kept = |unit: UnitId| unit < keep_below && mapped.get(unit as usize) != Some(&true);
         let may_go = |&unit: &UnitId| {
-            self.entries[unit as usize].state == UnitState::Resident && self.is_unpinned(unit) && !is_kept(unit)
+            let is_kept = is_kept(unit) || self.is_tile_to_stay(unit);
+            self.entries[unit as usize].state == UnitState::Resident && self.is_unpinned(unit) && !is_kept
         };
         while victims.first().is_none() && victims.list(&*self.policy, &view, VICTIMS, may_go) {}
         plan.victims = Some(victims);
@@ -336,6 +339,7 @@ impl Planner {
 
     fn issue(&mut self, plan: &mut Plan<'_>, load: Load) {
         self.holdings.set_in_flight(&load.assets, true);
+        self.count_tile(load.unit);
         self.stats.peak_bytes = self.stats.peak_bytes.max(self.holdings.held());
         self.entries[load.unit as usize].state = UnitState::Loading;
         self.loads_begun = self.loads_begun.wrapping_add(1);
@@ -349,6 +353,7 @@ impl Planner {
     fn evict(&mut self, unit: UnitId) -> Command {
         let mut assets = Vec::new();
         self.holdings.release(&self.catalog, unit, &mut assets);
+        self.count_tile_gone(unit);
         self.forget(unit);
         Command::Evict { unit, assets }
     }

@@ -11,7 +11,11 @@ use crate::desc::{InstancerDesc, MeshDesc};
 use crate::instancing::array_motion::ArrayMotion;
 use crate::instancing::instance_primvars::{InstancePrimvar, MemberPrimvar};
 use crate::instancing::placement::InstanceArrays;
+use crate::material::Cutout;
 use crate::mesh::{Demand, Dicing, Displacements, KeptMesh, WantedPrimvar, is_same_mesh};
+
+/// Cutouts by slot, as [`Displacements`]. Empty where nothing is cut out.
+pub(crate) type Cutouts = Vec<Option<Arc<Cutout>>>;
 
 /// A mesh prim.
 #[derive(Debug)]
@@ -28,6 +32,8 @@ pub(crate) struct MeshEntry {
     pub(crate) wanted: Vec<WantedPrimvar>,
     /// How materials displace it.
     pub(crate) displacements: Displacements,
+    /// How materials cut it out.
+    pub(crate) cutouts: Cutouts,
     /// Numbers of the primvars that are read here and that the mesh does not have.
     pub(crate) lacks: Vec<u32>,
 }
@@ -56,6 +62,7 @@ impl MeshEntry {
                     outline: OnceLock::new(),
                     wanted: Vec::new(),
                     displacements: Vec::new(),
+                    cutouts: Vec::new(),
                     lacks: Vec::new(),
                 };
                 (entry, true)
@@ -73,7 +80,15 @@ impl MeshEntry {
     /// What it is built for.
     pub(crate) fn demand(&self) -> Demand<'_> {
         let Self { wanted, dicing, displacements, .. } = self;
-        Demand { wanted, dicing: Some(dicing), displacements, heights: None }
+        Demand { wanted, dicing: Some(dicing), displacements, covers: &[], heights: None }
+    }
+
+    /// Notes how materials cut it out; forgets what was made for something else.
+    pub(crate) fn cut_out(&mut self, cutouts: Cutouts) {
+        if self.cutouts != cutouts {
+            self.cutouts = cutouts;
+            self.built = None;
+        }
     }
 
     /// Notes what materials ask for; forgets what was made for something else. `emits`: something of it is a light.

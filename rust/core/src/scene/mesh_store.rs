@@ -8,13 +8,24 @@ use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::admission::run_within;
+use super::cover_store::CoverStore;
 use super::entries::MeshEntry;
-use crate::mesh::{Dicing, Footprint, Grant, KeptMesh, Recipe, SceneMesh, Shelf, mesh_key_with, too_large};
+use crate::mesh::{
+    Cover, Covers, Demand, Dicing, Footprint, Grant, KeptMesh, Recipe, SceneMesh, Shelf, mesh_key_with, too_large,
+};
 use crate::partition::PartitionOptions;
 use crate::texture::Heights;
 
 /// Clusters that are put away together, for each thread: fewer, and threads would wait for each other.
 const BATCHES: usize = 4;
+
+/// A mesh that is to be built.
+#[derive(Clone, Copy)]
+struct New<'a> {
+    key: u128,
+    entry: &'a MeshEntry,
+    covers: &'a [Option<Cover>],
+}
 
 /// Assets by content hash, and their indices in the snapshots.
 #[derive(Debug, Default)]
@@ -26,6 +37,8 @@ pub(crate) struct MeshStore {
     options: PartitionOptions,
     /// Where assets are put.
     pub(crate) shelf: Shelf,
+    /// Images that cut meshes out.
+    pub(crate) covers: CoverStore,
 }
 
 impl MeshStore {
@@ -65,13 +78,18 @@ impl MeshStore {
         }
         let mut missing: Vec<&mut MeshEntry> =
             meshes.iter_mut().filter(|(path, e)| e.built.is_none() && wanted.contains(*path)).map(|(_, e)| e).collect();
-        let keys: Vec<u128> = missing.par_iter().map(|e| mesh_key_with(&e.desc, &e.demand())).collect();
+        self.covers.read(missing.iter().map(|entry| &entry.cutouts), heights.files());
+        let covers: Vec<Covers> = missing.iter().map(|entry| self.covers.of(&entry.cutouts)).collect();
+        let demand = |entry: &'_ MeshEntry, covers: &'_ [Option<Cover>]| {
+            mesh_key_with(&entry.desc, &Demand { covers, ..entry.demand() })
+        };
+        let keys: Vec<u128> = missing.par_iter().zip(&covers).map(|(entry, covers)| demand(entry, covers)).collect();
         let mut begun: FxHashSet<u128> = FxHashSet::default();
-        let new: Vec<(u128, &MeshEntry)> = keys
+        let new: Vec<New<'_>> = keys
             .iter()
-            .zip(&missing)
+            .zip(missing.iter().zip(&covers))
             .filter(|(key, _)| !self.built.contains_key(key) && begun.insert(**key))
-            .map(|(key, entry)| (*key, &**entry))
+            .map(|(key, (entry, covers))| New { key: *key, entry, covers })
             .collect();
         let built = self.make(&new, heights);
         self.built.extend(built);
@@ -81,14 +99,15 @@ impl MeshStore {
     }
 
     /// Finds meshes in files or builds them, side by side.
-    fn make(&self, new: &[(u128, &MeshEntry)], heights: &Heights) -> Vec<(u128, Arc<KeptMesh>)> {
+    fn make(&self, new: &[New<'_>], heights: &Heights) -> Vec<(u128, Arc<KeptMesh>)> {
         let (limit_bytes, cluster_bytes) = (self.options.mesh_limit(), self.options.chunk_bytes());
-        let recipe = |(key, entry): &(u128, &MeshEntry)| {
+        let recipe = |New { key, entry, covers }: &New<'_>| {
             Arc::new(Recipe {
                 desc: entry.desc.clone(),
                 wanted: entry.wanted.clone(),
                 dicing: entry.dicing.clone(),
                 displacements: entry.displacements.clone(),
+                covers: covers.to_vec(),
                 height_files: heights.files().cloned(),
                 key: *key,
                 limit_bytes,
@@ -114,7 +133,7 @@ impl MeshStore {
                 all.map(|new| find(new).unwrap_or_else(|| build(new, Grant { reserved: None, at_once }))).collect()
             }
         };
-        new.iter().zip(made).map(|((key, _), made)| (*key, Arc::new(made))).collect()
+        new.iter().zip(made).map(|(new, made)| (new.key, Arc::new(made))).collect()
     }
 
     /// Builds what was not found, side by side as far as there is room. What needs more than the budget is left out.

@@ -7,6 +7,7 @@
 
 mod admission;
 mod commit;
+mod cover_store;
 mod dicing;
 mod entries;
 mod lent;
@@ -274,10 +275,15 @@ impl SceneDb {
         }
     }
 
-    /// Says who opens the textures that displace surfaces, for meshes that are built from now on. Without, they have
-    /// their fallbacks.
+    /// Says who opens the textures that displace surfaces or cut them out, for meshes that are built from now on.
+    /// Without, the former have their fallbacks.
     pub fn set_height_files(&mut self, files: Arc<dyn HeightFiles>) {
         self.height_files = Some(files);
+    }
+
+    /// For tests: whether the boxes of triangles that are cut out are those of all of them. Changes no picture.
+    pub fn set_whole_bounds(&mut self, are_whole: bool) {
+        self.edited |= std::mem::replace(&mut self.surface_store.has_whole_bounds, are_whole) != are_whole;
     }
 
     /// Says where meshes that are built from now on are kept when [`Self::mesh_memory`] is full.
@@ -381,6 +387,7 @@ impl SceneDb {
         let meshes_shown = Shown { meshes: &self.meshes, lights: &lights, paths: &reachable, linked: &linked };
         let mut surfaces = self.surface_store.tables(&self.materials, meshes_shown, reports);
         surfaces.trim();
+        self.mesh_store.covers.retain(&surfaces.textures);
         (plan, Assets { meshes, indices, surfaces })
     }
 

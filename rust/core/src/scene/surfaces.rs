@@ -2,23 +2,22 @@
 //! Who has which material: bindings of meshes and subsets worked out to the tables of a snapshot, and what the meshes
 //! have to build for them. A material is compiled once after an edit, and only when a mesh shows it.
 
-use oocpt_abi::{MAX_PRIM_ID, MaterialFlags, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_MATERIAL};
+use oocpt_abi::{MAX_PRIM_ID, MaterialFlags, MaterialInput, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_MATERIAL};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::entries::{InstancerEntry, MeshEntry};
+use super::entries::{Cutouts, InstancerEntry, MeshEntry};
 use super::linking::LinkedPrims;
 use super::mesh_lights::{MESH_LIGHT, MeshLight};
 use super::report::Reports;
 use super::snapshot::SurfaceTables;
 use crate::desc::{LightDesc, MaterialDesc, MeshDesc, Shape};
 use crate::instancing::instance_primvars::{InstancePrimvar, MemberPrimvar};
-use crate::material::{ACROSS_NAME, Compiled, Input, Material, PTEX_SET, TextureRef, built_in, compile};
+use crate::material::{ACROSS_NAME, Compiled, Cutout, Input, Material, PTEX_SET, TextureRef, built_in, compile};
 use crate::mesh::{Displacements, WantedPrimvar};
 use oocpt_materialx::program::{Lookup, REGISTERS};
-use oocpt_materialx::surface::Input as MaterialInput;
 
 /// What a prim looks like: an entry of [`SurfaceTables::prims`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,6 +46,8 @@ pub(crate) struct Shown<'a> {
 pub(crate) struct MaterialEntry {
     pub(crate) desc: MaterialDesc,
     compiled: Option<Arc<Compiled>>,
+    /// Of `compiled`.
+    cutout: Option<Arc<Cutout>>,
 }
 
 impl MaterialEntry {
@@ -54,12 +55,17 @@ impl MaterialEntry {
     pub(crate) fn update(old: Option<Self>, desc: MaterialDesc) -> (Self, bool) {
         match old {
             Some(old) if old.desc == desc => (old, false),
-            _ => (Self { desc, compiled: None }, true),
+            _ => (Self { desc, compiled: None, cutout: None }, true),
         }
     }
 
     fn compiled(&mut self) -> &Arc<Compiled> {
-        self.compiled.get_or_insert_with(|| Arc::new(compile(&self.desc)))
+        let Self { desc, compiled, cutout } = self;
+        compiled.get_or_insert_with(|| {
+            let compiled = compile(desc);
+            *cutout = compiled.cutout().map(Arc::new);
+            Arc::new(compiled)
+        })
     }
 }
 
@@ -70,12 +76,15 @@ pub(crate) struct SurfaceStore {
     names: FxHashMap<Arc<str>, u32>,
     /// Materials of the last commit by path.
     materials: FxHashMap<Arc<str>, Arc<Material>>,
+    /// For tests: boxes do not know of cutouts.
+    pub(crate) has_whole_bounds: bool,
 }
 
 impl Default for SurfaceStore {
     fn default() -> Self {
         let names = [("displayColor", NAME_DISPLAY_COLOR), ("displayOpacity", NAME_DISPLAY_OPACITY)];
-        Self { names: names.map(|(name, id)| (name.into(), id)).into_iter().collect(), materials: FxHashMap::default() }
+        let names = names.map(|(name, id)| (name.into(), id)).into_iter().collect();
+        Self { names, materials: FxHashMap::default(), has_whole_bounds: false }
     }
 }
 
@@ -174,9 +183,16 @@ impl SurfaceStore {
             if displacements.iter().all(Option::is_none) {
                 displacements.clear();
             }
-            let emits = entry.desc.solid.is_some()
-                && (lights.contains_key(&*format!("{path}{MESH_LIGHT}")) || is_emissive(&entry.desc, materials));
-            entry.ask(wanted, displacements, emits);
+            let emits = lights.contains_key(&*format!("{path}{MESH_LIGHT}")) || is_emissive(&entry.desc, materials);
+            entry.ask(wanted, displacements, emits && entry.desc.solid.is_some());
+            // All faces of a light count.
+            let is_clipped = !emits && matches!(entry.desc.shape, Shape::Mesh) && !self.has_whole_bounds;
+            let cutout = |material: Option<&Arc<str>>| materials.get(material?)?.cutout.clone();
+            let mut cutouts: Cutouts = bindings(&entry.desc).filter(|_| is_clipped).map(cutout).collect();
+            if cutouts.iter().all(Option::is_none) {
+                cutouts.clear();
+            }
+            entry.cut_out(cutouts);
         }
         for (path, entry) in materials.iter() {
             if let Some(problem) = entry.compiled.as_ref().and_then(|compiled| compiled.problem()) {

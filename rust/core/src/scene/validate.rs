@@ -80,9 +80,14 @@ impl Snapshot {
 
 fn validate_mesh(mesh: &MeshAsset) -> Result<(), String> {
     let boxes: Vec<Aabb> = (0..mesh.triangles.len()).map(|at| mesh.item_bounds(at)).collect();
-    mesh.bvh.validate_items(&boxes, mesh.kind).map_err(|error| error.to_string())?;
+    let checked = match mesh.is_clipped {
+        true => mesh.bvh.validate_clipped(&boxes),
+        false => mesh.bvh.validate_items(&boxes, mesh.kind),
+    };
+    checked.map_err(|error| error.to_string())?;
     let around = boxes.iter().fold(Aabb::EMPTY, |all, item| all.union(item));
-    if mesh.triangles.is_empty() || around != mesh.bounds {
+    let is_within = if mesh.is_clipped { around.contains(&mesh.bounds) } else { around == mesh.bounds };
+    if mesh.triangles.is_empty() || around != mesh.whole || !is_within {
         return Err("the box is not that of the triangles".to_owned());
     }
     if !mesh.triangles.iter().flat_map(|t| t.vertices.as_flattened()).all(|v| v.is_finite()) {

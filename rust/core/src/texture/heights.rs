@@ -41,6 +41,15 @@ pub trait HeightImage: Send + Sync + Debug {
     /// # Errors
     /// Why it cannot be had, for the user.
     fn channel(&self, level: u32, channel: u8) -> Result<Vec<f32>, String>;
+
+    /// Gives a channel of level 0 to `sink`, some rows at a time from the bottom on, with the bits that the device has.
+    ///
+    /// # Errors
+    /// Why it cannot be had, for the user.
+    fn rows(&self, channel: u8, sink: &mut dyn FnMut(&[f32])) -> Result<(), String> {
+        sink(&self.channel(0, channel)?);
+        Ok(())
+    }
 }
 
 /// Path, member, colour space.

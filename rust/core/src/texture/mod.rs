@@ -7,6 +7,7 @@
 //! channels); IEC 61966-2-1 (sRGB).
 
 mod color;
+mod covered;
 mod faces;
 mod footprint;
 mod heights;
@@ -17,6 +18,9 @@ mod twin;
 
 pub use crate::material::linear_from_srgb;
 pub use color::{expand, is_srgb, srgb_from_linear};
+#[cfg(test)]
+pub(crate) use covered::tests as tests_of_covered;
+pub(crate) use covered::{CoveredImage, Region};
 pub use faces::{FaceBlock, FaceLayout, MAX_FACE_LOG2, TILE_TEXELS, class_size};
 pub use footprint::{MOST_ANISOTROPY, ellipse, filter_width};
 pub use heights::{HeightFiles, HeightImage, Heights};

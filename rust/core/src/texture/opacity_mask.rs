@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What is known of a cutout without its texture: how much of each part of the picture is there. The threshold comes
 //! before the filter: a cell says in what share of its area the texture, looked up at its finest level, is at or above
-//! the threshold, or what its opacity is there in the mean. A wide lookup of a ray is met with the probability that the
-//! cell of its width has; a narrow one is decided where all of its cell is there or nothing is, and else looked up at
-//! the finest level. So coverage is the same from every distance (after Yuksel 2017, "Alpha Distribution for Alpha
-//! Testing", and Wyman and `McGuire` 2017, "Hashed Alpha Testing", which keep it by other means).
+//! the threshold, or what its opacity is there in the mean. The cell that a ray meets decides, however wide the ray is:
+//! where nothing of it is there or all is, that is sure; else a wide lookup has the cell's probability, and a narrow one
+//! is made at the finest level. So coverage is the same from every distance, by the rays of a pixel, and what lies
+//! outside of cells that have something is there for no ray: bounds may leave it out.
 //!
-//! Words, u32: width | height << 16 of level 0; a word of modes; for each level that is kept, where its cells begin, in
-//! bytes from the first word; cells, a byte each, row by row. Modes: wrap of s and of t (two bits each), a bit that is
-//! `MASK_SET`'s, the fineness (3 bits from 4 on), first and last level (5 bits each from 8 and 13 on), and from
-//! 24 on the byte of what is around the picture. The first level that is kept is that of narrow lookups: level 0 with
-//! 2^fine cells along a texel, or the first one whose sides are short enough. A byte is 0 only where nothing
-//! is there whatever rounds, 255 only where all is.
+//! Words, u32: width | height << 16 of level 0; a word of modes; cells, a byte each, row by row. Modes: wrap of s and of
+//! t (two bits each), a bit that is `MASK_SET`'s, the fineness (3 bits from 4 on), the level (5 bits from 8 on), and from 24
+//! on the byte of what is around the picture. Cells are texels of the level: level 0 with 2^fine cells along a texel, or
+//! the first one whose sides are short enough. A byte is 0 only where nothing is there, but for a rim that has
+//! no area to speak of, and then is not there; 255 only where all is, whatever rounds.
 //!
 //! A record of a set of files has modes `MASK_SET` and, for each of 100 parts, the distance of its mask in units of 16
 //! bytes from the first word, or 0.
@@ -28,6 +27,8 @@ const FINE_SIDE: u32 = 256;
 /// Of what a lookup can give, on either side, as a share of what the texels around can: the shader may be off by less
 /// than that of a texel when it picks the cell.
 const PLACE_SLACK: f64 = 1.0 / 1024.0;
+/// What is there of a cell in no more than this part of the range of its values is not there.
+const RIM: f64 = 1.0 / 1024.0;
 /// The same, as a share of the largest texel: rounding of the mean of four.
 const ROUNDING: f64 = 1.0e-5;
 
@@ -62,25 +63,32 @@ impl OpacityQuery {
     }
 
     /// Whether lookups that give `low` to `high` may meet the surface, and whether they may miss it. `largest`: of the
-    /// texels around.
-    fn may(&self, low: f64, high: f64, largest: f64) -> [bool; 2] {
+    /// texels around. `rim`: what they may be off where the place is, in one patch; 0: there may be several.
+    fn may(&self, [low, high]: [f64; 2], rim: f64, largest: f64) -> [bool; 2] {
         if !largest.is_finite() || !self.scale.is_finite() || !self.bias.is_finite() || self.threshold.is_nan() {
             return [true; 2];
         }
         // There from this opacity on, and missed below the other one: a number from 0 up to but not 1 is compared.
         let [least, sure] = if self.is_chance() { [0.0, 1.0] } else { [self.threshold; 2] }.map(f64::from);
-        let (a, b) = match low == high {
+        let factor = f64::from(self.scale).abs();
+        let rounding = 2.0 * ROUNDING * (largest * factor + f64::from(self.bias).abs());
+        let is_exact = low == high && rim == 0.0;
+        let (a, b) = match is_exact {
             // The mean of equal texels is that texel, and the rest is worked out as the shaders do.
             #[expect(clippy::cast_possible_truncation, reason = "a texel")]
             true => [f64::from(low as f32 * self.scale + self.bias); 2].into(),
             false => {
                 let [a, b] = [low, high].map(|value| value * f64::from(self.scale) + f64::from(self.bias));
-                let rounding = 2.0 * ROUNDING * (largest * f64::from(self.scale).abs() + f64::from(self.bias).abs());
-                (a.min(b) - rounding, a.max(b) + rounding)
+                (a.min(b), a.max(b))
             }
         };
-        let may_meet = if self.is_chance() { b > least } else { b >= least };
-        [may_meet, a < sure]
+        let off = if is_exact { 0.0 } else { rounding + rim * factor };
+        // As at the edge of a picture that repeats: half of what is there on its other side.
+        let is_steep = RIM * (b - a) > rounding;
+        let is_below = b + rounding < least || (is_steep && b <= least + RIM * (b - a));
+        let is_rim = rim > 0.0 && a < least && is_below;
+        let may_meet = if self.is_chance() { b + off > least } else { b + off >= least };
+        [may_meet && !is_rim, a - off < sure]
     }
 }
 
@@ -93,43 +101,54 @@ pub struct OpacityMask {
     pub is_opaque: bool,
 }
 
+impl OpacityMask {
+    /// Cells along both sides, and the cells row by row.
+    pub(super) fn cells(&self) -> Option<([u32; 2], &[u8])> {
+        let [size, modes, cells @ ..] = self.words.as_slice() else { return None };
+        let sides = [size & 0xffff, size >> 16].map(|side| (side >> (modes >> 8 & 31)).max(1) << (modes >> 4 & 7));
+        // Shaders read little-endian bytes; so are those of all hosts that have a device.
+        let cells: &[u8] = bytemuck::cast_slice(cells);
+        Some((sides, cells.get(..sides[0] as usize * sides[1] as usize)?))
+    }
+
+    /// The byte of what is around the picture.
+    pub(super) fn around(&self) -> u8 {
+        self.words.get(1).map_or(u8::MAX, |modes| modes.to_le_bytes()[3])
+    }
+}
+
 /// What is kept of an image.
 #[derive(Clone, Copy, Debug)]
 struct Kept {
-    first: u32,
-    last: u32,
+    level: u32,
     fine: u32,
 }
 
 impl Kept {
-    /// Of levels of at most `most_side` texels a side.
+    /// The first level of at most `most_side` texels a side.
     fn new(layout: &Layout, most_side: u32) -> Self {
         let is_small = |level: &u32| layout.level_size(*level).iter().all(|side| *side <= most_side);
         let last = layout.levels().saturating_sub(1);
-        let first = (0..=last).find(is_small).unwrap_or(last);
+        let level = (0..=last).find(is_small).unwrap_or(last);
         let [width, height] = layout.size();
         let most = FINE_SIDE.min(most_side);
-        let fine = match first {
+        let fine = match level {
             0 => (0..=4).rev().find(|fine| width.max(height) << fine <= most).unwrap_or(0),
             _ => 0,
         };
-        Self { first, last: last.max(first).max(1), fine }
+        Self { level, fine }
     }
 
-    /// Cells of a level that is kept.
-    fn cells(self, layout: &Layout, level: u32) -> [u32; 2] {
-        let fine = if level == self.first { self.fine } else { 0 };
-        layout.level_size(level).map(|side| side << fine)
+    fn cells(self, layout: &Layout) -> [u32; 2] {
+        layout.level_size(self.level).map(|side| side << self.fine)
     }
 }
 
-/// Bytes of the mask of an image, with levels of at most `most_side` texels a side.
+/// Bytes of the mask of an image, of at most `most_side` texels a side.
 #[must_use]
 pub fn mask_bytes(layout: &Layout, most_side: u32) -> usize {
-    let kept = Kept::new(layout, most_side);
-    let level =
-        |level| size_of::<u32>() + kept.cells(layout, level).map(|side| side as usize).iter().product::<usize>();
-    2 * size_of::<u32>() + (kept.first..=kept.last).map(level).sum::<usize>()
+    2 * size_of::<u32>()
+        + Kept::new(layout, most_side).cells(layout).map(|side| side as usize).iter().product::<usize>()
 }
 
 /// A mask that is made of the rows of level 0 as they come, from the bottom: what is held of them are four.
@@ -147,7 +166,7 @@ pub struct OpacityMaskMaker {
 }
 
 impl OpacityMaskMaker {
-    /// Of an image, with levels of at most `most_side` texels a side; none where its sides are too long for a mask.
+    /// Of an image, of at most `most_side` texels a side; none where its sides are too long for a mask.
     #[must_use]
     pub fn new(layout: &Layout, query: &OpacityQuery, most_side: u32) -> Option<Self> {
         let size = layout.size();
@@ -155,7 +174,7 @@ impl OpacityMaskMaker {
             return None;
         }
         let kept = Kept::new(layout, most_side);
-        let base = Reduction::new(size.map(|side| side << kept.fine), kept.cells(layout, kept.first));
+        let base = Reduction::new(size.map(|side| side << kept.fine), kept.cells(layout));
         let rows = Vec::new();
         Some(Self { query: *query, layout: *layout, kept, base, rows: 0, opening: rows.clone(), recent: rows })
     }
@@ -217,25 +236,14 @@ impl OpacityMaskMaker {
     }
 
     fn packed(self) -> OpacityMask {
-        let Self { query, layout, kept: Kept { first, last, fine }, base, .. } = self;
-        let mut grids = vec![base.grid];
-        for level in first + 1..=last {
-            let reduced = grids.last().map(|grid| grid.reduced(layout.level_size(level)));
-            grids.extend(reduced);
-        }
-        let is_opaque = grids.first().is_some_and(|grid| grid.cells.iter().all(|cell| !cell.may_miss));
+        let Self { query, layout, kept: Kept { level, fine }, base, .. } = self;
+        let cells = base.grid.cells;
+        let is_opaque = cells.iter().all(|cell| !cell.may_miss);
         let around = cells::of_value(&query, query.outside).byte();
         let [width, height] = layout.size();
         let [s, t] = query.wrap.map(wrap_bits);
-        let mut words =
-            vec![width | height << 16, s | t << 2 | fine << 4 | first << 8 | last << 13 | u32::from(around) << 24];
-        let mut begin = size_of::<u32>() * (words.len() + grids.len());
-        let mut bytes = Vec::new();
-        for grid in &grids {
-            words.push(u32::try_from(begin).unwrap_or(0));
-            begin += grid.cells.len();
-            bytes.extend(grid.cells.iter().map(|cell| cell.byte()));
-        }
+        let mut words = vec![width | height << 16, s | t << 2 | fine << 4 | level << 8 | u32::from(around) << 24];
+        let mut bytes: Vec<u8> = cells.iter().map(|cell| cell.byte()).collect();
         bytes.resize(bytes.len().next_multiple_of(size_of::<u32>()), 0);
         words.extend(bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)));
         OpacityMask { words, is_opaque }

@@ -298,7 +298,7 @@ impl Source {
         Some(GpuMesh {
             nodes: base,
             triangles: base + layout.triangles,
-            reach: mesh.bounds.min.iter().chain(&mesh.bounds.max).fold(0.0, |reach, x| x.abs().max(reach)),
+            reach: mesh.whole.min.iter().chain(&mesh.whole.max).fold(0.0, |reach, x| x.abs().max(reach)),
             corner_indices: at(mesh.corner_indices > 0, layout.corners),
             normals: at(mesh.normals.is_some(), layout.normals),
             colors: at(mesh.colors.is_some(), layout.colors),

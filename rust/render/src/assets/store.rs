@@ -147,7 +147,12 @@ impl Store {
 
     /// Whether some asset is ready in host memory.
     pub(crate) fn maps_any(&self) -> bool {
-        !self.host.ready.is_empty()
+        self.mapped_count() > 0
+    }
+
+    /// Assets that host memory has.
+    pub(crate) fn mapped_count(&self) -> usize {
+        self.host.ready.len()
     }
 
     /// Lets go of an asset; its memory is free when the device has done what was submitted so far.
@@ -228,6 +233,11 @@ impl Store {
     /// Assets on their way into host memory.
     pub(crate) fn mapping(&self) -> usize {
         self.host.arriving.len()
+    }
+
+    /// Bytes of these.
+    pub(crate) fn mapping_bytes(&self) -> u64 {
+        self.host.arriving.values().map(|memory| memory.size()).sum()
     }
 
     /// Whether an asset is on its way into host memory.

@@ -20,7 +20,7 @@ const NANOS_LOST: [u64; 2] = [200_000_000, 600_000_000];
 /// Bytes that are brought for a nanosecond saved: a loader brings four in one, while the processors have little else to
 /// do.
 const BYTES_A_NANO: u64 = 12;
-/// Paths that run out may wait for tiles: so many bytes are to be free for these or to hold others, which may go.
+/// Tiles that come without streaming need so many bytes beside geometry, for themselves or in place of others.
 const ROOM_FOR_TILES: u64 = 8 << 20;
 
 /// Whether and when to leave off.
@@ -47,20 +47,33 @@ impl Leave {
         Self { is_possible, is_soon, has_tiles, nanos_a_path, compiles: Pending::default(), left_off: None }
     }
 
-    /// Whether to leave off now, with so many paths that have not begun and that were streamed; has the rest of the
-    /// scene brought where that pays.
-    pub(super) fn step(&self, residency: &mut Residency<'_>, (unbegun, streamed): (u64, u64)) -> bool {
+    /// Whether to leave off now, after so many rays, with so many paths that have not begun and that were streamed; has the rest of the
+    /// scene brought where that pays, and geometry go where it leaves tiles no room.
+    pub(super) fn step(&self, residency: &mut Residency<'_>, rays: u64, (unbegun, streamed): (u64, u64)) -> bool {
         if !self.is_possible || self.left_off.is_some() {
             return false;
         }
         if residency.is_all_there() {
-            residency.stays = self.is_ready() && self.is_roomy(residency.room_for_tiles()) && self.pays(unbegun);
+            // Without streaming nothing comes to the device any more.
+            let is_settled = self.is_soon || residency.is_settled(rays);
+            if !(self.is_ready() && is_settled && self.pays(unbegun)) {
+                return false;
+            }
+            residency.stays = self.is_roomy(residency.room_for_tiles());
+            if !residency.stays {
+                residency.make_room_for_tiles(ROOM_FOR_TILES);
+            }
             return residency.stays;
         }
-        if !residency.brings_rest {
-            residency.brings_rest = self.brings(residency.rest_bytes(), unbegun + streamed);
-        }
+        self.bring_rest(residency, unbegun + streamed);
         false
+    }
+
+    /// Has the rest of the scene brought if that pays where so many paths were streamed or have not begun.
+    pub(super) fn bring_rest(&self, residency: &mut Residency<'_>, paths: u64) {
+        if self.is_possible && !residency.brings_rest {
+            residency.brings_rest = self.brings(residency.rest_bytes(), paths);
+        }
     }
 
     /// Whether the other passes are there; until then paths are streamed.

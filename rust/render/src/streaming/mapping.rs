@@ -6,15 +6,24 @@ use super::reach::Reach;
 use super::residency::Residency;
 use crate::assets::HostHeapFiller;
 use crate::error::RenderError;
+use crate::shared::Gate;
 use oocpt_core::residency::{AssetId, Demand, UnitId, UnitState};
 use rustc_hash::FxHashSet;
+use std::time::{Duration, Instant};
 
 /// Units that are begun in a step, those that most rays wait for first.
 const MAPPED_A_STEP: usize = 4096;
-/// Units that no ray has asked for that are begun in a step in which none is asked for, and how much may be on the
-/// way then.
+/// Units that no ray has asked for that are begun in a step; how many assets may be on the way then, and bytes of them
+/// while rays wait for others, which come after those.
 const REST_A_STEP: usize = 1024;
 const REST_ON_THE_WAY: usize = 4096;
+const REST_BYTES_BEFORE_WANTED: u64 = 64 << 20;
+/// How long to wait for an asset at a time, and for any of them, before rays are traced that bring theirs first.
+const WAIT: Duration = Duration::from_millis(20);
+const LONGEST_WAIT: Duration = Duration::from_secs(1);
+/// The device has what is visited most when less than this share of its geometry is on its way, after so many rays.
+const SETTLED_SHARE: u64 = 32;
+const SETTLING_RAYS: u64 = 1 << 22;
 
 impl Residency<'_> {
     /// Shows what host memory has of earlier frames and the device has not.
@@ -68,13 +77,43 @@ impl Residency<'_> {
                 return Ok(());
             }
         }
-        if self.brings_rest && nothing_wanted && self.store.mapping() < REST_ON_THE_WAY {
-            let rest: Vec<UnitId> = self.rest(reach).filter(|unit| reach.is_absent(*unit)).take(REST_A_STEP).collect();
-            for unit in rest {
-                if !self.map(unit, reach)? {
-                    break;
-                }
+        if self.brings_rest { self.map_rest(reach, nothing_wanted) } else { Ok(()) }
+    }
+
+    /// Brings all geometry into host memory before any ray waits for it: many times faster than what rays ask for one
+    /// after the other. Leaves off when the gate says no, or when nothing comes.
+    pub(super) fn map_all(&mut self, gate: &Gate<'_>) -> Result<(), RenderError> {
+        let (mut came, mut count) = (Instant::now(), 0);
+        while !self.is_all_there() && came.elapsed() < LONGEST_WAIT && gate.proceed() {
+            self.map_demanded(&Demand::default())?;
+            self.advance(WAIT)?;
+            if self.store.mapped_count() != count {
+                (came, count) = (Instant::now(), self.store.mapped_count());
             }
+        }
+        Ok(())
+    }
+
+    /// Whether what is visited most has come to the device, as far as there is room, after so many rays.
+    pub(super) fn is_settled(&self, rays: u64) -> bool {
+        rays >= SETTLING_RAYS && self.planner.stats().bytes_in_flight <= self.planner.budget() / SETTLED_SHARE
+    }
+
+    /// Begins to bring what no ray has asked for. Few rays may wait for something in every step, so this goes on beside
+    /// them.
+    fn map_rest(&mut self, reach: &mut Reach, nothing_wanted: bool) -> Result<(), RenderError> {
+        if self.store.mapping() >= REST_ON_THE_WAY {
+            return Ok(());
+        }
+        let most_bytes = if nothing_wanted { u64::MAX } else { REST_BYTES_BEFORE_WANTED };
+        let mut bytes = self.store.mapping_bytes();
+        let rest: Vec<UnitId> = self.rest(reach).filter(|unit| reach.is_absent(*unit)).take(REST_A_STEP).collect();
+        for unit in rest {
+            let more = bytes + self.assets.catalog.closure_bytes(unit);
+            if (bytes > 0 && more > most_bytes) || !self.map(unit, reach)? {
+                break;
+            }
+            bytes = more;
         }
         Ok(())
     }
@@ -107,7 +146,16 @@ impl Residency<'_> {
 
     /// Bytes that tiles of textures have or may take without geometry that goes.
     pub(super) fn room_for_tiles(&self) -> u64 {
-        self.planner.budget().saturating_sub(self.planner.stats().bytes_held) + self.textures.bytes_held
+        self.budget.saturating_sub(self.planner.stats().bytes_held) + self.textures.bytes_held
+    }
+
+    /// Lets geometry go until tiles have so much room, as far as the budget has so much; what goes is read in host
+    /// memory, or brought there.
+    pub(super) fn make_room_for_tiles(&mut self, bytes: u64) {
+        let geometry = self.budget.saturating_sub(bytes.saturating_sub(self.textures.bytes_held));
+        if geometry < self.planner.budget() && self.planner.set_budget(geometry).is_err() {
+            tracing::debug!(geometry, "no room for tiles");
+        }
     }
 
     /// Bytes of what they cannot use.

@@ -119,7 +119,11 @@ pub(crate) fn render(
     let may_leave = filler.is_some() && may_split(setting, scene) && holds(device, &assets, budget)?;
     let mut leave = Leave::new(may_leave, assets.tile_bytes > 0, buffers.paths.capacity, leaves_soon(job));
     let (_, store, tables) = scene.parts()?;
-    let residency = Residency::new(Start { device, assets: &assets, store, tables, budget, policy, filler })?;
+    let mut residency = Residency::new(Start { device, assets: &assets, store, tables, budget, policy, filler })?;
+    leave.bring_rest(&mut residency, progress.total_paths());
+    if residency.brings_rest && !job.settings.interactive {
+        residency.map_all(gate)?;
+    }
     let stack_entries = residency.stack_entries.max(assets.likely_stack());
     let view = view.with_stack(stack_entries + MAX_PENDING);
     let bind = |block: &mut Frame| buffers.bind(block);
@@ -288,9 +292,7 @@ fn geometry_budget(setting: &Setting<'_>, scene: &Scene, buffers: &StreamBuffers
     let slack = free / SLACK;
     let left = free - slack;
     let cap = geometry_cap(setting.job).unwrap_or(u64::MAX);
-    // Tiles of textures are not read in host memory: they need what there is.
-    let leaves_room = maps_host(setting.device, &setting.job.settings) && scene.assets.tile_bytes == 0;
-    if !(leaves_room && may_split(setting, scene)) {
+    if !(maps_host(setting.device, &setting.job.settings) && may_split(setting, scene)) {
         return left.min(cap);
     }
     let waves = roomy_waves(setting, scene);

@@ -43,6 +43,8 @@ pub(crate) struct Residency<'a> {
     entries: Entries,
     tables: &'a Tables,
     pub(crate) planner: Planner,
+    /// Bytes for geometry and tiles; the planner may have less, to leave room for tiles.
+    pub(super) budget: u64,
     /// Loads that wait for memory, in the planner's order.
     waiting: VecDeque<Load>,
     /// Assets not ready yet of every unit on its way, and the units that wait for each of these.
@@ -94,7 +96,11 @@ impl<'a> Residency<'a> {
     /// Takes over what the store still holds of earlier frames, as far as it fits `budget`; frees the rest.
     pub(crate) fn new(start: Start<'a>) -> Result<Self, RenderError> {
         let Start { device, assets, store, tables, budget, policy, filler } = start;
-        let options = PlannerOptions { in_flight_bytes: (budget / IN_FLIGHT_SHARE).min(MOST_IN_FLIGHT), pin_steps: 3 };
+        let options = PlannerOptions {
+            in_flight_bytes: (budget / IN_FLIGHT_SHARE).min(MOST_IN_FLIGHT),
+            pin_steps: 3,
+            first_tile: Some(assets.tile_unit(0)),
+        };
         let planner = Planner::with_policy(Arc::clone(&assets.catalog), budget, policy.policy(), options)
             .map_err(|error| plan_error(assets, &error))?;
         let mut residency = Self {
@@ -104,6 +110,7 @@ impl<'a> Residency<'a> {
             entries: Entries::new(assets),
             tables,
             planner,
+            budget,
             waiting: VecDeque::new(),
             missing: FxHashMap::default(),
             dependents: FxHashMap::default(),
@@ -251,7 +258,8 @@ impl<'a> Residency<'a> {
     fn place(&mut self) -> Result<(), RenderError> {
         while let Some(mut load) = self.waiting.pop_front() {
             while let Some(asset) = load.unplaced.pop_front() {
-                if self.orphans.remove(&asset) {
+                // What another load has left on its way, or what has come of it since this one was queued.
+                if self.orphans.remove(&asset) || self.is_ready(asset) {
                     continue;
                 }
                 if self.begins(asset)? {

@@ -14,8 +14,10 @@ const PATHS_SHARE: u64 = 2;
 const ENOUGH_SLOTS: u64 = 1 << 22;
 /// Beyond these, slots may take so many times what is missing.
 const WORTH: u64 = 2;
-/// Units keep at least so many times the largest one: one is traced while others come.
+/// Units keep at least so many times the largest one: one is traced while others come; and where rays read them in host
+/// memory, so that none has to come.
 const LARGEST_UNITS: u64 = 4;
+const LARGEST_UNITS_BESIDE_MAPPED: u64 = 2;
 
 /// What is to be shared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,7 +45,8 @@ impl Room {
         let Self { bytes, slot_bytes, largest_unit, units, cap, maps, wanted, fewest } = self;
         let slot_bytes = slot_bytes.max(1);
         let share = bytes / PATHS_SHARE;
-        let beside_few = bytes.saturating_sub(LARGEST_UNITS.saturating_mul(largest_unit));
+        let few = if maps { LARGEST_UNITS_BESIDE_MAPPED } else { LARGEST_UNITS };
+        let beside_few = bytes.saturating_sub(few.saturating_mul(largest_unit));
         let beside_all = bytes.saturating_sub(units.min(cap));
         // Never so much that the largest unit has to go without.
         let share = share.min(beside_few).max(beside_all);
@@ -114,7 +117,10 @@ mod tests {
     #[test]
     fn room_for_the_largest_units_is_reserved() {
         assert_eq!(Room { largest_unit: 192 << 20, ..ROOM }.slots(), 1 << 20, "256 MiB beside four of them");
-        assert_eq!(Room { largest_unit: 1 << 30, ..ROOM }.slots(), 1 << 12, "the fewest");
+        assert_eq!(Room { largest_unit: 400 << 20, ..ROOM }.slots(), 1 << 12, "the fewest");
+        let mapped = Room { largest_unit: 400 << 20, maps: true, ..ROOM };
+        assert_eq!(mapped.slots(), 1 << 19, "224 MiB beside two of them");
+        assert_eq!(Room { largest_unit: 1 << 30, ..mapped }.slots(), 1 << 12, "the fewest");
         assert_eq!(Room { bytes: 0, ..ROOM }.slots(), 1 << 12, "allocating tells");
         assert_eq!(Room { wanted: 0, fewest: 1, ..ROOM }.slots(), 1, "a render of nothing");
     }

@@ -355,7 +355,8 @@ impl Feed for Stage<'_, '_> {
             self.streamer.note_left(self.started.elapsed().as_secs_f64(), left);
             let residency = &mut self.streamer.residency;
             let paths = (self.segments.unbegun(), residency.store.paths_streamed + self.ended);
-            if self.leave.step(residency, paths) {
+            let Counters { closest_rays, shadow_rays, .. } = self.seen.counters;
+            if self.leave.step(residency, closest_rays + shadow_rays, paths) {
                 let first = self.segments.close();
                 self.leave.left_off = Some(LeftOff { first, counters: self.seen.counters });
             }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Textures that displace surfaces, read through the same cache as those that the device sees. Called by the threads
+//! Textures that displace surfaces or cut them out, read through the same cache as those that the device sees. Called by the threads
 //! that build meshes during a commit; decoding uses no rayon pool, so nobody waits in a circle.
 
 use super::convert::make_finite;
@@ -11,7 +11,7 @@ use super::tiles::{Stores, TextureImage};
 use crate::sync::lock;
 use oocpt_abi::TILE_SIDE;
 use oocpt_core::settings::Settings;
-use oocpt_core::texture::{HeightFiles, HeightImage, Layout, TextureRef, Wrap};
+use oocpt_core::texture::{HeightFiles, HeightImage, Layout, TexelFormat, TextureRef, Wrap};
 use std::sync::{Arc, Mutex};
 
 /// See the module.
@@ -80,6 +80,18 @@ impl HeightImage for Height {
         make_finite(&mut out);
         Ok(out)
     }
+
+    fn rows(&self, channel: u8, sink: &mut dyn FnMut(&[f32])) -> Result<(), String> {
+        if has_curve_of_device(&self.0, channel) {
+            return Err("its curve is the device's own".into());
+        }
+        read_channel_by_bands(&self.0, 0, channel, sink)
+    }
+}
+
+/// The curve of floats is worked out by the device, which may round otherwise.
+pub(super) fn has_curve_of_device(image: &TextureImage, channel: u8) -> bool {
+    image.is_srgb() && image.info().format != TexelFormat::U8 && channel < 3
 }
 
 /// A channel of a level of an image, row by row.

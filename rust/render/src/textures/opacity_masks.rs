@@ -6,14 +6,14 @@
 //! mask is asked of the texture: Ptex, programs, images that cannot be read. All masks of a scene are as fine as
 //! [`LONGEST_SIDES`] allows. Render thread; reads on all cores.
 
-use super::heights::read_channel_by_bands;
+use super::heights::{has_curve_of_device, read_channel_by_bands};
 use super::set::TextureCache;
 use super::tiles::TextureImage;
 use oocpt_abi as abi;
 use oocpt_abi::{GpuTexture, MaterialFlags, MaterialInput, NAME_PTEX};
 use oocpt_core::material::{Input, Material};
 use oocpt_core::scene::SurfaceTables;
-use oocpt_core::texture::{OpacityMask, OpacityMaskMaker, OpacityQuery, TexelFormat, TextureRef, Wrap, mask_bytes};
+use oocpt_core::texture::{OpacityMask, OpacityMaskMaker, OpacityQuery, TextureRef, Wrap, mask_bytes};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::sync::Arc;
@@ -177,8 +177,7 @@ impl TextureCache {
         }
         let image = self.image(file, member)?;
         let channel = channel.unwrap_or(0) & 3;
-        // The curve of floats is worked out by the device, which may round otherwise.
-        if image.is_srgb() && image.info().format != TexelFormat::U8 && channel < 3 {
+        if has_curve_of_device(&image, channel) {
             return None;
         }
         let at = usize::from(channel);

@@ -2,6 +2,7 @@
 //! Textures in renders: colours that are known, warnings, what is left out; and the same bits at every budget, of
 //! textured surfaces and of thousands of leaves with holes.
 
+mod clipped_boxes;
 mod filter;
 mod leaving_streaming;
 mod native_cutouts;

@@ -5,9 +5,11 @@ use crate::array::TypedArray;
 use crate::desc::{
     CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, NamedPrimvar, PointsSample, Primvar, Shape, Subdivision,
 };
+use crate::material::Cutout;
 use crate::mesh::build::{Cuts, build_mesh_into};
-use crate::mesh::{Demand, Dicing, Footprint, WantedPrimvar};
+use crate::mesh::{Cover, Demand, Dicing, Footprint, WantedPrimvar};
 use std::process::Command;
+use std::sync::Arc;
 
 /// Tells the child which case it is.
 const CASE: &str = "OOCPT_TEST_FOOTPRINT";
@@ -20,25 +22,29 @@ struct Case {
     desc: fn() -> MeshDesc,
     limit: u64,
     at_once: usize,
+    /// It is cut out by a primvar.
+    is_cut: bool,
 }
 
 const WHOLE: u64 = u64::MAX;
 const SPLIT: u64 = 32 << 20;
 
 const CASES: &[Case] = &[
-    Case { name: "quads", desc: || grid(400), limit: WHOLE, at_once: 1 },
-    Case { name: "quads with values", desc: dressed, limit: WHOLE, at_once: 1 },
-    Case { name: "triangles", desc: triangles, limit: WHOLE, at_once: 1 },
-    Case { name: "split", desc: || grid(1000), limit: SPLIT, at_once: 1 },
-    Case { name: "split, four at once", desc: || grid(1000), limit: SPLIT, at_once: 4 },
-    Case { name: "just not split", desc: || grid(480), limit: SPLIT, at_once: 1 },
-    Case { name: "moving", desc: moving, limit: WHOLE, at_once: 1 },
-    Case { name: "subdivided", desc: || surface(64, 3), limit: WHOLE, at_once: 1 },
-    Case { name: "subdivided coarsely", desc: || surface(300, 0), limit: WHOLE, at_once: 1 },
-    Case { name: "points", desc: points, limit: WHOLE, at_once: 1 },
-    Case { name: "points, split", desc: points, limit: SPLIT / 8, at_once: 2 },
-    Case { name: "curves", desc: || curves(CurveBasis::BSpline), limit: WHOLE, at_once: 1 },
-    Case { name: "lines", desc: || curves(CurveBasis::Linear), limit: WHOLE, at_once: 1 },
+    Case { name: "quads", desc: || grid(400), limit: WHOLE, at_once: 1, is_cut: false },
+    Case { name: "quads with values", desc: dressed, limit: WHOLE, at_once: 1, is_cut: false },
+    Case { name: "triangles", desc: triangles, limit: WHOLE, at_once: 1, is_cut: false },
+    Case { name: "split", desc: || grid(1000), limit: SPLIT, at_once: 1, is_cut: false },
+    Case { name: "split, four at once", desc: || grid(1000), limit: SPLIT, at_once: 4, is_cut: false },
+    Case { name: "just not split", desc: || grid(480), limit: SPLIT, at_once: 1, is_cut: false },
+    Case { name: "moving", desc: moving, limit: WHOLE, at_once: 1, is_cut: false },
+    Case { name: "cut out", desc: dressed, limit: WHOLE, at_once: 1, is_cut: true },
+    Case { name: "cut out, split", desc: || with_st(grid(1000)), limit: SPLIT, at_once: 1, is_cut: true },
+    Case { name: "subdivided", desc: || surface(64, 3), limit: WHOLE, at_once: 1, is_cut: false },
+    Case { name: "subdivided coarsely", desc: || surface(300, 0), limit: WHOLE, at_once: 1, is_cut: false },
+    Case { name: "points", desc: points, limit: WHOLE, at_once: 1, is_cut: false },
+    Case { name: "points, split", desc: points, limit: SPLIT / 8, at_once: 2, is_cut: false },
+    Case { name: "curves", desc: || curves(CurveBasis::BSpline), limit: WHOLE, at_once: 1, is_cut: false },
+    Case { name: "lines", desc: || curves(CurveBasis::Linear), limit: WHOLE, at_once: 1, is_cut: false },
 ];
 
 /// A wavy square of `side` squared quads.
@@ -67,10 +73,15 @@ fn primvar<T: crate::array::Element + std::fmt::Debug>(interpolation: Interpolat
 }
 
 fn dressed() -> MeshDesc {
-    let mut desc = grid(400);
+    let mut desc = with_st(grid(400));
     let (points, corners) = (desc.points.len(), desc.face_vertex_indices.len());
     desc.normals = Some(primvar(Interpolation::FaceVarying, vec![[0.0_f32, 0.0, 1.0]; corners]));
     desc.display_color = Some(primvar(Interpolation::Vertex, vec![[0.5_f32; 3]; points]));
+    desc
+}
+
+fn with_st(mut desc: MeshDesc) -> MeshDesc {
+    let corners = desc.face_vertex_indices.len();
     let values = primvar(Interpolation::FaceVarying, vec![[0.25_f32; 2]; corners]);
     desc.primvars = vec![NamedPrimvar { name: "st".into(), primvar: values }];
     desc
@@ -105,11 +116,7 @@ fn moving() -> MeshDesc {
 }
 
 fn surface(side: u16, refine_level: u8) -> MeshDesc {
-    let mut desc = MeshDesc { subdivision: Subdivision::CatmullClark, refine_level, ..grid(side) };
-    let corners = desc.face_vertex_indices.len();
-    let values = primvar(Interpolation::FaceVarying, vec![[0.25_f32; 2]; corners]);
-    desc.primvars = vec![NamedPrimvar { name: "st".into(), primvar: values }];
-    desc
+    with_st(MeshDesc { subdivision: Subdivision::CatmullClark, refine_level, ..grid(side) })
 }
 
 fn points() -> MeshDesc {
@@ -138,7 +145,9 @@ fn child(case: &Case) {
     let desc = (case.desc)();
     let wanted = [WantedPrimvar { name: "st".into(), id: 7 }];
     let dicing = Dicing::default();
-    let demand = Demand { wanted: &wanted, dicing: Some(&dicing), ..Demand::default() };
+    let cutout = Arc::new(Cutout::Primvar { name: "st".into(), threshold: 0.1 });
+    let covers = [Some(Cover { cutout, image: None }).filter(|_| case.is_cut)];
+    let demand = Demand { wanted: &wanted, dicing: Some(&dicing), covers: &covers, ..Demand::default() };
     let cluster_bytes = 8 << 20;
     let (at_once, foretold) = Footprint::of(&desc, &demand, case.limit, cluster_bytes).within(u64::MAX, case.at_once);
     // The most that was held begins anew.

@@ -43,7 +43,7 @@ pub(super) fn of_value(query: &OpacityQuery, value: f32) -> Cell {
 
 /// Where all texels have this value, if they are sure to be there or not.
 fn of_equal(query: &OpacityQuery, value: f64) -> Option<Cell> {
-    let [may_meet, may_miss] = query.may(value, value, value.abs());
+    let [may_meet, may_miss] = query.may([value; 2], 0.0, value.abs());
     (may_meet != may_miss).then(|| Cell { share: f32::from(u8::from(may_meet)), may_meet, may_miss })
 }
 
@@ -94,7 +94,7 @@ fn of_texel(query: &OpacityQuery, around: [[f32; 3]; 3], fine: u32, out: &mut Ve
     let [low, high] = hull(around.as_flattened().iter().copied());
     let largest = low.abs().max(high.abs());
     let count = 1_usize << (2 * fine);
-    let [may_meet, may_miss] = query.may(low, high, largest);
+    let [may_meet, may_miss] = query.may([low, high], 0.0, largest);
     if may_meet != may_miss {
         out.extend(std::iter::repeat_n(Cell { share: f32::from(u8::from(may_meet)), may_meet, may_miss }, count));
         return;
@@ -106,13 +106,8 @@ fn of_texel(query: &OpacityQuery, around: [[f32; 3]; 3], fine: u32, out: &mut Ve
     for (y, x) in (0..parts).flat_map(|y| (0..parts).map(move |x| (y, x))) {
         let at = |i: usize| place(i as f64 / parts as f64);
         let corners = [y, y + 1].map(|y| [x, x + 1].map(|x| bilinear(&around, at(x), at(y))));
-        let [a, b] = hull(corners.as_flattened().iter().copied());
-        let slack = PLACE_SLACK * (high - low);
-        let [may_meet, may_miss] = match fine {
-            // The whole texel has been asked for.
-            0 => [true; 2],
-            _ => query.may(a - slack, b + slack, largest),
-        };
+        let range = hull(corners.as_flattened().iter().copied());
+        let [may_meet, may_miss] = query.may(range, PLACE_SLACK * (high - low), largest);
         let share = shortened(share_of(query, corners, samples));
         let cell = Cell { share, may_meet, may_miss };
         match fine {

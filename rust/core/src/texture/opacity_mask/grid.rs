@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Levels of a mask, each the mean of the finer one by area. Pure; any thread.
+//! A mask's cells, each the mean of the finer ones in it by area. Pure; any thread.
 
 use super::cells::Cell;
 
@@ -8,17 +8,6 @@ use super::cells::Cell;
 pub(super) struct Grid {
     pub(super) size: [u32; 2],
     pub(super) cells: Vec<Cell>,
-}
-
-impl Grid {
-    /// The same with fewer cells.
-    pub(super) fn reduced(&self, size: [u32; 2]) -> Self {
-        let mut reduction = Reduction::new(self.size, size);
-        for (y, row) in self.cells.chunks(self.size[0].max(1) as usize).enumerate() {
-            reduction.push(y, row);
-        }
-        reduction.grid
-    }
 }
 
 /// A grid that is made of the rows of a finer one, in any order.

@@ -74,19 +74,21 @@ impl Read {
     }
 }
 
-/// All levels that are kept, and the number of the first one.
-fn levels(mask: &OpacityMask, layout: &Layout) -> (u32, Vec<Read>) {
+/// The cells, and the level that they are of.
+fn cells(mask: &OpacityMask, layout: &Layout) -> (u32, Read) {
     let [size, modes] = [mask.words[0], mask.words[1]];
     assert_eq!([size & 0xffff, size >> 16], layout.size());
-    let (fine, first, last) = (modes >> 4 & 7, modes >> 8 & 31, modes >> 13 & 31);
-    let bytes: Vec<u8> = mask.words.iter().flat_map(|word| word.to_le_bytes()).collect();
-    let read = |level: u32| {
-        let fine = if level == first { fine } else { 0 };
-        let size = layout.level_size(level).map(|side| side << fine);
-        let begin = mask.words[(2 + level - first) as usize] as usize;
-        Read { size, bytes: bytes[begin..begin + (size[0] * size[1]) as usize].to_vec() }
-    };
-    (first, (first..=last).map(read).collect())
+    let (fine, level) = (modes >> 4 & 7, modes >> 8 & 31);
+    let bytes: Vec<u8> = mask.words[2..].iter().flat_map(|word| word.to_le_bytes()).collect();
+    let size = layout.level_size(level).map(|side| side << fine);
+    (level, Read { size, bytes: bytes[..(size[0] * size[1]) as usize].to_vec() })
+}
+
+/// A mask of any longest side.
+fn sized(layout: &Layout, values: &[f32], query: &OpacityQuery, most_side: u32) -> OpacityMask {
+    let mut maker = OpacityMaskMaker::new(layout, query, most_side).expect("a mask");
+    maker.push(values);
+    maker.finish().expect("a mask")
 }
 
 fn disc([s, t]: [f32; 2]) -> f32 {
@@ -94,7 +96,7 @@ fn disc([s, t]: [f32; 2]) -> f32 {
 }
 
 #[test]
-fn coverage_of_a_disc_is_the_same_at_every_level() {
+fn coverage_of_a_disc_is_the_same_whatever_the_size_of_its_cells() {
     let area = std::f64::consts::PI * 0.09;
     for size in [[64, 64], [300, 200], [512, 512], [777, 1031], [2048, 1024], [70, 33]] {
         let layout = Layout::new(size, 1).expect("a layout");
@@ -104,14 +106,13 @@ fn coverage_of_a_disc_is_the_same_at_every_level() {
             (OpacityQuery { scale: -1.0, bias: 1.0, ..CUT }, 1.0 - area),
             (OpacityQuery { threshold: 0.0, scale: 0.5, ..CUT }, 0.5 * area),
         ] {
-            let (_, levels) = levels(&mask(&layout, &values, &query), &layout);
-            assert!(levels.len() > 5, "down to one texel");
-            for level in levels {
-                let mean = level.mean();
+            for most_side in [4096, 1024, 512, 128, 32, 8, 1] {
+                let (_, cells) = cells(&sized(&layout, &values, &query, most_side), &layout);
+                let mean = cells.mean();
                 assert!(
                     (mean - expected).abs() < 0.01 * expected,
                     "{query:?} {:?}: {mean}, not {expected}",
-                    level.size
+                    cells.size
                 );
             }
         }
@@ -151,10 +152,11 @@ fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) {
             let query = query(&mut random);
             let of = |_, x: u32, y: u32| [f64::from(values[(y * size[0] + x) as usize]); 4];
             let sampler = Sampler { layout, wrap: query.wrap, outside: [query.outside.into(); 4], texel: of };
-            let mask = mask(&layout, &values, &query);
-            let (first, levels) = levels(&mask, &layout);
+            let masks = [MOST_SIDE, 64, 16, 3, 1].map(|side| sized(&layout, &values, &query, side));
+            let read = masks.each_ref().map(|mask| cells(mask, &layout));
             for _ in 0..400 {
-                let level = &levels[random.below(levels.len() as u32) as usize];
+                let at = random.below(5) as usize;
+                let (mask, (_, level)) = (&masks[at], &read[at]);
                 let cell = level.size.map(|side| random.below(side));
                 let end = |more: u32| [0, 1].map(|i| f64::from(cell[i] + more) / f64::from(level.size[i]));
                 let byte = level.bytes[(cell[1] * level.size[0] + cell[0]) as usize];
@@ -164,7 +166,10 @@ fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) {
                 // Of a part of a texel all that matters is whether it is sure, and few samples are taken.
                 let most = if level.size[0] > size[0] { 0.4 } else { 0.1 };
                 assert!((f64::from(byte) / 255.0 - share).abs() < most, "{}", text());
-                let st = [0, 1].map(|i| random.one_of([ends[0][i], ends[1][i], f64::midpoint(ends[0][i], ends[1][i])]));
+                let at = |i: usize, part: f64| ends[0][i] + part * (ends[1][i] - ends[0][i]);
+                // A rim of what is not there may be there.
+                let parts = if byte == 0 { [4.0e-3, 1.0 - 4.0e-3, 1.0 / 3.0] } else { [0.0, 1.0, 0.5] };
+                let st = [0, 1].map(|i| at(i, random.one_of(parts)));
                 let opacity = query.share(sampler.bilinear(st, 0)[0]);
                 match byte {
                     0 => assert!(opacity == 0.0, "{}: {opacity}", text()),
@@ -172,7 +177,7 @@ fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) {
                     _ => assert!(!mask.is_opaque, "{}", text()),
                 }
             }
-            assert_eq!(first == 0, size[0] <= MOST_SIDE, "all that is small is kept");
+            assert_eq!(read[0].0 == 0, size[0] <= MOST_SIDE, "all that is small is kept");
         }
     }
 }
@@ -190,9 +195,9 @@ fn most_cells_of_a_disc_are_sure() {
     for side in [16, 64, 128, 512, 1024] {
         let layout = Layout::new([side; 2], 1).expect("a layout");
         let values = texels(&layout, |[s, t]| if (s - 0.5).hypot(t - 0.5) < 0.3 { 1.0 } else { 0.0 });
-        let (_, levels) = levels(&mask(&layout, &values, &CUT), &layout);
-        let sure = levels[0].bytes.iter().filter(|byte| matches!(byte, 0 | 255)).count() as f64;
-        assert!(sure / levels[0].bytes.len() as f64 > 0.9, "{side}: {sure} of {}", levels[0].bytes.len());
+        let (_, cells) = cells(&mask(&layout, &values, &CUT), &layout);
+        let sure = cells.bytes.iter().filter(|byte| matches!(byte, 0 | 255)).count() as f64;
+        assert!(sure / cells.bytes.len() as f64 > 0.9, "{side}: {sure} of {}", cells.bytes.len());
     }
 }
 
@@ -204,16 +209,16 @@ fn cells_at_image_borders_follow_the_wrap_mode() {
     for (wrap, outside, first, last) in [
         (Wrap::Clamp, 0.0, 255, 0),
         (Wrap::Mirror, 0.0, 255, 0),
-        // Half and half on the border: at the threshold, so that what rounds decides.
-        (Wrap::Repeat, 0.0, 254, 1),
+        // Half and half on the border: at the threshold, of which a rim has no area.
+        (Wrap::Repeat, 0.0, 254, 0),
         (Wrap::Black, 0.0, 254, 0),
-        (Wrap::Black, 1.0, 255, 1),
+        (Wrap::Black, 1.0, 255, 0),
         (Wrap::UseMetadata, 0.0, 254, 0),
     ] {
         let query = OpacityQuery { wrap: [wrap, Wrap::Clamp], outside, ..CUT };
         let mask = mask(&layout, &values, &query);
-        let (_, levels) = levels(&mask, &layout);
-        let at = |s: f32| levels[0].at([s, 0.5]);
+        let (_, cells) = cells(&mask, &layout);
+        let at = |s: f32| cells.at([s, 0.5]);
         assert_eq!([at(0.0), at(1.0)], [first, last], "{wrap:?} {outside}");
         assert_eq!([at(0.1), at(0.9)], [255, 0], "{wrap:?}");
         assert_eq!(mask.words[1] >> 24, if outside > 0.0 { 255 } else { 0 }, "around it");
@@ -268,8 +273,8 @@ fn masks_of_hostile_images_are_bounded() {
             {
                 let query = OpacityQuery { wrap: [wrap; 2], outside: nan, scale, bias, threshold };
                 let mask = mask(&layout, &values, &query);
-                let cells: usize = levels(&mask, &layout).1.iter().map(|level| level.bytes.len()).sum();
-                assert!(4 * mask.words.len() <= cells + 80 && cells <= 2 << 20, "{size:?}: {cells} cells");
+                let cells = cells(&mask, &layout).1.bytes.len();
+                assert!(4 * mask.words.len() <= cells + 12 && cells <= 1 << 20, "{size:?}: {cells} cells");
                 assert!(!mask.is_opaque, "{query:?}");
             }
         }
@@ -288,14 +293,12 @@ fn smaller_masks_cover_as_much() {
         let layout = Layout::new(size, 1).expect("a layout");
         let values = texels(&layout, disc);
         let means = [1, 16, 128, 1024, 4096].map(|most_side| {
-            let mut maker = OpacityMaskMaker::new(&layout, &CUT, most_side).expect("a mask");
-            maker.push(&values);
-            let mask = maker.finish().expect("a mask");
+            let mask = sized(&layout, &values, &CUT, most_side);
             let said = mask_bytes(&layout, most_side).next_multiple_of(size_of::<u32>());
             assert_eq!(size_of_val(mask.words.as_slice()), said, "{size:?} {most_side}");
-            let (_, levels) = levels(&mask, &layout);
-            assert!(levels[0].size.iter().all(|side| *side <= most_side), "{:?}", levels[0].size);
-            levels[0].mean()
+            let (_, cells) = cells(&mask, &layout);
+            assert!(cells.size.iter().all(|side| *side <= most_side), "{:?}", cells.size);
+            cells.mean()
         });
         for mean in means {
             assert!((mean - means[4]).abs() < 0.02, "{size:?}: {means:?}");

@@ -4,6 +4,7 @@
 mod box_bvh;
 pub(crate) mod bvh;
 mod bvh4;
+mod cover;
 mod curves_and_points;
 mod deform;
 mod deform_curves;

@@ -75,7 +75,7 @@ fn many_small_units_come_in_one_step() {
         let (count, small) = (3000, 64 << 10);
         let bytes = |bytes: u64| Arc::new(Catalog::new(vec![bytes; 3000], (0..count).map(|i| vec![i])).expect("good"));
         let loads = |bytes_each: u64| {
-            let options = PlannerOptions { in_flight_bytes: 1 << 40, pin_steps: 0 };
+            let options = PlannerOptions { in_flight_bytes: 1 << 40, ..PlannerOptions::default() };
             let catalog = bytes(bytes_each);
             let mut planner = Planner::with_policy(catalog, 1 << 40, kind.policy(), options).unwrap();
             planner.step(&waiting(&[7; 3000])).len()

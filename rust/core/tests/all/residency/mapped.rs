@@ -132,3 +132,35 @@ fn unmapped_units_stay_resident_for_rays_that_do_not_wait() {
         assert_eq!(step_of(&mut planner, &visited), (vec![], vec![]), "tiles keep the room of what is only visited");
     }
 }
+
+/// A chunk and a mesh of ten bytes, and six tiles of two. Nobody counts the visits of tiles.
+fn with_tiles(budget: u64, first_tile: Option<u32>) -> Planner {
+    let bytes = [vec![10; 2], vec![2; 6]].concat();
+    let catalog = Catalog::new(bytes, (0..8).map(|asset| vec![asset])).expect("a good catalog");
+    let options = PlannerOptions { in_flight_bytes: 1000, first_tile, ..PlannerOptions::default() };
+    Planner::with_policy(Arc::new(catalog), budget, PolicyKind::Benefit.policy(), options).expect("they fit")
+}
+
+/// How many tiles are there after rays have waited for all six, two at a time, while others visit chunk and mesh,
+/// which are mapped.
+fn tiles_left(planner: &mut Planner) -> usize {
+    let mapped = [true, true, false, false, false, false, false, false];
+    for tiles in [[2, 3], [4, 5], [6, 7]] {
+        let mut waiting = [0; 8];
+        tiles.iter().for_each(|tile| waiting[*tile] = 40_000_000);
+        let demand = Demand { waiting: &waiting, mapped: &mapped, active: 1 << 40, ..Demand::default() };
+        let _ = step_of(planner, &demand);
+        for _ in 0..300 {
+            let demand = Demand { visits: &[9_000_000; 2], mapped: &mapped, active: 1000, ..Demand::default() };
+            let _ = step_of(planner, &demand);
+        }
+    }
+    planner.resident_units().iter().filter(|unit| **unit >= 2).count()
+}
+
+#[test]
+fn few_tiles_stay_though_geometry_is_visited() {
+    assert_eq!(tiles_left(&mut with_tiles(22, None)), 1, "without a share geometry takes the place of tiles");
+    assert_eq!(tiles_left(&mut with_tiles(22, Some(2))), 6, "a third of the budget is theirs");
+    assert_eq!(tiles_left(&mut with_tiles(20, Some(2))), 5, "what is more than that goes");
+}

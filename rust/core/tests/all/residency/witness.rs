@@ -27,7 +27,7 @@ pub(crate) struct Witness {
 
 impl Witness {
     pub(crate) fn new(catalog: &Arc<Catalog>, budget: u64, kind: PolicyKind, in_flight_bytes: u64) -> Self {
-        let options = PlannerOptions { in_flight_bytes, pin_steps: 0 };
+        let options = PlannerOptions { in_flight_bytes, ..PlannerOptions::default() };
         let planner = Planner::with_policy(catalog.clone(), budget, kind.policy(), options);
         Self {
             planner: planner.expect("the budget fits the largest unit"),

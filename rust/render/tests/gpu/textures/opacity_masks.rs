@@ -28,7 +28,7 @@ const CUTS: [Cut; 12] = [
     ("nothing", ["repeat", "mirror"], 1.0, 0.0, 0.5),
 ];
 
-fn material_of(path: &str, (file, wraps, scale, bias, threshold): Cut) -> MaterialDesc {
+pub(super) fn material_of(path: &str, (file, wraps, scale, bias, threshold): Cut) -> MaterialDesc {
     let mut own = vec![("opacityThreshold", ParamValue::Float(threshold))];
     if threshold == 0.0 {
         own.push(("opacityMode", text("presence")));
@@ -50,12 +50,12 @@ const AROUND: [[f32; 2]; 4] = [[-0.7, -1.2], [1.8, -0.9], [2.1, 1.6], [-1.3, 1.9
 
 /// Leaves of all sizes, each kind cut in another way, of which every other one has coordinates that leave the image on
 /// all sides.
-fn cut_in_many_ways(db: &mut SceneDb) {
+pub(super) fn cut_in_many_ways(db: &mut SceneDb) {
     cut_with(db, |kind| kind.is_multiple_of(2).then_some(AROUND));
 }
 
 /// The same with coordinates that no author means.
-fn cut_with_bad_coordinates(db: &mut SceneDb) {
+pub(super) fn cut_with_bad_coordinates(db: &mut SceneDb) {
     let (nan, inf) = (f32::NAN, f32::INFINITY);
     let bad = [
         [[0.3, 0.6]; 4],
@@ -107,7 +107,7 @@ fn with_masks(are_there: bool, budget: Option<u32>) -> Render {
 /// Whether there are masks, and whether what they do not know has passes of its own.
 pub(super) type Masks = (bool, bool);
 
-fn masked(
+pub(super) fn masked(
     build: fn(&mut SceneDb),
     (are_there, are_apart): Masks,
     budget: Option<u32>,
@@ -245,20 +245,39 @@ fn coverage_of_a_cutout_is_the_same_from_every_distance() {
     }
 }
 
-/// What rays meet of one card has nothing to do with what they meet of the next.
+/// What is seen through ten layers with so many cards along a side each, whose leaves are in the same place or anywhere.
+fn seen_through(along: u16, are_anywhere: bool, budget: Option<u32>) -> f64 {
+    let [alpha, _] = coverage(64, (true, false), budget, |db| {
+        db.upsert_material(material_of("/m", ("leaf 512x512", ["repeat", "repeat"], 1.0, 0.0, 0.5)));
+        for i in 0..10_u16 {
+            let at = |x: u16, y: u16, k: u32| {
+                let number = hash(u32::from(i) << 24 | u32::from(x) << 12 | u32::from(y) << 1 | k);
+                if are_anywhere { (number >> 8) as f32 / (1 << 24) as f32 } else { 0.0 }
+            };
+            let mut desc = cards(&format!("/cards_{i}"), 1 + i32::from(i), along, |x, y| [0, 1].map(|k| at(x, y, k)));
+            desc.prim.transform = DMat4::from_translation(DVec3::Z * -0.1 * f64::from(i));
+            db.upsert_mesh(desc);
+        }
+    });
+    1.0 - alpha
+}
+
+/// Where leaves lie anywhere behind each other, what rays meet of one has nothing to do with what they meet of the
+/// next.
 #[test]
 fn cutouts_behind_each_other_cover_as_chance_does() {
     for budget in [None, Some(2000)] {
-        let [alpha, _] = coverage(64, (true, false), budget, |db| {
-            db.upsert_material(material_of("/m", ("leaf 512x512", ["clamp", "clamp"], 1.0, 0.0, 0.5)));
-            for i in 0..10 {
-                let mut desc = cards(&format!("/cards_{i}"), 1 + i, 64, |_, _| [0.0; 2]);
-                desc.prim.transform = DMat4::from_translation(DVec3::Z * -0.1 * f64::from(i));
-                db.upsert_mesh(desc);
-            }
-        });
-        let missed = (1.0 - LEAF_AREA).powi(10);
-        assert!((1.0 - alpha - missed).abs() < 0.05 * missed, "{budget:?}: {}, not {missed}", 1.0 - alpha);
+        let seen = seen_through(64, true, budget);
+        let expected = (1.0 - LEAF_AREA).powi(10);
+        assert!((seen - expected).abs() < 0.05 * expected, "{budget:?}: {seen}, not {expected}");
+    }
+}
+
+/// Leaves that hide each other do so from every distance, as modelled ones do.
+#[test]
+fn cutouts_that_hide_each_other_cover_as_one_does() {
+    for along in DISTANCES {
+        is_near(&format!("{along} cards"), seen_through(along, false, None), 1.0 - LEAF_AREA);
     }
 }
 
@@ -276,17 +295,20 @@ fn coverage_of_a_udim_set_is_the_same_from_every_distance() {
     }
 }
 
-/// Ids and depths have one ray to a pixel and no chance: they are of what is there for the most part.
+/// Ids and depths have one ray to a pixel and no chance: they are of what is in its middle, however small it is.
 #[test]
-fn images_of_ids_show_cutouts_that_cover_most() {
-    for (scale, bias, threshold, expected) in
-        [(1.0, 0.0, 0.5, 0.0), (-1.0, 1.0, 0.5, 1.0), (0.2, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 0.0)]
+fn images_of_ids_show_cutouts_in_the_middle_of_pixels() {
+    for (scale, bias, threshold, at_rim, at_leaf) in
+        [(1.0, 0.0, 0.5, 0.0, 1.0), (-1.0, 1.0, 0.5, 1.0, 0.0), (0.2, 0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 0.0, 0.0)]
     {
-        let [_, ids] = coverage(1, (true, false), None, |db| {
-            db.upsert_mesh(cards("/cards", 1, 256, |_, _| [0.0; 2]));
-            db.upsert_material(material_of("/m", ("leaf 512x512", ["clamp", "clamp"], scale, bias, threshold)));
-        });
-        assert_eq!(ids, expected, "{scale} {bias} {threshold}");
+        // In the middle of each pixel is a corner of cards.
+        for (part, expected) in [(0.02, at_rim), (0.5, at_leaf)] {
+            let [_, ids] = coverage(1, (true, false), None, |db| {
+                db.upsert_mesh(cards("/cards", 1, 256, |_, _| [part; 2]));
+                db.upsert_material(material_of("/m", ("leaf 512x512", ["repeat", "repeat"], scale, bias, threshold)));
+            });
+            assert_eq!(ids, expected, "{scale} {bias} {threshold}, {part}");
+        }
     }
 }
 

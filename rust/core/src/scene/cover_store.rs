@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The images that cut meshes out, each read once, and kept as long as the scene shows its file: as long as tiles of it
+//! are, so that both are of the same file.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::entries::Cutouts;
+use crate::material::{Cutout, CutoutImage, TextureRef};
+use crate::mesh::{Cover, Covers};
+use crate::texture::{CoveredImage, HeightFiles};
+
+/// Most images: 8 KiB each, and each part of a set.
+const MOST_IMAGES: usize = 4096;
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(crate) struct CoverStore {
+    /// None: nothing is known of it.
+    images: FxHashMap<CutoutImage, Option<Arc<CoveredImage>>>,
+}
+
+fn image_of(cutout: &Arc<Cutout>) -> Option<&CutoutImage> {
+    match &**cutout {
+        Cutout::Texture { image, .. } => Some(image),
+        Cutout::Primvar { .. } => None,
+    }
+}
+
+impl CoverStore {
+    /// Reads the images of meshes that are not known, side by side.
+    pub(crate) fn read<'a>(&mut self, meshes: impl Iterator<Item = &'a Cutouts>, files: Option<&Arc<dyn HeightFiles>>) {
+        let Some(files) = files else { return };
+        let images = meshes.flatten().flatten().filter_map(image_of);
+        let mut seen: FxHashSet<&CutoutImage> = FxHashSet::default();
+        let left = MOST_IMAGES.saturating_sub(self.images.len());
+        let unknown = images.filter(|image| !self.images.contains_key(image) && seen.insert(image));
+        let unknown: Vec<&CutoutImage> = unknown.take(left).collect();
+        let read = |image: &CutoutImage| (image.clone(), CoveredImage::read(image, &**files).map(Arc::new));
+        let read: Vec<_> = unknown.into_par_iter().with_max_len(1).map(read).collect();
+        self.images.extend(read);
+    }
+
+    /// What is known of a mesh's cutouts; empty where nothing is.
+    pub(crate) fn of(&self, cutouts: &Cutouts) -> Covers {
+        let cover = |cutout: &Arc<Cutout>| {
+            let image = match image_of(cutout) {
+                Some(image) => Some(self.images.get(image)?.clone()?),
+                None => None,
+            };
+            Some(Cover { cutout: Arc::clone(cutout), image })
+        };
+        let mut covers: Covers = cutouts.iter().map(|cutout| cover(cutout.as_ref()?)).collect();
+        if covers.iter().all(Option::is_none) {
+            covers.clear();
+        }
+        covers
+    }
+
+    /// Forgets images of files that the scene does not show.
+    pub(crate) fn retain(&mut self, shown: &[TextureRef]) {
+        let shown: FxHashSet<&str> = shown.iter().map(|texture| &*texture.asset.resolved).collect();
+        self.images.retain(|image, _| shown.contains(&*image.texture.asset.resolved));
+    }
+}
