@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a kind of leaf is: a file of geometry with a few functions, and a row of rust/shader_abi/src/abi/leaves.rs, from
+// What a kind of leaf is: a file of geometry with a few functions, and a row of rust/abi/src/leaves.rs, from
 // which the build writes what goes through all kinds (generated/leaves.glsl). An item has three vertices v0, v1, v2, at
 // the time of the path (posed_item of include/pose.glsl), and what they mean is the kind's; all is in the mesh's frame.
 // Values by corner have weights 1 - uv.x - uv.y, uv.x, uv.y at a hit, whatever the kind. Of the kind NAME:

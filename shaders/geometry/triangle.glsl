@@ -41,9 +41,6 @@ float edge_function(vec2 p, vec2 q) {
     return r;
 }
 
-// A triangle is seen along its plane below this squared cosine.
-const float GRAZING = 1.0e-4;
-
 // Sets distance (in units of d) and barycentrics (weights of v1, v2) and returns true when the line of the ray meets
 // the triangle, edges included. The caller compares distances; NaN compares false.
 //

@@ -21,7 +21,7 @@
 // Glass and what is scattered more than once is isotropic. A film (THIN_FILM, bsdf/film.glsl) replaces Schlick's
 // Fresnel of single scattering, exactly and at any angle; the rest takes F0 from it.
 //
-// Each lobe is a file of bsdf/lobes and a row of rust/shader_abi/src/abi/lobes.rs; what they have in common is
+// Each lobe is a file of bsdf/lobes and a row of rust/abi/src/lobes.rs; what they have in common is
 // bsdf/lobe.glsl. Here is what is worked out for all of them: frames, Fresnel, what the layers let through.
 //
 // A fibre (HAIR) is none of this: bsdf/hair.glsl.

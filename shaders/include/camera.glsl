@@ -63,7 +63,7 @@ const float FARTHEST = 1.0e18;
 vec2 between_planes(vec2 p, vec2 lens) {
     vec2 seen = vec2(0.0, uintBitsToFloat(0x7f800000u));
     for (uint i = 0u; i < FRAME.clip_plane_count; ++i) {
-        const GpuClipPlane plane = ClipPlanes(FRAME.clip_planes).v[i];
+        const ClipPlane plane = ClipPlanes(FRAME.clip_planes).v[i];
         float begins = plane.begins.x + p.x * plane.begins.y + p.y * plane.begins.z;
         float slope = plane.slope.x + p.x * plane.slope.y + p.y * plane.slope.z;
         if (HAS_LENS) {

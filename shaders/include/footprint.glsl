@@ -10,8 +10,8 @@
 #define OOCPT_FOOTPRINT_GLSL
 
 #include "include/affine.glsl"
+#include "include/constants.glsl"
 
-const float MOST_ANISOTROPY = 16.0;
 // Limit of 1 / cos.
 const float SLANT_MOST = 1.0e4;
 // Below 2^126: Vulkan divides by no more, for the reciprocal may be flushed to 0.

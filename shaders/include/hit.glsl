@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Hit records, at FRAME.hits one per path: u, v, triangle, chunk instance, t, instance records from the chunk's down,
-// hit_stride(MAX_LEVELS) bytes each (rust/shader_abi/src/abi/path.rs).
+// hit_stride(MAX_LEVELS) bytes each (rust/abi/src/path.rs).
 #ifndef OOCPT_HIT_GLSL
 #define OOCPT_HIT_GLSL
 

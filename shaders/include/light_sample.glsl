@@ -167,7 +167,7 @@ vec3 lights_along(Double3 origin, vec3 d, float t_end, bool camera, PreviousVert
     vec3 sum = vec3(0.0);
     met = false;
     const vec3 reciprocal = safe_reciprocal(d);
-    const float pad = 1.8e-7 * max(abs(origin.hi.x), max(abs(origin.hi.y), abs(origin.hi.z)));
+    const float pad = TOP_PAD * max(abs(origin.hi.x), max(abs(origin.hi.y), abs(origin.hi.z)));
     const vec3 lower = origin.hi + pad;
     const vec3 upper = origin.hi - pad;
     const bool weighs = !camera && from.pdf > 0.0;

@@ -8,7 +8,7 @@
 // in the cone that they fill in the unit frame; dw/dw' = |det M| |d|^3. Exact for ellipsoids and elliptic cylinders
 // too.
 //
-// A shape is a file of light_shapes and a row of rust/shader_abi/src/abi/light_shapes.rs, from which the build writes
+// A shape is a file of light_shapes and a row of rust/abi/src/light_shapes.rs, from which the build writes
 // what goes through all of them (generated/light_shapes.glsl). Of the shape NAME:
 //   bool NAME_faces(const vec3 o)  whether the receiver is on the side that shines
 //   bool NAME_hit(const vec3 o, const vec3 d, out vec3 q, out float t)

@@ -12,8 +12,6 @@
 #include "include/affine.glsl"
 #include "include/sampler.glsl"
 
-// The set of samples that the time is the first coordinate of; those of paths are numbered from 0.
-const uint TIME_SET = 0x40000000u;
 // What GpuInstance::target holds besides flags.
 const uint TARGET_NUMBER = HAS_MOTION ? ~(TARGET_ASSEMBLY | TARGET_MOVING) : ~TARGET_ASSEMBLY;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the operations of pattern programs give (rust/materialx/src/program.rs, `Op`). The twin is
+// What the operations of pattern programs give (rust/abi/src/pattern.rs, `PatternOp`). The twin is
 // rust/materialx/src/eval.rs: the same bits but for division, roots, logarithms, powers and arcs. Operands are normal
 // numbers or +0, as results are; of other ones results are finite, too.
 #ifndef OOCPT_PATTERN_OPS_GLSL

@@ -10,8 +10,6 @@
 #include "include/attribute.glsl"
 
 const bool HAS_TIME = HAS_MOTION || HAS_DEFORMATION;
-const uint TRIANGLE_BYTES = 48u;
-const uint POINT_BYTES = 16u;
 
 // With HAS_DEFORMATION: `later` is 0 for what does not move. With HAS_POINTS: `radii` is 0 for what has none.
 struct Pose {

@@ -12,7 +12,6 @@ const uint PTEX_NOWHERE = 7u;
 
 const uint PTEX_FACE_BITS = 26u;
 const uint PTEX_NO_FACE = (1u << PTEX_FACE_BITS) - 1u;
-const float PTEX_STEPS = 131072.0; // 17 bits for u, 17 for v
 
 // A place in a Ptex file in the two floats of texture coordinates: 30 bits in each, which is never zero, denormal,
 // infinite or no number, so that nothing on its way changes it.

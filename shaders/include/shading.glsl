@@ -22,16 +22,13 @@ const uint SHADING_HAIR = 16u;
 // Directions may lead through a surface.
 const bool HAS_BEYOND = HAS_TRANSMISSION || HAS_HAIR;
 
-// Offset of a fibre whose normal says where it is met.
-const float BY_NORMAL = 2.0;
-
 struct HairShading {
     vec3 tint_r, tint_tt, tint_trt; // >= 0, of the lobes
     vec3 absorption; // >= 0, by the fibre's radius
     vec3 variance;   // along the fibre, of R, TT, TRT; 0.001..1, as the next
     vec3 spread;     // across it: scale of the logistic before the factor sqrt(pi / 8)
     float tilt;      // of the cuticle's scales, radians
-    float offset;    // where it is met across its width, -1..1, or BY_NORMAL
+    float offset;    // where it is met across its width, -1..1, or HAIR_BY_NORMAL
 };
 
 struct Shading {
@@ -64,7 +61,7 @@ struct Shading {
 // White, and what MaterialX says of the rest.
 HairShading white_hair() {
     return HairShading(vec3(1.0), vec3(1.0), vec3(1.0), vec3(0.0), vec3(0.1, 0.05, 0.2), vec3(0.1, 0.05, 0.2), 0.0,
-                       BY_NORMAL);
+                       HAIR_BY_NORMAL);
 }
 
 const uint SHADING_VEC4S = 4u;
@@ -106,7 +103,7 @@ HairShading valid_hair(HairShading h) {
     h.variance = hair_range(h.variance);
     h.spread = hair_range(h.spread);
     h.tilt = abs(h.tilt) < 1.0e3 ? h.tilt : 0.0;
-    h.offset = abs(h.offset) <= 1.0 ? h.offset : BY_NORMAL;
+    h.offset = abs(h.offset) <= 1.0 ? h.offset : HAIR_BY_NORMAL;
     return h;
 }
 

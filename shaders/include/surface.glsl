@@ -48,7 +48,7 @@ uint64_t chunk_records(uint chunk_instance) {
 
 // The id of a record's placement, given that of what holds the record.
 uint placement_id(uint parent, uint64_t instances, uint record) {
-    const uint count = Instances(instances).v[record].prototype_count & 0x7fffffffu;
+    const uint count = Instances(instances).v[record].prototype_count & ~FLIPS_HANDEDNESS;
     return parent * count + Instances(instances).v[record].index_in_prototype;
 }
 

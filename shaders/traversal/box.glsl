@@ -4,10 +4,8 @@
 #ifndef OOCPT_BOX_GLSL
 #define OOCPT_BOX_GLSL
 
-// 1 + 2 (gamma(5) + 2.5 units in the last place), rounded up: the distance to a plane of a node rounds five times, and
-// Vulkan lets the reciprocals be off by as much as that. (Ize counts on planes in floats and correct rounding: 1 + 2
-// gamma(3).)
-const float SLAB_PAD = 1.0000012;
+#include "include/constants.glsl"
+
 const float LARGEST = 3.402823466e38;
 
 // No component counts as smaller than 2^-60 of the largest one: distances up to 1e20, in units of d, have a finite

@@ -13,8 +13,6 @@ Item visited_item() {
 
 // Items that are no triangles are closed: a ray that goes through their first surface comes to the second one, of which
 // is asked by itself. Without opacity and cutouts none of it is compiled in.
-// Above the number of an item: that of its second surface.
-const uint SECOND_SURFACE = 1u << 31;
 
 // The number of a surface of an item, of whose opacity a hash decides. All pieces of a curve have the same: where they
 // overlap at a joint, a ray meets one surface and not two.

@@ -10,8 +10,6 @@
 
 // In place of a share in 255 parts: the finest level of the texture says it.
 const uint COVERAGE_UNKNOWN = 256u;
-// GpuCutout::modes, as in rust/core/src/texture/opacity_mask.rs.
-const uint MASK_SET = 1u << 7;
 // In place of a coordinate: around a picture that is not continued.
 const float AROUND_IMAGE = -1.0;
 

@@ -35,26 +35,12 @@
 #include "traversal/pending.glsl"
 #include "traversal/presence.glsl"
 
-// Boxes are culled only this far behind the closest hit, so that rounding hides no equally close one.
-const float CULL_PAD = 1.0000038;
-// A little more than 1 / CULL_PAD.
-const float ENTRY_SCALE = 0.9999964;
-
 struct Found {
     float t;
     vec2 uv;
     uint triangle;
     uint chunk_instance;
 };
-
-// The largest component of an origin times this covers its low part (2^-24) and the rounding of the padding itself.
-const float TOP_PAD = 1.8e-7;
-
-// Times the largest coordinate of the ray's origin and of the mesh: how far beside a triangle the rounding of its edge
-// functions (14 units of 2^-24 of a corner's distance) can see it met, and eight more for the planes of boxes
-// (traversal/node.glsl). Boxes in meshes are padded by that: else the triangle that takes a ray at a shared edge may be
-// in a box that the ray passes by (Woop et al. 2013, 3.1).
-const float MESH_PAD = 2.1e-6;
 
 // Where the walk is: the ray in the frame of the current level or mesh, and the arrays there.
 struct Walk {

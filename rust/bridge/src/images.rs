@@ -6,8 +6,9 @@
 use crate::ffi_images as ffi;
 use crate::host_file::{HostFile, OpenFiles};
 use cxx::UniquePtr;
+use oocpt_abi::TILE_SIDE;
 use oocpt_core::scene::AssetRef;
-use oocpt_core::texture::{TILE_SIDE, TexelFormat, Wrap};
+use oocpt_core::texture::{TexelFormat, Wrap};
 use oocpt_ptex::ReadAt;
 use oocpt_render::textures::{ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
 use oocpt_render::{LightFiles, LightPicture};

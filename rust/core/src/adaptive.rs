@@ -28,7 +28,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::sampler::hash;
+use oocpt_abi::sampler::hash;
 
 /// Streams of samples.
 pub const STREAMS: usize = 2;

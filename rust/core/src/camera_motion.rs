@@ -2,6 +2,7 @@
 //! How a camera moves while the shutter is open: keys of its frame, and its rays within that frame. Pure; any thread.
 
 use glam::{DAffine3, DVec3};
+use oocpt_abi::GpuCameraMotion;
 
 use crate::camera::{Camera, CameraError};
 use crate::instancing::motion::{MotionKey, map_at, motion_keys};
@@ -12,19 +13,7 @@ pub struct CameraMotion {
     /// World, relative to the origin that was given, from the view's frame; two or more, in the order of time.
     pub keys: Vec<MotionKey>,
     /// Rays in the view's frame: as those of [`crate::CameraRays`] in the world.
-    pub o: [f32; 3],
-    /// See `o`.
-    pub o_x: [f32; 3],
-    /// See `o`.
-    pub o_y: [f32; 3],
-    /// See `o`.
-    pub d: [f32; 3],
-    /// See `o`.
-    pub d_x: [f32; 3],
-    /// See `o`.
-    pub d_y: [f32; 3],
-    /// Radius of the lens in the view's frame.
-    pub lens_radius: f32,
+    pub rays: GpuCameraMotion,
 }
 
 /// Why a camera stays where it is.
@@ -70,8 +59,17 @@ impl Camera {
         let still = Self { world_from_view: middle.into(), motion: Vec::new(), ..self.clone() };
         // As a camera that looks from the origin of the world: its rays are those of the view.
         let view = Self { world_from_view: glam::DMat4::IDENTITY, ..still.clone() }.rays(DVec3::ZERO)?;
-        let lens_radius = view.lens_u[0];
-        let (o, o_x, o_y) = (view.o, view.o_x, view.o_y);
-        Ok(Some((still, CameraMotion { keys, o, o_x, o_y, d: view.d, d_x: view.d_x, d_y: view.d_y, lens_radius })))
+        let rays = GpuCameraMotion {
+            o: view.o,
+            key_count: u32::try_from(keys.len()).unwrap_or(0),
+            o_x: view.o_x,
+            lens_radius: view.lens_u[0],
+            o_y: view.o_y,
+            d: view.d,
+            d_x: view.d_x,
+            d_y: view.d_y,
+            ..GpuCameraMotion::default()
+        };
+        Ok(Some((still, CameraMotion { keys, rays })))
     }
 }

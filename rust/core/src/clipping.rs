@@ -3,22 +3,10 @@
 
 use crate::camera::{Camera, CameraError};
 use glam::{DMat4, DVec3, DVec4};
+use oocpt_abi::ClipPlane;
 
 /// Planes that count, at most; of more the first ones do.
 pub const MAX_CLIP_PLANES: usize = 16;
-
-/// A plane along the rays of a camera: at distance t, in units of a direction that goes one unit along the view axis,
-/// a ray through the image point `p` and the lens point `l` is kept where
-/// `begins(p) + a + t * (slope(p) - a / focus) >= 0`, with `a = l . lens`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ClipPlane {
-    /// At image point (0, 0), and the change per pixel to the right and up.
-    pub begins: [f32; 3],
-    /// Likewise.
-    pub slope: [f32; 3],
-    /// By a point of the unit disk.
-    pub lens: [f32; 2],
-}
 
 impl Camera {
     /// The planes of the camera along its rays, whether it moves or not. Planes that are not finite, and those that cut
@@ -40,7 +28,8 @@ impl Camera {
             ClipPlane {
                 begins: [narrow(plane.truncate().dot(origin) + plane.w), dot(view.o_x), dot(view.o_y)],
                 slope: [dot(view.d), dot(view.d_x), dot(view.d_y)],
-                lens: [dot(view.lens_u), dot(view.lens_v)],
+                lens_x: dot(view.lens_u),
+                lens_y: dot(view.lens_v),
             }
         };
         Ok(planes.into_iter().map(along).collect())

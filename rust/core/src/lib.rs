@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! OocPT's decisions, free of Vulkan, clocks, threads of its own and files: the scene database (edits in, immutable
-//! snapshots out), mesh preparation (checking, triangulation, hierarchies), materials, camera rays, lights, settings
-//! and the sampler.
+//! snapshots out), mesh preparation (checking, triangulation, hierarchies), materials, camera rays, lights, settings.
 //!
 //! Guarantees: nothing here panics on any input; everything is a pure function of its arguments; work is spread over
 //! the caller's rayon pool and the result does not depend on the number of its threads.
@@ -22,7 +21,6 @@ pub mod material;
 pub mod mesh;
 pub mod partition;
 pub mod residency;
-pub mod sampler;
 pub mod scene;
 pub mod settings;
 pub mod stats;
@@ -31,22 +29,17 @@ pub mod texture;
 pub use array::{ArrayError, ArraySource, ArrayView, Element, ElementType, TypedArray};
 pub use camera::{Camera, CameraError, CameraRays};
 pub use camera_motion::{CameraMotion, CameraMotionError};
-pub use clipping::{ClipPlane, MAX_CLIP_PLANES};
-pub use material::{ColorSpace, Input, InputName, Material, MaterialFlags, TextureRef, Wrap};
-pub use mesh::{
-    Aabb, AnyAttribute, Attribute, AttributeRate, Bvh2, Bvh4, Bvh4Node, BvhError, BvhNode, LevelNode, MeshAsset,
-    MeshPrimvar, Triangle,
-};
+pub use clipping::MAX_CLIP_PLANES;
+pub use material::{ColorSpace, Input, Material, TextureRef, Wrap};
+pub use mesh::{Aabb, AnyAttribute, Attribute, Bvh2, Bvh4, BvhError, BvhNode, MeshAsset, MeshPrimvar, Triangle};
 /// Programs of patterns.
 pub use oocpt_materialx as materialx;
 pub use partition::{Chunk, ChunkInstance, OpenedAssembly, PartitionOptions, RECORD_BYTES, World, WorldError};
-pub use sampler::{pixel_seed, sample_4d};
 pub use scene::{
     Assembly, AssetRef, Commit, ConnectionDesc, DomeFormat, DroppedData, InstanceFlags, InstanceRecord, InstancedBy,
     InstancerDesc, InstancerPrototype, Interpolation, Light, LightDesc, LightKind, MaterialDesc, MeshDesc, MotionKey,
-    NO_MATERIAL, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, PrimRecord, Primvar, SceneCounts, SceneDb,
-    SceneFeatures, SceneMesh, SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables,
-    Target, TransformSample,
+    NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, PrimRecord, Primvar, SceneCounts, SceneDb, SceneMesh,
+    SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables, Target, TransformSample,
 };
 pub use settings::{Audience, Descriptor, SettingError, Settings, Value};
 pub use stats::{ErrorRow, Stats, StreamingStats, TrueError, WorstPixel};

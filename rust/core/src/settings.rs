@@ -6,85 +6,12 @@ mod host_mapped;
 mod table;
 mod traversal;
 
-use serde::{Deserialize, Serialize};
-
 use crate::residency::PolicyKind;
 pub use error::SettingError;
 pub use host_mapped::HostMapped;
-use table::TABLE;
-pub use table::{Audience, Scope};
+pub use table::{Audience, Scope, Settings};
+use table::{Field, TABLE};
 pub use traversal::TraversalKind;
-
-/// All settings. Values are inside their bounds as long as they are changed through [`Settings::set`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Settings {
-    /// Samples per pixel to converge at, 1 to 2^24.
-    pub samples_per_pixel: u32,
-    /// Indirect bounces, 0 (direct light only) to 1024.
-    pub max_bounces: u32,
-    /// Seed of all random numbers.
-    pub seed: u32,
-    /// Largest contribution of one sample, 0 = no limit.
-    pub clamp: f32,
-    /// Stop after this many seconds, 0 = no limit.
-    pub time_limit_secs: f32,
-    /// Hard limit of device memory in MiB, 0 = 90 % of what is free.
-    pub memory_budget_mib: u32,
-    /// Device by index or part of its name, empty = best.
-    pub device: String,
-    /// Who walks the rays.
-    pub traversal: TraversalKind,
-    /// Whether rays read geometry in host memory where the device has no room for it.
-    pub host_mapped: HostMapped,
-    /// Which chunks the planner loads first when not all fit.
-    pub policy: PolicyKind,
-    /// Size of a chunk in KiB of device memory, 16 to 1048576. Another size is another partition of the scene.
-    pub chunk_size_kib: u32,
-    /// Hard limit of device memory for geometry in KiB, 0 = what the memory budget leaves.
-    pub geometry_budget_kib: u32,
-    /// Most MiB of host memory, for what the renderer counts: arrays that the host lends, tables of instances and
-    /// images first, then shares for built meshes, encoded instances and ended paths (`host_memory.rs` of the
-    /// renderer); 0 = shares of what is free.
-    pub host_memory_budget_mib: u32,
-    /// Folder in which decoded textures are kept, "0" = none, empty = the user's own.
-    pub texture_cache: String,
-    /// Most MiB of decoded textures in that folder.
-    pub texture_cache_mib: u32,
-    /// Folder in which built geometry is kept for the next render; "0": none, and it stays in memory; empty: none, and
-    /// what exceeds the host memory budget goes to a file without a name in the user's cache folder.
-    pub geometry_cache: String,
-    /// Limit of the geometry cache, MiB.
-    pub geometry_cache_mib: u32,
-    /// Folder in which compiled pipelines are kept, "0" = none, empty = the user's own.
-    pub pipeline_cache: String,
-    /// Longest piece of an edge of a subdivision surface, in pixels; 0 = edges are cut as the refine level says.
-    pub dicing_rate: f32,
-    /// File to write a report about the chunks to, empty = none.
-    pub chunk_report: String,
-    /// File to write all materials to, as text for people, empty = none.
-    pub material_report: String,
-    /// File to write a report of error against time to, empty = none.
-    pub report: String,
-    /// EXR file to compare with, empty = none.
-    pub reference: String,
-    /// Stop when the estimated relMSE is below this with the confidence of its interval, 0 = no such limit.
-    pub target_error: f32,
-    /// Features of the passes to carry although the scene does not need them, by name; "all", or empty = none. For
-    /// measuring.
-    pub carry: String,
-    /// Rays that wait for a load whose cost exceeds their expected contribution may end, unbiased
-    /// (`residency::roulette`).
-    pub straggler_roulette: bool,
-    /// Spend samples where the picture's error is largest.
-    pub adaptive_sampling: bool,
-    /// Show coarse images early (`enableInteractive`).
-    pub interactive: bool,
-    /// Dome lights are seen by camera rays.
-    pub dome_light_camera_visible: bool,
-    /// Use the lights of the scene.
-    pub enable_scene_lights: bool,
-}
 
 /// A setting's value as hosts give it.
 #[derive(Clone, Debug, PartialEq)]
@@ -115,57 +42,6 @@ pub struct Descriptor {
     /// Who may set it.
     pub scope: Scope,
 }
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            samples_per_pixel: 64,
-            max_bounces: 5,
-            seed: 0,
-            clamp: 0.0,
-            time_limit_secs: 0.0,
-            memory_budget_mib: 0,
-            device: String::new(),
-            traversal: TraversalKind::Auto,
-            host_mapped: HostMapped::Auto,
-            policy: PolicyKind::Benefit,
-            chunk_size_kib: 8192,
-            geometry_budget_kib: 0,
-            host_memory_budget_mib: 0,
-            texture_cache: String::new(),
-            texture_cache_mib: 32 << 10,
-            geometry_cache: String::new(),
-            geometry_cache_mib: 32 << 10,
-            pipeline_cache: String::new(),
-            dicing_rate: 2.0,
-            chunk_report: String::new(),
-            material_report: String::new(),
-            report: String::new(),
-            reference: String::new(),
-            target_error: 0.0,
-            carry: String::new(),
-            straggler_roulette: false,
-            adaptive_sampling: false,
-            interactive: true,
-            dome_light_camera_visible: true,
-            enable_scene_lights: true,
-        }
-    }
-}
-
-/// How a value is checked and stored.
-enum Field<'a> {
-    Bool(&'a mut bool),
-    Int(&'a mut u32, u32, u32),
-    Float(&'a mut f32, f32, f32),
-    Text(&'a mut String),
-    Policy(&'a mut PolicyKind),
-    Traversal(&'a mut TraversalKind),
-    HostMapped(&'a mut HostMapped),
-}
-
-/// Most samples per pixel: sample indices stay exact in f32.
-const MAX_SAMPLES: u32 = 1 << 24;
 
 impl Settings {
     /// Sets one value by its Hydra key. Gives whether it changed.
@@ -204,44 +80,6 @@ impl Settings {
             }
         }
         Ok(*self != before)
-    }
-
-    fn field(&mut self, key: &str) -> Result<Field<'_>, SettingError> {
-        Ok(match key {
-            "oocpt:samplesPerPixel" | "convergedSamplesPerPixel" => {
-                Field::Int(&mut self.samples_per_pixel, 1, MAX_SAMPLES)
-            }
-            "oocpt:maxBounces" => Field::Int(&mut self.max_bounces, 0, 1024),
-            "oocpt:seed" => Field::Int(&mut self.seed, 0, u32::MAX),
-            "oocpt:clamp" => Field::Float(&mut self.clamp, 0.0, 1e30),
-            "oocpt:timeLimit" => Field::Float(&mut self.time_limit_secs, 0.0, 1e9),
-            "oocpt:memoryBudget" => Field::Int(&mut self.memory_budget_mib, 0, 1 << 24),
-            "oocpt:device" => Field::Text(&mut self.device),
-            "oocpt:traversal" => Field::Traversal(&mut self.traversal),
-            "oocpt:hostMappedGeometry" => Field::HostMapped(&mut self.host_mapped),
-            "oocpt:policy" => Field::Policy(&mut self.policy),
-            "oocpt:chunkSize" => Field::Int(&mut self.chunk_size_kib, 16, 1 << 20),
-            "oocpt:geometryBudget" => Field::Int(&mut self.geometry_budget_kib, 0, u32::MAX),
-            "oocpt:hostMemoryBudget" => Field::Int(&mut self.host_memory_budget_mib, 0, 1 << 24),
-            "oocpt:textureCache" => Field::Text(&mut self.texture_cache),
-            "oocpt:textureCacheSize" => Field::Int(&mut self.texture_cache_mib, 1, u32::MAX),
-            "oocpt:geometryCache" => Field::Text(&mut self.geometry_cache),
-            "oocpt:geometryCacheSize" => Field::Int(&mut self.geometry_cache_mib, 1, u32::MAX),
-            "oocpt:pipelineCache" => Field::Text(&mut self.pipeline_cache),
-            "oocpt:dicingRate" => Field::Float(&mut self.dicing_rate, 0.0, 1e6),
-            "oocpt:chunkReport" => Field::Text(&mut self.chunk_report),
-            "oocpt:materialReport" => Field::Text(&mut self.material_report),
-            "oocpt:report" => Field::Text(&mut self.report),
-            "oocpt:reference" => Field::Text(&mut self.reference),
-            "oocpt:targetError" => Field::Float(&mut self.target_error, 0.0, 1e9),
-            "oocpt:carry" => Field::Text(&mut self.carry),
-            "oocpt:stragglerRoulette" => Field::Bool(&mut self.straggler_roulette),
-            "oocpt:adaptiveSampling" => Field::Bool(&mut self.adaptive_sampling),
-            "enableInteractive" => Field::Bool(&mut self.interactive),
-            "domeLightCameraVisibility" => Field::Bool(&mut self.dome_light_camera_visible),
-            "enableSceneLights" => Field::Bool(&mut self.enable_scene_lights),
-            _ => return Err(SettingError::Unknown(key.to_owned())),
-        })
     }
 
     /// The value of `key` as hosts give it; `None` for an unknown key.

@@ -12,7 +12,7 @@ use crate::program::{
     Geometry, Instruction, Lookup, MAX_CONSTANTS, MAX_INSTRUCTIONS, MAX_LOOKUPS, MAX_OPACITY_LOOKUPS, Op, Operand,
     Program, REGISTERS,
 };
-use crate::surface::{INPUTS, Input, Lowered, SHAPES};
+use crate::surface::{Input, Lowered};
 use crate::uses::{LookupUse, Uses};
 use crate::walk::Walker;
 
@@ -33,7 +33,7 @@ pub enum InputSource {
 #[derive(Clone, Debug)]
 pub struct Translation {
     /// By [`crate::surface::Input`]; `None` where the surface is not understood.
-    pub inputs: Option<[InputSource; INPUTS]>,
+    pub inputs: Option<[InputSource; Input::COUNT]>,
     /// `specularColor` is the reflectance at normal incidence; else metallic and index are.
     pub specular_workflow: bool,
     /// 0: the opacity is a probability; else what is below is not there.
@@ -108,12 +108,11 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
     let framed_normal = !lowered.hair && walker.ask_for_tangents(&lowered.inputs);
     let Walker { expressions, uses, mut problems, .. } = walker;
     let mut assembler = Assembler::new(&expressions, &uses.lookups, MAX_LOOKUPS);
-    let mut inputs: [Option<InputSource>; INPUTS] = [None; INPUTS];
-    for (at, ((val, (width, _)), input)) in lowered.inputs.iter().zip(SHAPES).zip(&mut inputs).enumerate() {
+    let mut inputs: [Option<InputSource>; Input::COUNT] = [None; Input::COUNT];
+    for ((val, name), input) in lowered.inputs.iter().zip(Input::ALL).zip(&mut inputs) {
         // Those of several numbers are textures by chance only, and there are no more than so many of these.
-        let packed = Input::Anisotropy as usize..=Input::Absorption as usize;
-        let is_packed = packed.contains(&at) && val.constant().is_none();
-        *input = if is_packed { None } else { assembler.simple(*val, width) };
+        let is_packed = (Input::Anisotropy..=Input::Absorption).contains(&name) && val.constant().is_none();
+        *input = if is_packed { None } else { assembler.simple(*val, name.width()) };
     }
     let opacity_threshold = step_opacity(&lowered, &assembler, &mut inputs);
     let opacity_program = opacity(&lowered.inputs, &mut inputs, &expressions, &uses.lookups, &mut problems);
@@ -128,7 +127,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
     }
     let registers = registers.unwrap_or_default();
     let program = std::mem::take(&mut assembler.program);
-    let inputs: [InputSource; INPUTS] = std::array::from_fn(|k| {
+    let inputs: [InputSource; Input::COUNT] = std::array::from_fn(|k| {
         inputs[k].unwrap_or_else(|| match (lowered.inputs[k], registers.get(&lowered.inputs[k].index())) {
             (_, Some(register)) => InputSource::Register(*register),
             (val, None) => InputSource::Constant(expressions.value(val, &|_| [0.5; 4], &|_| [0.5; 4])),
@@ -153,7 +152,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
 impl Walker<'_> {
     /// Tangents are those of the first set of texture coordinates: who reads them, or says a normal about them, reads
     /// `st` where there is no other. Whether the normal is told in the frame that every mesh has.
-    fn ask_for_tangents(&mut self, inputs: &[Val; INPUTS]) -> bool {
+    fn ask_for_tangents(&mut self, inputs: &[Val; Input::COUNT]) -> bool {
         let reads = |walker: &Self, roots: &[Val], asked: &[Geometry]| {
             let is_asked = |at: &u32| {
                 let found = walker.expressions.get(*at).filter(|node| node.op == Op::Surface);
@@ -173,7 +172,7 @@ impl Walker<'_> {
 }
 
 /// The threshold of the opacity, which becomes a texture where it is there or not by one number of that.
-fn step_opacity(lowered: &Lowered, assembler: &Assembler<'_>, inputs: &mut [Option<InputSource>; INPUTS]) -> f32 {
+fn step_opacity(lowered: &Lowered, assembler: &Assembler<'_>, inputs: &mut [Option<InputSource>; Input::COUNT]) -> f32 {
     let (own, threshold) = (Input::Opacity as usize, lowered.opacity_threshold);
     if inputs[own].is_some() {
         return threshold;
@@ -185,8 +184,8 @@ fn step_opacity(lowered: &Lowered, assembler: &Assembler<'_>, inputs: &mut [Opti
 
 /// The program of the opacity, if it needs one; the surface is there where it cannot have it.
 fn opacity(
-    values: &[Val; INPUTS],
-    inputs: &mut [Option<InputSource>; INPUTS],
+    values: &[Val; Input::COUNT],
+    inputs: &mut [Option<InputSource>; Input::COUNT],
     expressions: &Expressions,
     lookups: &[LookupUse],
     problems: &mut Vec<String>,
@@ -215,8 +214,8 @@ fn opacity(
 /// The program that computes the emission alone, for points sampled on a mesh light. `None` where the emission is no
 /// register, or reads a normal, a tangent or a random number: those are not known at such a point.
 fn emission(
-    sources: &[InputSource; INPUTS],
-    values: &[Val; INPUTS],
+    sources: &[InputSource; Input::COUNT],
+    values: &[Val; Input::COUNT],
     expressions: &Expressions,
     lookups: &[LookupUse],
 ) -> Option<Emission> {

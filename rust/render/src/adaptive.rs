@@ -9,14 +9,14 @@ use crate::device::WAVE_TIMEOUT;
 use crate::error::RenderError;
 use crate::sync::lock;
 use crate::wave::{Piece, Wave};
+use oocpt_abi::{Adaptive as Block, Push};
 use oocpt_core::adaptive::{Course, RING, STREAMS, Spent, VarianceEstimate};
 use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{Adaptive as Block, Push};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
 // The rows that the core gives out are those that the passes take.
-const _: () = assert!(oocpt_core::adaptive::BAND_SHIFT == oocpt_shader_abi::BAND_SHIFT, "rows of bands differ");
+const _: () = assert!(oocpt_core::adaptive::BAND_SHIFT == oocpt_abi::BAND_SHIFT, "rows of bands differ");
 
 /// See the module.
 #[derive(Debug)]

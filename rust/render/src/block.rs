@@ -5,7 +5,7 @@
 use crate::assets::SceneView;
 use crate::setting::Setting;
 use bytemuck::Zeroable;
-use oocpt_shader_abi::{Frame, FrameFlags};
+use oocpt_abi::{Frame, FrameFlags};
 
 /// Albedo of a surface without a colour, as `UsdPreviewSurface`'s diffuseColor.
 const DEFAULT_ALBEDO: [f32; 3] = [0.18; 3];

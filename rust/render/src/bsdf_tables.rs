@@ -10,7 +10,7 @@
 pub mod glass;
 pub mod sheen;
 
-use oocpt_shader_abi::{TABLE_COSINE, TABLE_ROUGHNESS};
+use oocpt_abi::{TABLE_COSINE, TABLE_ROUGHNESS};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 

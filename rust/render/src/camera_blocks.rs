@@ -5,10 +5,10 @@
 use crate::assets::motion_key;
 use crate::error::RenderError;
 use crate::setting::Setting;
+use oocpt_abi::{Frame, GpuCameraKey};
 use oocpt_core::inventory::Inventory;
-use oocpt_core::{CameraMotion, ClipPlane, MotionKey};
+use oocpt_core::{CameraMotion, MotionKey};
 use oocpt_gpu::{Buffer, Usage};
-use oocpt_shader_abi::{Frame, GpuCameraKey, GpuCameraMotion, GpuClipPlane};
 
 /// Uploads what there is, and writes the addresses into the block.
 pub(crate) fn upload(
@@ -26,7 +26,7 @@ pub(crate) fn upload(
         Ok(Some(buffer))
     };
     let motion = upload("camera motion", &setting.camera_motion.map(encode).unwrap_or_default())?;
-    let planes = upload("clipping planes", &encode_planes(setting.clip_planes))?;
+    let planes = upload("clipping planes", bytemuck::cast_slice(setting.clip_planes))?;
     block.camera_motion = motion.as_ref().map_or(0, Buffer::address);
     block.clip_planes = planes.as_ref().map_or(0, Buffer::address);
     // At most MAX_CLIP_PLANES.
@@ -36,20 +36,8 @@ pub(crate) fn upload(
 
 /// The header and the keys behind it.
 fn encode(motion: &CameraMotion) -> Vec<u8> {
-    let CameraMotion { keys, o, o_x, o_y, d, d_x, d_y, lens_radius } = motion;
-    let header = GpuCameraMotion {
-        o: *o,
-        key_count: u32::try_from(keys.len()).unwrap_or(0),
-        o_x: *o_x,
-        lens_radius: *lens_radius,
-        o_y: *o_y,
-        d: *d,
-        d_x: *d_x,
-        d_y: *d_y,
-        ..GpuCameraMotion::default()
-    };
-    let keys: Vec<GpuCameraKey> = keys.iter().map(camera_key).collect();
-    let mut bytes = bytemuck::bytes_of(&header).to_vec();
+    let keys: Vec<GpuCameraKey> = motion.keys.iter().map(camera_key).collect();
+    let mut bytes = bytemuck::bytes_of(&motion.rays).to_vec();
     bytes.extend_from_slice(bytemuck::cast_slice(&keys));
     bytes
 }
@@ -60,12 +48,4 @@ fn camera_key(key: &MotionKey) -> GpuCameraKey {
     let [x, y, z] = rounded.translation.map(f64::from);
     (low.x, low.y, low.z) = (low.x - x, low.y - y, low.z - z);
     GpuCameraKey { key: rounded, translation_lo: low.as_vec3().to_array(), pad: 0 }
-}
-
-fn encode_planes(planes: &[ClipPlane]) -> Vec<u8> {
-    let encoded: Vec<GpuClipPlane> = planes
-        .iter()
-        .map(|&ClipPlane { begins, slope, lens: [lens_x, lens_y] }| GpuClipPlane { begins, lens_x, slope, lens_y })
-        .collect();
-    bytemuck::cast_slice(&encoded).to_vec()
 }

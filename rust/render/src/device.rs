@@ -12,8 +12,9 @@ use crate::error::RenderError;
 use crate::loader::Loader;
 use crate::reading::Reading;
 use crate::sync::lock;
+use oocpt_abi::{Features, Push, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
 use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Heap, HeapOptions, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
-use oocpt_shader_abi::{ALL, Features, Module, Push, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
+use oocpt_shaders::{ALL, Module};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
@@ -29,7 +30,7 @@ pub(crate) const WAVE_TIMEOUT: Duration = Duration::from_secs(120);
 /// Longest wait for a small upload.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// What a pipeline is specialised by, in the order of the specialisation constants' ids (`shader_abi`).
+/// What a pipeline is specialised by, in the order of the specialisation constants' ids (`oocpt_abi`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) struct Specialisation {
     /// Deepest chain of instance records, at least 1.
@@ -231,7 +232,7 @@ impl Device {
             low,
             high,
             #[cfg(feature = "faults")]
-            (oocpt_shader_abi::SPEC_FAULT, special.fault),
+            (oocpt_abi::SPEC_FAULT, special.fault),
         ];
         // 32 bytes.
         let push_bytes = u32::try_from(size_of::<Push>()).unwrap_or(u32::MAX);
@@ -289,7 +290,7 @@ impl Device {
 #[cfg(test)]
 mod tests {
     use oocpt_gpu::Capabilities;
-    use oocpt_shader_abi::PASSES;
+    use oocpt_shaders::PASSES;
     use std::collections::BTreeSet;
 
     /// `OpCapability` of SPIR-V.

@@ -2,8 +2,8 @@
 //! Faults and knobs that tests set. Compiled with the feature `faults` alone, which the tests of this workspace turn
 //! on: the product has none of them.
 
+use oocpt_abi::Features;
 use oocpt_gpu::{DriverMemory, Failure};
-use oocpt_shader_abi::Features;
 
 /// What a session does wrong, or otherwise than its scene asks for; nothing by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which tiles of textures the waves lacked, in core: what the passes write (`oocpt_shader_abi::TextureFeedback`), and
+//! Which tiles of textures the waves lacked, in core: what the passes write (`oocpt_abi::TextureFeedback`), and
 //! how the host
 //! learns of it. Each wave ends with a copy to one of a few small buffers that the host reads when the wave is done.
 //! Render thread only.
 
+use oocpt_abi::{Counters, TextureFeedback};
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{Counters, TextureFeedback};
 use std::mem::offset_of;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -9,10 +9,10 @@ use crate::publish::Published;
 use crate::request::RenderRequest;
 use crate::sync::lock;
 use crate::wave::{ERROR_SLOTS, Piece, Wave, pieces};
+use oocpt_abi::{Counters, ERROR_GROUPS, ErrorSums, FilmPixel, Frame, Push, WORKGROUP_SIZE};
 use oocpt_core::adaptive::STREAMS;
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{Counters, ERROR_GROUPS, ErrorSums, FilmPixel, Frame, Push, WORKGROUP_SIZE};
 use std::sync::{Arc, Mutex};
 
 /// Workgroups of `measure_error` for an image of so many pixels.

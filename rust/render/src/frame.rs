@@ -23,12 +23,12 @@ use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::upload::Upload;
 use crate::wavefront::{Ahead, PathBuffers};
+use oocpt_abi::{Features, Frame};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::Snapshot;
 #[cfg(feature = "faults")]
 use oocpt_gpu::{Call, Failure};
 use oocpt_gpu::{Gpu, GpuError};
-use oocpt_shader_abi::{Features, Frame};
 use std::sync::Arc;
 
 /// Share of a scene's bytes that is lost between the ranges of arenas, at most.

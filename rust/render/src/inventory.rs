@@ -6,8 +6,9 @@ use crate::device::{Device, Specialisation};
 use crate::setting::Setting;
 use crate::specialise;
 use crate::wavefront::{Backend, Passes};
+use oocpt_abi::Features;
 use oocpt_core::inventory::{Inventory, PassUse};
-use oocpt_shader_abi::{ALL, Features};
+use oocpt_shaders::ALL;
 
 /// What the passes of a frame are.
 #[derive(Clone, Copy, Debug)]

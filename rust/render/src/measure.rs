@@ -7,10 +7,10 @@
 //! only.
 
 use crate::film::Film;
+use oocpt_abi::ErrorSums;
 use oocpt_core::convergence;
 use oocpt_core::stats::WorstPixel;
 use oocpt_gpu::GpuError;
-use oocpt_shader_abi::ErrorSums;
 
 /// Worst pixels that are told.
 const WORST: usize = 8;

@@ -19,11 +19,11 @@ use crate::shared::Shared;
 use crate::sync::lock;
 use crate::timings::Timings;
 use crate::wave::{LAST_SLOT, Wave, next_boundary};
+use oocpt_abi::Counters;
 use oocpt_core::adaptive::Spent;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::{Stats, StreamingStats, Usage};
 use oocpt_gpu::Gpu;
-use oocpt_shader_abi::Counters;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 

@@ -8,12 +8,12 @@ use crate::in_flight::InFlight;
 use crate::job::Job;
 use crate::lights::{LightTable, LightTables};
 use crate::specialise::Carry;
+use oocpt_abi::{ClipPlane, Features};
+use oocpt_core::CameraMotion;
 use oocpt_core::camera::CameraRays;
 use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::{HostMapped, Settings};
-use oocpt_core::{CameraMotion, ClipPlane};
 use oocpt_gpu::{DeviceKind, GpuError};
-use oocpt_shader_abi::Features;
 use std::sync::Arc;
 
 /// What a frame renders with besides its scene.

@@ -5,17 +5,17 @@
 //! does not make their buffers. To measure what that saves, `oocpt:carry` compiles parts in that the scene does not
 //! need ([`Carry`]): the same picture, bit for bit.
 
-use crate::assets::{SceneView, leaf_of};
+use crate::assets::SceneView;
 use crate::device::Specialisation;
 use crate::lights::LightTable;
+use oocpt_abi::{CarryRule, FEATURES, Feature, Features};
 use oocpt_core::camera::CameraRays;
 use oocpt_core::inventory::FeatureUse;
 use oocpt_core::mesh::LeafKind;
-use oocpt_core::scene::{SceneFeatures, Snapshot};
-use oocpt_shader_abi::{CarryRule, FEATURES, Feature, Features};
+use oocpt_core::scene::Snapshot;
 use std::collections::BTreeSet;
 
-/// What the frame decides, whatever the scene has.
+/// What the frame decides, whatever the snapshot says.
 const OF_FRAME: Features = Features::DOME
     .union(Features::DISTANT)
     .union(Features::LOCAL_LIGHTS)
@@ -24,7 +24,7 @@ const OF_FRAME: Features = Features::DOME
 
 /// The features a frame needs, apart from streaming.
 pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRays, scene: &SceneView) -> Features {
-    let mut features = lights.features | of_scene(snapshot.features) | of_leaves(&snapshot.leaf_kinds);
+    let mut features = lights.features | (snapshot.features - OF_FRAME) | of_leaves(&snapshot.leaf_kinds);
     features.set(Features::LENS, rays.lens_u != [0.0; 3] || rays.lens_v != [0.0; 3]);
     features.set(Features::INSTANCING, scene.max_levels > 1);
     // Without images there are no tables of them.
@@ -36,20 +36,14 @@ pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRa
     features
 }
 
-/// What the surfaces of a scene need: features of the same name.
-fn of_scene(scene: SceneFeatures) -> Features {
-    let named = scene.iter_names().filter_map(|(name, _)| Features::from_name(name));
-    named.fold(Features::empty(), Features::union) - OF_FRAME
-}
-
 /// What the leaves of its meshes need.
 fn of_leaves(kinds: &BTreeSet<LeafKind>) -> Features {
-    kinds.iter().map(|&kind| leaf_of(kind).needs).fold(Features::empty(), Features::union)
+    kinds.iter().map(|&kind| kind.row().needs).fold(Features::empty(), Features::union)
 }
 
 /// Whether some material makes surfaces be there or not.
 pub(crate) fn has_cutouts(snapshot: &Snapshot) -> bool {
-    snapshot.features.contains(SceneFeatures::CUTOUTS)
+    snapshot.features.contains(Features::CUTOUTS)
 }
 
 /// The specialisation of the passes for these features.
@@ -160,19 +154,6 @@ mod tests {
         let list = list(Features::LENS, Features::LENS);
         let lens = list.iter().find(|entry| entry.name == "LENS").expect("by the shaders' name");
         assert!(lens.present && lens.carried && list.iter().filter(|entry| entry.present).count() == 1, "{list:?}");
-    }
-
-    #[test]
-    fn scene_features_map_to_shader_features_by_name() {
-        let all = of_scene(SceneFeatures::all());
-        for (name, _) in SceneFeatures::all().iter_names() {
-            // Traversal asks the mesh, not the pass.
-            let named = Features::from_name(name).or((name == "SINGLE_SIDED").then(Features::empty));
-            let named = named.unwrap_or_else(|| panic!("{name} is no feature of the shaders"));
-            assert!(all.contains(named - OF_FRAME), "{name}");
-        }
-        assert_eq!(of_scene(SceneFeatures::PTEX | SceneFeatures::COAT), Features::PTEX | Features::COAT);
-        assert_eq!(of_scene(SceneFeatures::LENS | SceneFeatures::DOME), Features::empty(), "the frame says so");
     }
 
     #[test]

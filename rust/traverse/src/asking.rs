@@ -3,8 +3,8 @@
 //! `resolve_cutouts` answers. Any thread.
 
 use crate::pending::{Item, before};
+use oocpt_abi::Question;
 use oocpt_gpu::HostWords;
-use oocpt_shader_abi::Question;
 
 /// Words of a question.
 const QUESTION_WORDS: usize = size_of::<Question>() / 4;

@@ -3,10 +3,10 @@
 
 use crate::pending::before;
 use crate::presence::{Opacity, Presence};
-use crate::sampler::{combine, hash, unit};
 use crate::texture::{Looked, Lookup};
-use crate::walk::{SECOND_SURFACE, Surface, Walk};
-use oocpt_shader_abi::{Question, RayFlags};
+use crate::walk::{Surface, Walk};
+use oocpt_abi::sampler::{combine, hash, unit_float};
+use oocpt_abi::{Question, RayFlags, SECOND_SURFACE};
 
 /// Bits of `Question::flags`, as in include/cutout.glsl.
 const CHANNEL_SHIFT: u32 = 4;
@@ -54,7 +54,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         };
         let is_chance = threshold <= 0.0;
         let of_aovs = self.scene.is_of_aovs();
-        let chance = || unit(hash(combine(self.world.seed, combine(above, number))));
+        let chance = || unit_float(hash(combine(self.world.seed, combine(above, number))));
         let limit = match is_chance {
             false => threshold,
             true if of_aovs => 0.0,

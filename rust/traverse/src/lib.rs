@@ -24,7 +24,6 @@ mod pending;
 mod pose;
 mod presence;
 mod primvar;
-mod sampler;
 mod scene;
 mod simd;
 mod texture;
@@ -33,7 +32,7 @@ mod walk;
 
 pub use passes::{closest, shadow};
 
-use oocpt_shader_abi::Features;
+use oocpt_abi::Features;
 
 /// What the passes are specialised by: the constants of the shaders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Placements that move, at the time of a path (`include/motion.glsl`, in its operations). Pure, any thread.
 
-use crate::sampler::{first_coordinate, pixel_seed};
 use crate::scene::Scene;
 use crate::vector::{Rows, V3, apply_columns, dot3};
+use oocpt_abi::sampler::{pixel_seed, sample_1d};
+use oocpt_abi::{Features, GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING, TIME_SET};
 use oocpt_gpu::HostBytes;
-use oocpt_shader_abi::{Features, GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
 
-/// `TIME_SET`.
-const TIME_SET: u32 = 0x4000_0000;
 /// Units of 16 bytes in a key.
 const KEY_QUADS: usize = 4;
 const _: () = assert!(size_of::<GpuMotionKey>() == 16 * KEY_QUADS, "a key has so many units");
@@ -29,7 +27,8 @@ impl Scene<'_> {
             return 0.5;
         }
         let (seed, pixel, sample) = self.sample_of(path);
-        first_coordinate(sample, TIME_SET, pixel_seed(self.pixel_position(pixel), seed))
+        let [x, y] = self.pixel_position(pixel);
+        sample_1d(sample, TIME_SET, pixel_seed(x, y, seed))
     }
 
     /// `pixel_position` of include/wavefront.glsl.

@@ -2,7 +2,7 @@
 //! A ray against the boxes of a node's four children: traversal/node.glsl. Pure, any thread.
 
 use crate::vector::V3;
-use oocpt_shader_abi::{ABSENT, GpuMeshNode, LEAF, POINT_BUNDLE};
+use oocpt_abi::{ABSENT, Bvh4Node, LEAF, POINT_BUNDLE};
 use std::hint::select_unpredictable;
 
 /// The number of an inner node, or of what a leaf begins with.
@@ -50,7 +50,7 @@ pub(crate) struct MeshChildren {
 
 impl MeshChildren {
     #[inline(always)]
-    pub(crate) fn new(node: &GpuMeshNode) -> Self {
+    pub(crate) fn new(node: &Bvh4Node) -> Self {
         let [.., counts] = node.cell_and_counts.to_le_bytes();
         Self {
             inner: node.first_child >> 28,

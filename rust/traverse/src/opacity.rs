@@ -3,14 +3,14 @@
 //! (`include/opacity_seed.glsl`). Any thread.
 
 use crate::primvar::indices;
-use crate::sampler::{combine, hash, unit};
 use crate::scene::Scene;
 use crate::walk::{Surface, Walk};
-use oocpt_gpu::HostBytes;
-use oocpt_shader_abi::{
+use oocpt_abi::sampler::{combine, hash, unit_float};
+use oocpt_abi::{
     Adaptive, Features, MeshFlags, NAME_DISPLAY_OPACITY, NO_MATERIAL, STREAM_BIT, STREAM_SEED, SUBSET_MASK, Segment,
     unpack_band,
 };
+use oocpt_gpu::HostBytes;
 
 impl Scene<'_> {
     /// The seed of a ray of a path: `ray` is twice the bounce, and one more for shadow rays.
@@ -91,6 +91,6 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         }
         let records = &self.chain[..=self.level_index()];
         let ids = records.iter().fold(combine(self.world.seed, self.chunk_instance), |h, &record| combine(h, record));
-        unit(hash(combine(ids, number))) < opacity
+        unit_float(hash(combine(ids, number))) < opacity
     }
 }

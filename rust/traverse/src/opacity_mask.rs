@@ -6,13 +6,8 @@
 use crate::primvar::Corners;
 use crate::texture::near_image;
 use crate::vector::{V3, cross3, dot3};
+use oocpt_abi::{GpuCutout, MASK_SET, MOST_ANISOTROPY, WRAP_BLACK, WRAP_MIRROR, WRAP_REPEAT};
 use oocpt_gpu::{HostBytes, HostView};
-use oocpt_shader_abi::{GpuCutout, WRAP_BLACK, WRAP_MIRROR, WRAP_REPEAT};
-
-/// As in `oocpt_core::texture::MASK_SET`.
-const MASK_SET: u32 = 1 << 7;
-/// As in include/footprint.glsl.
-const MOST_ANISOTROPY: f32 = 16.0;
 
 /// A candidate of a hit, and the ray.
 #[derive(Clone, Copy, Debug)]

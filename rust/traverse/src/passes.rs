@@ -18,11 +18,11 @@ use crate::simd::{Portable, Simd};
 use crate::vector::V3;
 use crate::walk::{Walk, WorldRay};
 use crate::{Special, TraceError};
-use oocpt_gpu::{HostView, HostWords};
-use oocpt_shader_abi::{
+use oocpt_abi::{
     Counters, Features, PathProgress, Pending, Push, RAY_WORD_IN_SHADOW, Ray, RayFlags, ShadowRay, hit_stride,
     unpack_color,
 };
+use oocpt_gpu::{HostView, HostWords};
 use rayon::prelude::*;
 use std::mem::offset_of;
 

@@ -2,9 +2,9 @@
 //! Streaming: the items that a ray has come to and could not visit, the first four (traversal/pending.glsl). Pure, any
 //! thread.
 
-use oocpt_shader_abi::{NO_MESH, pack_waiting, waiting_count};
+use oocpt_abi::{NO_MESH, pack_waiting, waiting_count};
 
-const MAX: usize = oocpt_shader_abi::MAX_PENDING as usize;
+const MAX: usize = oocpt_abi::MAX_PENDING as usize;
 
 /// A distance and a number, in the order of a ray.
 pub(crate) type Key = (f32, u32);

@@ -3,8 +3,8 @@
 
 use crate::scene::Scene;
 use crate::vector::V3;
+use oocpt_abi::{Features, GpuMesh, GpuPoint, GpuTriangle, Leaf, MESH_KEYS_SHIFT, MeshFlags};
 use oocpt_gpu::{HostBytes, HostSpan};
-use oocpt_shader_abi::{Features, GpuMesh, GpuPoint, GpuTriangle, Leaf, MESH_KEYS_SHIFT, MeshFlags};
 
 /// The arrays of the two keys that a time is between.
 #[derive(Clone, Copy, Debug)]

@@ -4,10 +4,8 @@
 
 use crate::scene::Scene;
 use crate::walk::Walk;
+use oocpt_abi::{AttributeRate, Features, GpuAttribute, GpuInstance, NO_NAME, NO_ROW, NO_VALUE, TARGET_ASSEMBLY};
 use oocpt_gpu::HostBytes;
-use oocpt_shader_abi::{
-    AttributeRate, Features, GpuAttribute, GpuInstance, NO_NAME, NO_ROW, NO_VALUE, TARGET_ASSEMBLY,
-};
 
 /// As the shaders keep all of them, however wide.
 pub(crate) type Value = [f32; 4];

@@ -2,11 +2,11 @@
 //! What the trace passes read, resolved once for a pass: addresses become bytes with bounds. Any thread.
 
 use crate::{Special, TraceError};
-use oocpt_gpu::{HostBytes, HostView};
-use oocpt_shader_abi::{
+use oocpt_abi::{
     Features, Frame, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, Lighting, Push, PushFlags,
     Streaming,
 };
+use oocpt_gpu::{HostBytes, HostView};
 
 /// See the module.
 #[derive(Debug)]

@@ -12,7 +12,7 @@ pub(crate) use avx2::Avx2;
 use crate::node::{BoxRay, MeshChildren, Met};
 use crate::vector::{V3, dot3, safe_reciprocal};
 use bytemuck::cast;
-use oocpt_shader_abi::{ABSENT, GpuLevelNode, GpuMeshNode};
+use oocpt_abi::{ABSENT, Bvh4Node, LevelNode, SLAB_PAD};
 use std::fmt::Debug;
 
 /// What every node begins with: `origin` and `cell`, the lower planes, the upper planes, and two numbers of its own.
@@ -41,7 +41,7 @@ pub(crate) trait Simd: Copy + Debug + Send + Sync {
 
     /// The children of a node of the top level, a chunk or an assembly.
     #[inline(always)]
-    fn meet_level(self, node: &GpuLevelNode, ray: &BoxRay, limit: f32, entry: f32) -> Met {
+    fn meet_level(self, node: &LevelNode, ray: &BoxRay, limit: f32, entry: f32) -> Met {
         let [grid @ .., _]: [[u32; 4]; 4] = cast(*node);
         let mut met = self.meet(&grid, ray, limit, entry);
         met.mask &= self.there(&node.child);
@@ -50,7 +50,7 @@ pub(crate) trait Simd: Copy + Debug + Send + Sync {
 
     /// The children of a node of a mesh.
     #[inline(always)]
-    fn meet_mesh(self, node: &GpuMeshNode, ray: &BoxRay, limit: f32, entry: f32) -> Met {
+    fn meet_mesh(self, node: &Bvh4Node, ray: &BoxRay, limit: f32, entry: f32) -> Met {
         let mut met = self.meet(&cast(*node), ray, limit, entry);
         met.mask &= MeshChildren::new(node).there();
         met
@@ -67,9 +67,6 @@ pub(crate) trait Simd: Copy + Debug + Send + Sync {
 /// What every processor has.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable;
-
-/// `SLAB_PAD` of traversal/box.glsl.
-const SLAB_PAD: f32 = 1.000_001_2;
 
 impl Simd for Portable {
     #[inline(always)]

@@ -5,12 +5,12 @@
 
 use crate::scene::Scene;
 use half::f16;
-use oocpt_gpu::HostBytes;
-use oocpt_shader_abi::{
+use oocpt_abi::{
     Features, GpuTexture, PAGE_BROKEN, TAIL_SIDE, TEXTURE_BORDER, TEXTURE_CHANNELS, TEXTURE_F16, TEXTURE_FORMAT_SHIFT,
     TEXTURE_SRGB, TEXTURE_U8, TEXTURE_UDIM, TEXTURE_WRAP_S_SHIFT, TEXTURE_WRAP_T_SHIFT, TILE_SIDE, TextureFeedback,
     WRAP_BLACK, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
+use oocpt_gpu::HostBytes;
 use std::mem::offset_of;
 
 /// `UNKNOWN_TEXEL`.

@@ -19,20 +19,15 @@ use crate::pose::Pose;
 use crate::scene::Scene;
 use crate::simd::Simd;
 use crate::vector::V3;
-pub(crate) use crate::walk::leaves::{SECOND_SURFACE, Surface};
+pub(crate) use crate::walk::leaves::Surface;
 use crate::walk::mesh::triangles_of;
 use crate::walk::stack::{Key, Stack};
-use oocpt_gpu::{HostBytes, HostSpan};
-use oocpt_shader_abi::{
-    DONE, Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuPoint, GpuTriangle, LEAF, LISTED, RETURN,
-    RayFlags,
+use oocpt_abi::{
+    Bvh4Node, CULL_PAD, DONE, Features, GpuInstance, GpuMesh, GpuPoint, GpuTriangle, LEAF, LISTED, LevelNode,
+    MAX_LEVELS, RETURN, RayFlags,
 };
+use oocpt_gpu::{HostBytes, HostSpan};
 
-/// Boxes are culled only this far behind the closest hit (traverse.glsl).
-const CULL_PAD: f32 = 1.000_003_8;
-const ENTRY_SCALE: f32 = 0.999_996_4;
-const TOP_PAD: f32 = 1.8e-7;
-const MESH_PAD: f32 = 2.1e-6;
 /// Steps that a ray may take, a thousand times what rays of the largest scenes take.
 const MOST_STEPS: u32 = 1 << 24;
 /// Geometry of fewer bytes is taken to be in the caches: a ray goes on as long as [`LONG_TURN`] says. Of more each step
@@ -41,7 +36,7 @@ const CACHED_BYTES: u64 = 16 << 20;
 /// Steps: nodes, leaves or instances.
 const LONG_TURN: u32 = 256;
 /// Deepest chain of instance records.
-pub(crate) const MOST_LEVELS: usize = 16;
+pub(crate) const MOST_LEVELS: usize = MAX_LEVELS as usize;
 
 /// The world ray.
 #[derive(Clone, Copy, Debug, Default)]
@@ -297,8 +292,8 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     fn prefetch(&self, reference: u32) {
         let number = (reference & NUMBER) as usize;
         match (reference < LEAF, self.in_mesh) {
-            (true, true) => self.at.nodes.prefetch::<GpuMeshNode>(number, 1),
-            (true, false) => self.at.nodes.prefetch::<GpuLevelNode>(number, 1),
+            (true, true) => self.at.nodes.prefetch::<Bvh4Node>(number, 1),
+            (true, false) => self.at.nodes.prefetch::<LevelNode>(number, 1),
             (false, true) if self.pose.of_points => {
                 self.pose.triangles.prefetch::<GpuPoint>(number, triangles_of(reference) as usize);
             }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a lobe is: a file of bsdf/lobes with five functions, and a row of rust/shader_abi/src/abi/lobes.rs, from which
+// What a lobe is: a file of bsdf/lobes with five functions, and a row of rust/abi/src/lobes.rs, from which
 // the build writes what goes through all lobes (generated/lobe_functions.glsl). Of the lobe NAME:
 //   bool NAME_exists(const Bsdf b)
 //                                  whether it may reflect anything; where no lobe but the diffuse one does, the surface

@@ -14,8 +14,6 @@
 
 #include "include/memory.glsl"
 
-const float SHARP_ROUGHNESS = 0.01;
-
 #ifndef BSDF_TABLES
 #define BSDF_TABLES FRAME.bsdf_tables
 #endif

@@ -2,7 +2,8 @@
 //! The flattened scene: every placement of every triangle in f64, with what the AOVs and the path tracer ask of it.
 
 use glam::{DMat4, DVec3, DVec4};
-use oocpt_core::scene::snapshot::{Assembly, Attribute, AttributeRate, InstanceRecord, MeshAsset, Snapshot, Target};
+use oocpt_abi::AttributeRate;
+use oocpt_core::scene::snapshot::{Assembly, Attribute, InstanceRecord, MeshAsset, Snapshot, Target};
 
 use crate::JudgeError;
 use crate::bvh::{Bvh, Crossing};

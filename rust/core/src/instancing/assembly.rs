@@ -16,7 +16,7 @@ use crate::mesh::Aabb;
 /// (`mesh::level`); as many as a node each are counted, so that scenes keep the chunks and the bits that they had.
 pub const RECORD_BYTES: u64 = 128;
 /// Device bytes of a key of a placement that moves.
-pub const KEY_BYTES: u64 = 64;
+pub const KEY_BYTES: u64 = size_of::<oocpt_abi::GpuMotionKey>() as u64;
 
 /// What an instance record places.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -195,7 +195,7 @@ impl Assembly {
     }
 
     /// Writes the values that records `range` have in `column`, one after the other, [`InstanceColumn::width`] floats
-    /// each; [`NO_VALUE`](crate::scene::NO_VALUE) in all of them for a record without. As [`Assembly::encode`]
+    /// each; [`NO_VALUE`](oocpt_abi::NO_VALUE) in all of them for a record without. As [`Assembly::encode`]
     /// otherwise.
     pub fn encode_values(&self, column: InstanceColumn, range: Range<usize>, out: &mut [f32]) {
         let width = column.width.max(1) as usize;

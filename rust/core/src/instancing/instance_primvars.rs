@@ -6,6 +6,7 @@
 //! borrowed arrays; those of a chunk or an assembly are computed record by record when it is loaded, like the records
 //! themselves. Pure; any thread.
 
+use oocpt_abi::NO_VALUE;
 use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
@@ -14,13 +15,6 @@ use super::reader::Numbers;
 use super::run::Run;
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{InstancerDesc, Interpolation, Primvar};
-
-/// Number of the name `displayColor`.
-pub const DISPLAY_COLOR: u32 = 0;
-/// Number of the name `displayOpacity`.
-pub const DISPLAY_OPACITY: u32 = 1;
-/// Stands in the first float of a value where a record has none: a NaN, which no value is.
-pub const NO_VALUE: u32 = 0x7fc0_0000;
 
 /// Values looked at by one task.
 const TASK: usize = 1 << 14;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The surface node of a network to a [`Material`]. Pure.
 
+use oocpt_abi::{MaterialFlags, MaterialInput, SHARP_ROUGHNESS};
 use std::sync::Arc;
 
 use super::displacement::Displacement;
@@ -8,12 +9,9 @@ use super::materialx::{self, is_materialx};
 use super::params::{Problems, Shape, connection, numbers, text};
 use super::reader::READER;
 use super::texture::is_texture;
-use super::{INPUTS, Input, InputName, Material, MaterialFlags, PTEX_SET, PrimvarSlot, TextureRef, UvSet};
+use super::{Input, Material, PTEX_SET, PrimvarSlot, TextureRef, UvSet};
 use crate::desc::{MaterialDesc, NodeDesc};
 use oocpt_materialx::program::Program;
-
-/// Surfaces that are less rough are sharp (`shaders/include/bsdf/tables.glsl`).
-pub(super) const SHARP_ROUGHNESS: f32 = 0.01;
 
 /// Most nodes of a network.
 pub const MAX_NODES: usize = 4096;
@@ -69,7 +67,7 @@ pub fn compile(desc: &MaterialDesc) -> Compiled {
     Compiled { material, textures, displacement, problems }
 }
 
-/// Name, shape and default of each input of a `UsdPreviewSurface`, by [`InputName`].
+/// Name, shape and default of each input of a `UsdPreviewSurface`, by [`MaterialInput`].
 const SURFACE: [(&str, Shape, [f32; 4]); 10] = [
     ("diffuseColor", Shape::Color, [0.18, 0.18, 0.18, 1.0]),
     ("emissiveColor", Shape::Color, [0.0, 0.0, 0.0, 1.0]),
@@ -84,15 +82,15 @@ const SURFACE: [(&str, Shape, [f32; 4]); 10] = [
 ];
 
 /// Inputs that say nothing. What `UsdPreviewSurface` has no name for keeps them.
-pub(crate) const NEUTRAL: [Input; INPUTS] = {
-    let mut inputs = [const { Input::Constant([0.0, 0.0, 0.0, 1.0]) }; INPUTS];
-    inputs[InputName::Opacity as usize] = Input::Constant([1.0; 4]);
-    inputs[InputName::Ior as usize] = Input::Constant([1.5; 4]);
-    inputs[InputName::Normal as usize] = Input::Constant([0.0, 0.0, 1.0, 1.0]);
-    inputs[InputName::TransmissionColor as usize] = Input::Constant([1.0; 4]);
-    inputs[InputName::CoatIor as usize] = Input::Constant([1.5; 4]);
-    inputs[InputName::SheenRoughness as usize] = Input::Constant([0.5; 4]);
-    inputs[InputName::Anisotropy as usize] = Input::Constant([1.0, 0.0, 1.0, 0.0]);
+pub(crate) const NEUTRAL: [Input; MaterialInput::COUNT] = {
+    let mut inputs = [const { Input::Constant([0.0, 0.0, 0.0, 1.0]) }; MaterialInput::COUNT];
+    inputs[MaterialInput::Opacity as usize] = Input::Constant([1.0; 4]);
+    inputs[MaterialInput::Ior as usize] = Input::Constant([1.5; 4]);
+    inputs[MaterialInput::Normal as usize] = Input::Constant([0.0, 0.0, 1.0, 1.0]);
+    inputs[MaterialInput::TransmissionColor as usize] = Input::Constant([1.0; 4]);
+    inputs[MaterialInput::CoatIor as usize] = Input::Constant([1.5; 4]);
+    inputs[MaterialInput::SheenRoughness as usize] = Input::Constant([0.5; 4]);
+    inputs[MaterialInput::Anisotropy as usize] = Input::Constant([1.0, 0.0, 1.0, 0.0]);
     inputs
 };
 
@@ -141,7 +139,7 @@ impl<'a> Compiler<'a> {
             }
         };
         let threshold = threshold.max(0.0);
-        let opacity = &mut inputs[InputName::Opacity as usize];
+        let opacity = &mut inputs[MaterialInput::Opacity as usize];
         if let (Input::Constant([value, ..]), true) = (&opacity, threshold > 0.0) {
             *opacity = Input::Constant([if *value < threshold { 0.0 } else { 1.0 }; 4]);
         }
@@ -155,9 +153,9 @@ impl<'a> Compiler<'a> {
         flags.set(MaterialFlags::SPECULAR_WORKFLOW, workflow != 0.0);
         flags.set(MaterialFlags::PRESENCE, is_clear && (is_presence || threshold > 0.0));
         flags.set(MaterialFlags::TRANSMISSIVE, is_clear && !is_presence && threshold <= 0.0);
-        let is_rough = |name: InputName| !matches!(&inputs[name as usize], Input::Constant([value, ..]) if *value < SHARP_ROUGHNESS);
-        let rough = is_rough(InputName::Roughness)
-            || flags.contains(MaterialFlags::COAT) && is_rough(InputName::ClearcoatRoughness);
+        let is_rough = |name: MaterialInput| !matches!(&inputs[name as usize], Input::Constant([value, ..]) if *value < SHARP_ROUGHNESS);
+        let rough = is_rough(MaterialInput::Roughness)
+            || flags.contains(MaterialFlags::COAT) && is_rough(MaterialInput::ClearcoatRoughness);
         flags.set(MaterialFlags::ROUGH_TRANSMISSION, flags.contains(MaterialFlags::TRANSMISSIVE) && rough);
         Some(Material {
             flags,
@@ -195,23 +193,23 @@ impl<'a> Compiler<'a> {
 }
 
 /// What can be told from the inputs alone.
-pub(super) fn needs(inputs: &[Input; INPUTS]) -> MaterialFlags {
-    let differs = |name: InputName, from: [f32; 3]| match &inputs[name as usize] {
+pub(super) fn needs(inputs: &[Input; MaterialInput::COUNT]) -> MaterialFlags {
+    let differs = |name: MaterialInput, from: [f32; 3]| match &inputs[name as usize] {
         Input::Constant([x, y, z, _]) => [*x, *y, *z] != from,
         _ => true,
     };
-    let emits = match &inputs[InputName::EmissiveColor as usize] {
+    let emits = match &inputs[MaterialInput::EmissiveColor as usize] {
         Input::Constant([r, g, b, _]) => *r > 0.0 || *g > 0.0 || *b > 0.0,
         _ => true,
     };
-    let coated = match &inputs[InputName::Clearcoat as usize] {
+    let coated = match &inputs[MaterialInput::Clearcoat as usize] {
         Input::Constant([value, ..]) => *value > 0.0,
         _ => true,
     };
     let mut flags = MaterialFlags::empty();
     flags.set(MaterialFlags::EMISSIVE, emits);
     flags.set(MaterialFlags::COAT, coated);
-    flags.set(MaterialFlags::NORMAL_MAP, differs(InputName::Normal, [0.0, 0.0, 1.0]));
+    flags.set(MaterialFlags::NORMAL_MAP, differs(MaterialInput::Normal, [0.0, 0.0, 1.0]));
     flags.set(MaterialFlags::TEXTURED, inputs.iter().any(|input| matches!(input, Input::Texture { .. })));
     flags
 }

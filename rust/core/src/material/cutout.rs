@@ -3,10 +3,11 @@
 //!
 //! Meshes know nothing of materials but this and [`super::Displacement`].
 
+use oocpt_abi::{MaterialFlags, MaterialInput};
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use super::{Compiled, Input, InputName, MaterialFlags, PTEX_SET, TextureRef};
+use super::{Compiled, Input, PTEX_SET, TextureRef};
 
 /// What is there of a surface.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,7 +59,7 @@ impl Compiled {
         if !is_asked || material.flags.contains(MaterialFlags::EMISSIVE) || !threshold.is_finite() {
             return None;
         }
-        match *material.input(InputName::Opacity) {
+        match *material.input(MaterialInput::Opacity) {
             Input::Texture { texture, channel, scale, bias, uv, transform } => {
                 let texture = self.textures.get(texture as usize).filter(|texture| !texture.is_ptex)?;
                 let set = material.uv_sets.get(usize::from(uv?)).filter(|set| &*set.name != PTEX_SET)?;

@@ -4,6 +4,7 @@
 //!
 //! Names and texts come from scenes: each is shown without control characters, up to [`LONGEST_TEXT`] of it.
 
+use oocpt_abi::{MaterialFlags, MaterialInput};
 use oocpt_materialx::Offset;
 use oocpt_materialx::listing::{Cost, Names, formulas, instructions, numbers};
 use oocpt_materialx::program::Program;
@@ -12,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::compile::{Compiled, MAX_NODES, NEUTRAL, compile};
 use super::displacement::{Displacement, PatternDisplacement, PreviewDisplacement};
 use super::materialx::is_materialx;
-use super::{Input, InputName, Material, MaterialFlags, TextureRef};
+use super::{Input, Material, TextureRef};
 use crate::desc::{MaterialDesc, NodeDesc, ParamValue};
 
 /// Most characters of a text of the scene that are shown.
@@ -142,24 +143,24 @@ fn fill(text: &mut MaterialText, material: &Material, compiled: &Compiled, is_sl
         text.emission_program = program_text(&emission.program, &reader);
     }
     let is_hair = material.flags.contains(MaterialFlags::HAIR);
-    let by_program = |program, wanted: &dyn Fn(InputName) -> bool| {
-        let register = |name: &InputName| match material.input(*name) {
+    let by_program = |program, wanted: &dyn Fn(MaterialInput) -> bool| {
+        let register = |name: &MaterialInput| match material.input(*name) {
             Input::Register(register) if wanted(*name) => Some((*name, *register)),
             _ => None,
         };
-        let found: Vec<(InputName, u8)> = InputName::ALL.iter().filter_map(register).collect();
+        let found: Vec<(MaterialInput, u8)> = MaterialInput::ALL.iter().filter_map(register).collect();
         let registers: Vec<u8> = found.iter().map(|(_, register)| *register).collect();
         let (values, roots) = formulas(program, &registers, &reader);
         (values, found.into_iter().map(|(name, _)| name).zip(roots).collect::<Vec<_>>())
     };
-    let (values, mut roots) = by_program(&material.program, &|name| name != InputName::Opacity);
-    let (opacity_values, opacity_roots) = by_program(&material.opacity_program, &|name| name == InputName::Opacity);
+    let (values, mut roots) = by_program(&material.program, &|name| name != MaterialInput::Opacity);
+    let (opacity_values, opacity_roots) = by_program(&material.opacity_program, &|name| name == MaterialInput::Opacity);
     text.values = values;
     // Of another program: their numbers are their own.
     let own = |line: &String| format!("opacity: {line}");
     text.values.extend(opacity_values.iter().map(own));
     roots.extend(opacity_roots);
-    for name in InputName::ALL {
+    for name in MaterialInput::ALL {
         let Some(label) = label(name, is_hair) else { continue };
         let input = material.input(name);
         if is_neutral(input, name) && !(is_slab && is_basic(name)) {
@@ -176,7 +177,7 @@ fn fill(text: &mut MaterialText, material: &Material, compiled: &Compiled, is_sl
 }
 
 /// Whether it is what it is where nothing is said, as far as its components count.
-fn is_neutral(input: &Input, name: InputName) -> bool {
+fn is_neutral(input: &Input, name: MaterialInput) -> bool {
     match (input, &NEUTRAL[name as usize]) {
         (Input::Constant(value), Input::Constant(neutral)) => {
             value.iter().zip(neutral).take(name.width()).all(|(value, neutral)| value.to_bits() == neutral.to_bits())
@@ -186,23 +187,26 @@ fn is_neutral(input: &Input, name: InputName) -> bool {
 }
 
 /// Told of every surface, whatever they are.
-fn is_basic(name: InputName) -> bool {
-    matches!(name, InputName::DiffuseColor | InputName::Metallic | InputName::Roughness | InputName::Ior)
+fn is_basic(name: MaterialInput) -> bool {
+    matches!(
+        name,
+        MaterialInput::DiffuseColor | MaterialInput::Metallic | MaterialInput::Roughness | MaterialInput::Ior
+    )
 }
 
 /// What an input is called; `None`: fibres do not have it.
-fn label(name: InputName, is_hair: bool) -> Option<String> {
+fn label(name: MaterialInput, is_hair: bool) -> Option<String> {
     if is_hair {
         let label = match name {
-            InputName::DiffuseColor => "tint of R",
-            InputName::SpecularColor => "tint of TT",
-            InputName::TransmissionColor => "tint of TRT",
-            InputName::Anisotropy => "variance and scale of R, of TT",
-            InputName::ThinFilm => "variance and scale of TRT, tilt",
-            InputName::Absorption => "absorption by radius",
-            InputName::Ior => "ior",
-            InputName::EmissiveColor => "emissive color",
-            InputName::Opacity => "opacity",
+            MaterialInput::DiffuseColor => "tint of R",
+            MaterialInput::SpecularColor => "tint of TT",
+            MaterialInput::TransmissionColor => "tint of TRT",
+            MaterialInput::Anisotropy => "variance and scale of R, of TT",
+            MaterialInput::ThinFilm => "variance and scale of TRT, tilt",
+            MaterialInput::Absorption => "absorption by radius",
+            MaterialInput::Ior => "ior",
+            MaterialInput::EmissiveColor => "emissive color",
+            MaterialInput::Opacity => "opacity",
             _ => return None,
         };
         return Some(label.to_owned());

@@ -7,6 +7,7 @@
 
 mod definitions;
 
+use oocpt_abi::{MaterialFlags, MaterialInput, SHARP_ROUGHNESS};
 use std::sync::Arc;
 
 use oocpt_materialx::library::standard;
@@ -15,11 +16,11 @@ use oocpt_materialx::uses::{AddressMode, Texture};
 use oocpt_materialx::value::{FileRef, Value};
 use oocpt_materialx::{InputSource, Offset, Translation, translate, translate_displacement};
 
-use super::compile::{Compiled, MAX_NODES, SHARP_ROUGHNESS, needs};
+use super::compile::{Compiled, MAX_NODES, needs};
 use super::displacement::{Displacement, PatternDisplacement};
 use super::params::Problems;
 use super::spaces::{linear_from_srgb, named};
-use super::{ColorSpace, INPUTS, Input, InputName, Material, MaterialFlags, PrimvarSlot, TextureRef, UvSet, Wrap};
+use super::{ColorSpace, Input, Material, PrimvarSlot, TextureRef, UvSet, Wrap};
 use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 
 /// What the kinds of `MaterialX` nodes begin with, in their namespace.
@@ -171,17 +172,17 @@ fn texture(texture: &Texture) -> TextureRef {
 }
 
 /// Anisotropy, a film, and what is inside of what transmits.
-fn inside(inputs: &[Input; INPUTS], transmits: bool, translation: &Translation) -> MaterialFlags {
+fn inside(inputs: &[Input; MaterialInput::COUNT], transmits: bool, translation: &Translation) -> MaterialFlags {
     let is_thin = translation.thin_walled;
-    let constant = |name: InputName| match inputs[name as usize] {
+    let constant = |name: MaterialInput| match inputs[name as usize] {
         Input::Constant(value) => Some(value),
         _ => None,
     };
-    let is_even = constant(InputName::Anisotropy).is_some_and(|[a, _, b, _]| a >= 1.0 && b >= 1.0);
+    let is_even = constant(MaterialInput::Anisotropy).is_some_and(|[a, _, b, _]| a >= 1.0 && b >= 1.0);
     // Without a weight or a thickness there is none.
     let is_bare =
-        constant(InputName::ThinFilm).is_some_and(|[weight, thickness, ..]| weight <= 0.0 || thickness <= 0.0);
-    let is_clear = constant(InputName::Absorption).is_some_and(|value| value.iter().take(3).all(|a| *a <= 0.0));
+        constant(MaterialInput::ThinFilm).is_some_and(|[weight, thickness, ..]| weight <= 0.0 || thickness <= 0.0);
+    let is_clear = constant(MaterialInput::Absorption).is_some_and(|value| value.iter().take(3).all(|a| *a <= 0.0));
     let mut flags = MaterialFlags::empty();
     flags.set(MaterialFlags::ANISOTROPIC, !is_even);
     flags.set(MaterialFlags::THIN_FILM, !is_bare);
@@ -222,22 +223,22 @@ fn material(translation: &Translation) -> Option<Material> {
         }
         InputSource::Register(register) => Input::Register(register),
     });
-    let input = |name: InputName| &inputs[name as usize];
-    let is_more = |name: InputName, than: f32| match input(name) {
+    let input = |name: MaterialInput| &inputs[name as usize];
+    let is_more = |name: MaterialInput, than: f32| match input(name) {
         Input::Constant([x, y, z, _]) => *x > than || *y > than || *z > than,
         _ => true,
     };
-    let is_clear = !matches!(input(InputName::Opacity), Input::Constant([value, ..]) if *value >= 1.0);
-    let transmits = is_more(InputName::Transmission, 0.0);
-    let rough = is_more(InputName::Roughness, SHARP_ROUGHNESS)
-        || is_more(InputName::Clearcoat, 0.0) && is_more(InputName::ClearcoatRoughness, SHARP_ROUGHNESS);
+    let is_clear = !matches!(input(MaterialInput::Opacity), Input::Constant([value, ..]) if *value >= 1.0);
+    let transmits = is_more(MaterialInput::Transmission, 0.0);
+    let rough = is_more(MaterialInput::Roughness, SHARP_ROUGHNESS)
+        || is_more(MaterialInput::Clearcoat, 0.0) && is_more(MaterialInput::ClearcoatRoughness, SHARP_ROUGHNESS);
     let mut flags = needs(&inputs) | inside(&inputs, transmits, translation) | MaterialFlags::OPEN_PBR;
     flags.set(MaterialFlags::SPECULAR_WORKFLOW, translation.specular_workflow);
     flags.set(MaterialFlags::PRESENCE, is_clear);
     flags.set(MaterialFlags::TRANSMISSIVE, transmits);
     flags.set(MaterialFlags::ROUGH_TRANSMISSION, transmits && rough);
-    flags.set(MaterialFlags::SHEEN, is_more(InputName::SheenColor, 0.0));
-    flags.set(MaterialFlags::ROUGH_DIFFUSE, is_more(InputName::DiffuseRoughness, 0.0));
+    flags.set(MaterialFlags::SHEEN, is_more(MaterialInput::SheenColor, 0.0));
+    flags.set(MaterialFlags::ROUGH_DIFFUSE, is_more(MaterialInput::DiffuseRoughness, 0.0));
     flags.set(MaterialFlags::FRAMED_NORMAL, translation.framed_normal);
     if translation.hair {
         // Its inputs of these names mean something else.

@@ -18,14 +18,11 @@ mod reader;
 mod spaces;
 mod texture;
 
+use oocpt_abi::{MaterialFlags, MaterialInput, NAME_FRAME_X, NAME_FRAME_Y, NAME_NORMAL, NAME_POSITION, NAME_PTEX};
 use std::sync::Arc;
 
-use bitflags::bitflags;
 use oocpt_materialx::Emission;
 use oocpt_materialx::program::{Lookup, Program};
-/// Number of inputs, and their places in [`Material::inputs`]: those of the one BSDF, which `MaterialX` is translated
-/// to.
-pub use oocpt_materialx::surface::{INPUTS, Input as InputName};
 
 use crate::desc::AssetRef;
 
@@ -41,58 +38,6 @@ pub use texture::is_ptex_name;
 pub const MAX_UV_SETS: usize = 2;
 /// Other primvars that a material may read.
 pub const MAX_PRIMVARS: usize = 2;
-
-bitflags! {
-    /// What a material needs.
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-    pub struct MaterialFlags: u32 {
-        /// `specularColor` is the reflectance at normal incidence; else metallic and ior give it.
-        const SPECULAR_WORKFLOW = 1;
-        /// Opacity is whether the surface is there, asked for in traversal (`opacityThreshold` or `opacityMode`
-        /// presence).
-        const PRESENCE = 2;
-        /// What opacity leaves is transmitted.
-        const TRANSMISSIVE = 4;
-        /// Emits light.
-        const EMISSIVE = 8;
-        /// Has a clearcoat.
-        const COAT = 16;
-        /// Has a normal other than (0, 0, 1).
-        const NORMAL_MAP = 32;
-        /// Reads a texture.
-        const TEXTURED = 64;
-        /// What is transmitted is, somewhere, by a rough surface.
-        const ROUGH_TRANSMISSION = 128;
-        /// Reads a Ptex texture.
-        const PTEX = 256;
-        /// Glass and coat have inputs of their own, as `OpenPBR` has them; opacity is whether the surface is there.
-        const OPEN_PBR = 512;
-        /// Has fuzz.
-        const SHEEN = 1024;
-        /// Some input is worked out by a program.
-        const PATTERNS = 2048;
-        /// Opacity is.
-        const CUTOUT_PROGRAM = 4096;
-        /// Some lobe is anisotropic.
-        const ANISOTROPIC = 8192;
-        /// Has a thin film.
-        const THIN_FILM = 1 << 14;
-        /// Absorbs light on its way inside.
-        const ABSORBING = 1 << 15;
-        /// Has no inside.
-        const THIN_WALLED = 1 << 16;
-        /// Is a fibre: some inputs mean something else ([`InputName`]).
-        const HAIR = 1 << 17;
-        /// Has a rough diffuse lobe.
-        const ROUGH_DIFFUSE = 1 << 18;
-        /// The index of what transmits depends on the channel.
-        const DISPERSIVE = 1 << 19;
-        /// Is one of several by chance: its program reads random numbers of the hit.
-        const MIXTURE = 1 << 20;
-        /// Its normal is worked out from one of the world: it counts where a mesh has no tangents, too.
-        const FRAMED_NORMAL = 1 << 21;
-    }
-}
 
 /// Where a value comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,21 +72,13 @@ pub enum Input {
 
 /// Name of the set of Ptex coordinates: face and place in it, made of the topology and not of a primvar.
 pub const PTEX_SET: &str = "Ptex face";
-/// Its number, which no primvar has.
-pub const PTEX_SET_ID: u32 = u32::MAX - 1;
 
 /// Name of the point in the mesh's frame, which is made of the hit and not of a primvar.
 pub const POSITION_NAME: &str = oocpt_materialx::uses::Uses::POSITION;
-/// Its number, which no primvar has.
-pub const POSITION_ID: u32 = u32::MAX - 2;
 /// Name of the shading normal in the mesh's frame.
 pub const NORMAL_NAME: &str = oocpt_materialx::uses::Uses::NORMAL;
-/// Its number.
-pub const NORMAL_ID: u32 = u32::MAX - 3;
 /// Names of the map of normals from the mesh's frame to the world.
 pub const FRAME_NAMES: [&str; 2] = oocpt_materialx::uses::Uses::OBJECT_FRAME;
-/// Their numbers.
-pub const FRAME_IDS: [u32; 2] = [u32::MAX - 4, u32::MAX - 5];
 
 /// Name of where a ribbon is met across its width, from 1 at the left to -1; what is no ribbon does not have it.
 pub const ACROSS_NAME: &str = oocpt_materialx::uses::Uses::ACROSS;
@@ -150,10 +87,14 @@ pub const ACROSS_NAME: &str = oocpt_materialx::uses::Uses::ACROSS;
 #[must_use]
 pub fn built_in(name: &str) -> Option<u32> {
     match name {
-        PTEX_SET => Some(PTEX_SET_ID),
-        POSITION_NAME => Some(POSITION_ID),
-        NORMAL_NAME => Some(NORMAL_ID),
-        _ => FRAME_NAMES.into_iter().zip(FRAME_IDS).find(|(known, _)| *known == name).map(|(_, id)| id),
+        PTEX_SET => Some(NAME_PTEX),
+        POSITION_NAME => Some(NAME_POSITION),
+        NORMAL_NAME => Some(NAME_NORMAL),
+        _ => FRAME_NAMES
+            .into_iter()
+            .zip([NAME_FRAME_X, NAME_FRAME_Y])
+            .find(|(known, _)| *known == name)
+            .map(|(_, id)| id),
     }
 }
 
@@ -184,8 +125,8 @@ pub struct PrimvarSlot {
 pub struct Material {
     /// What it needs.
     pub flags: MaterialFlags,
-    /// By [`InputName`].
-    pub inputs: [Input; INPUTS],
+    /// By [`MaterialInput`].
+    pub inputs: [Input; MaterialInput::COUNT],
     /// With [`MaterialFlags::PRESENCE`]: 0 = the opacity is a probability, else a surface of less opacity is not there.
     pub opacity_threshold: f32,
     /// At most [`MAX_UV_SETS`].
@@ -203,7 +144,7 @@ pub struct Material {
 impl Material {
     /// An input.
     #[must_use]
-    pub fn input(&self, name: InputName) -> &Input {
+    pub fn input(&self, name: MaterialInput) -> &Input {
         &self.inputs[name as usize]
     }
 

@@ -4,8 +4,9 @@
 use super::compile::Compiler;
 use super::params::{Shape, asset, connection, numbers, param, text};
 use super::reader::READER;
-use super::{Input, MAX_UV_SETS, PTEX_SET, PTEX_SET_ID, TextureRef, UvSet, Wrap};
+use super::{Input, MAX_UV_SETS, PTEX_SET, TextureRef, UvSet, Wrap};
 use crate::desc::{NodeDesc, ParamValue};
+use oocpt_abi::NAME_PTEX;
 use std::sync::Arc;
 
 /// Storm's node for Ptex; `UsdUVTexture` reads Ptex, too, from files that end in `.ptx`.
@@ -103,7 +104,7 @@ impl<'a> Compiler<'a> {
             return (None, IDENTITY);
         }
         if known.is_none() {
-            self.uv_sets.push(UvSet { name: PTEX_SET.into(), id: PTEX_SET_ID, fallback: [0.0; 2] });
+            self.uv_sets.push(UvSet { name: PTEX_SET.into(), id: NAME_PTEX, fallback: [0.0; 2] });
         }
         (u8::try_from(set).ok(), IDENTITY)
     }

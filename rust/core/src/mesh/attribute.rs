@@ -1,20 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Surface attributes in the order the GPU reads them.
 
-use serde::{Deserialize, Serialize};
-
-/// How values are found from a hit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum AttributeRate {
-    /// `values[0]`.
-    Constant,
-    /// `values[triangle]`, triangles in BVH order.
-    Uniform,
-    /// Interpolated `values[corner_indices[triangle][corner]]`.
-    Vertex,
-    /// Interpolated `values[triangle * 3 + corner]`, triangles in BVH order.
-    FaceVarying,
-}
+use oocpt_abi::AttributeRate;
 
 /// A primvar that a bound material asks for.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -2,6 +2,7 @@
 //! One mesh description to one asset, or to clusters where it is large. Pure; a commit runs it for several meshes in
 //! parallel.
 
+use oocpt_abi::{AttributeRate, NAME_PTEX};
 use std::cell::OnceCell;
 use std::sync::Arc;
 
@@ -20,10 +21,9 @@ use super::refine::{Refined, refine};
 use super::split::{Order, Source as Whole, arrange, expected_bytes, split_ordered};
 use super::topology::{Face, Topology, read_topology};
 use super::triangulate::Triangulator;
-use super::{Aabb, Attribute, AttributeRate, LeafKind, MeshAsset, Triangle, WantedPrimvar};
+use super::{Aabb, Attribute, LeafKind, MeshAsset, Triangle, WantedPrimvar};
 use crate::array::ArrayView;
 use crate::desc::{DroppedData, MeshDesc, Shape, Subdivision};
-use crate::material::PTEX_SET_ID;
 
 /// Faces that a thread triangulates at a time.
 const FACE_BLOCK: usize = 1 << 14;
@@ -196,7 +196,7 @@ pub(super) struct Loose<'a> {
 fn read_triangles(loose: Loose<'_>, dropped: &mut DroppedData) -> Option<MeshAsset> {
     let Loose { desc, wanted, key, topology, kind, radii, poses } = loose;
     let mut numbers =
-        wanted.iter().any(|w| w.id == PTEX_SET_ID).then(|| PtexNumbers::new(&desc.face_vertex_counts.view()));
+        wanted.iter().any(|w| w.id == NAME_PTEX).then(|| PtexNumbers::new(&desc.face_vertex_counts.view()));
     let Faces { mut triangles, sources, ptex } = match kind {
         LeafKind::Triangles => triangulate(topology, poses, numbers.as_mut(), dropped),
         _ => items(topology, kind, radii),

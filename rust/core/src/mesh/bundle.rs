@@ -8,8 +8,8 @@ use super::Aabb;
 use super::bvh::{Bvh2, BvhNode, build_box_order, longest_axis};
 use super::bvh4::{Bvh4, compress};
 
-/// Points of a bundle. The shaders have the same number.
-pub const POINT_BUNDLE: usize = 8;
+/// Points of a bundle.
+pub const POINT_BUNDLE: usize = oocpt_abi::POINT_BUNDLE as usize;
 
 /// The boxes of the bundles of points in BVH order, given their own.
 pub(super) fn bundle_boxes(boxes: &[Aabb]) -> Vec<Aabb> {

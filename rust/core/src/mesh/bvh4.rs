@@ -7,12 +7,11 @@
 //! triangles of a mesh ([`Bvh4`]) the children lie one after the other; over boxes ([`LevelNode`]) each is named. Pure;
 //! one thread per build.
 
-use bytemuck::{Pod, Zeroable};
-
 use super::bundle::build_bundles;
 use super::bvh::{Bvh2, build_item_bvh};
 use super::collapse::{Collapse, Part};
 use super::{Aabb, LeafKind, Triangle};
+use oocpt_abi::{ABSENT, Bvh4Node, LEAF, LevelNode};
 
 /// Children of a node.
 pub const WIDTH: usize = 4;
@@ -21,108 +20,10 @@ const CELLS: f64 = 253.0;
 /// Cells that planes over boxes are further out at least. Walks do not pad these boxes as they do those of meshes, and
 /// the planes' own rounding is 2^-24 of the grid's 255 cells at each of four steps.
 const MARGIN: f64 = 1.0 / 8192.0;
-/// In [`LevelNode::child`]: an item.
-pub const LEAF: u32 = 1 << 31;
-/// In [`LevelNode::child`]: nothing.
-pub const ABSENT: u32 = u32::MAX;
-/// Place of the number of inner children in [`Bvh4Node::first_child`].
-const INNER_SHIFT: u32 = 28;
-
-/// A node: the boxes of at most four children, 48 bytes. Inner children come first, then leaves.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct Bvh4Node {
-    /// Lower corner of the grid, the bits of three `f32`.
-    pub origin: [u32; 3],
-    /// From the lowest byte: the exponents of the cell's edges, biased as in `f32` and never 0; then, two bits to a
-    /// child, the triangles of a leaf (1 to 3), 0 for an inner or absent child.
-    pub cell_and_counts: u32,
-    /// Per axis, a byte to a child from the lowest: its lower plane, in cells from the origin.
-    pub lower: [u32; 3],
-    /// The same of the upper planes.
-    pub upper: [u32; 3],
-    /// Node of the first inner child, the others follow; in the four highest bits how many there are.
-    pub first_child: u32,
-    /// First triangle of the first leaf, the others follow; below 2^28. Of points, leaves count bundles.
-    pub first_triangle: u32,
-}
-
-/// What a child is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Child {
-    /// A node.
-    Inner(u32),
-    /// Triangles.
-    Leaf {
-        /// The first one, in BVH order.
-        first: u32,
-        /// How many.
-        count: u32,
-    },
-    /// Nothing.
-    Absent,
-}
-
-impl Bvh4Node {
-    /// Edge of a cell along `axis`.
-    #[must_use]
-    pub fn cell(&self, axis: usize) -> f64 {
-        f64::from(f32::from_bits((self.cell_and_counts >> (8 * axis) & 255) << 23))
-    }
-
-    /// Lower and upper plane of child `at` along `axis`, exact but for the rounding of double precision.
-    #[must_use]
-    pub fn planes(&self, at: usize, axis: usize) -> [f64; 2] {
-        let origin = f64::from(f32::from_bits(self.origin[axis]));
-        [self.lower[axis], self.upper[axis]]
-            .map(|planes| origin + f64::from(planes >> (8 * at) & 255) * self.cell(axis))
-    }
-
-    /// What child `at` (0 to 3) is.
-    #[must_use]
-    pub fn child(&self, at: u32) -> Child {
-        let count = |at: u32| self.cell_and_counts >> (24 + 2 * at) & 3;
-        if at < self.first_child >> INNER_SHIFT {
-            Child::Inner((self.first_child & ((1 << INNER_SHIFT) - 1)) + at)
-        } else if count(at) > 0 {
-            Child::Leaf { first: self.first_triangle + (0..at).map(count).sum::<u32>(), count: count(at) }
-        } else {
-            Child::Absent
-        }
-    }
-}
-
-/// Node of a hierarchy over boxes, 64 bytes: grid and planes as those of [`Bvh4Node`].
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct LevelNode {
-    /// As [`Bvh4Node::origin`].
-    pub origin: [u32; 3],
-    /// Exponents as in [`Bvh4Node::cell_and_counts`], no counts.
-    pub cell: u32,
-    /// As [`Bvh4Node::lower`].
-    pub lower: [u32; 3],
-    /// As [`Bvh4Node::upper`].
-    pub upper: [u32; 3],
-    /// A node, [`LEAF`] and the number of a box, or [`ABSENT`].
-    pub child: [u32; WIDTH],
-    /// 0.
-    pub pad: [u32; 2],
-}
-
-impl LevelNode {
-    /// A node of children in `boxes`, at most four, which `child` names.
-    pub(super) fn new<'a>(boxes: impl Iterator<Item = &'a Aabb> + Clone, child: [u32; WIDTH]) -> Self {
-        let Grid { origin, cell, lower, upper } = Grid::new(boxes, MARGIN);
-        Self { origin, cell, lower, upper, child, pad: [0; 2] }
-    }
-
-    /// Planes of child `at` along `axis`, as [`Bvh4Node::planes`].
-    #[must_use]
-    pub fn planes(&self, at: usize, axis: usize) -> [f64; 2] {
-        let Self { origin, cell, lower, upper, .. } = *self;
-        Bvh4Node { origin, cell_and_counts: cell, lower, upper, ..Bvh4Node::default() }.planes(at, axis)
-    }
+/// A node of children in `boxes`, at most four, which `child` names.
+pub(super) fn level_node<'a>(boxes: impl Iterator<Item = &'a Aabb> + Clone, child: [u32; WIDTH]) -> LevelNode {
+    let Grid { origin, cell, lower, upper } = Grid::new(boxes, MARGIN);
+    LevelNode { origin, cell, lower, upper, child, pad: [0; 2] }
 }
 
 /// A four-wide hierarchy; node 0 is the root.
@@ -158,7 +59,7 @@ pub(super) fn compress(bvh: &Bvh2, order: &[u32], in_order: bool) -> (Bvh4, Vec<
     let (nodes, stack) = widen(bvh, in_order, |parts, inner, first_child| {
         let Grid { origin, cell, lower, upper } = Grid::new(parts.iter().map(|part| &part.bounds), 0.0);
         let mut node = Bvh4Node { origin, cell_and_counts: cell, lower, upper, ..Bvh4Node::default() };
-        node.first_child = index(inner) << INNER_SHIFT | first_child;
+        node.first_child = index(inner) << Bvh4Node::INNER_SHIFT | first_child;
         node.first_triangle = index(places.len());
         for (at, part) in parts.iter().enumerate() {
             node.cell_and_counts |= (part.count & 3) << (24 + 2 * at);
@@ -182,7 +83,7 @@ pub fn level_nodes(bvh: &Bvh2) -> (Vec<LevelNode>, u32) {
         for ((slot, part), at) in child.iter_mut().zip(parts).zip(0..) {
             *slot = if (at as usize) < inner { first_child + at } else { LEAF | part.child };
         }
-        LevelNode::new(parts.iter().map(|part| &part.bounds), child)
+        level_node(parts.iter().map(|part| &part.bounds), child)
     })
 }
 

@@ -3,8 +3,9 @@
 
 use super::bundle::bundle_boxes;
 use super::bvh::{Bvh2, BvhError, MAX_LEAF_TRIANGLES};
-use super::bvh4::{Bvh4, Child, WIDTH};
+use super::bvh4::{Bvh4, WIDTH};
 use super::{Aabb, LeafKind, Triangle};
+use oocpt_abi::Child;
 
 /// What a walk has seen so far.
 struct Walk<'a> {

@@ -4,6 +4,7 @@
 //!
 //! What is there is a polygon in the triangle's own coordinates, the same at all keys of what moves. Pure.
 
+use oocpt_abi::AttributeRate;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -12,7 +13,7 @@ use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
 
 use super::demand::Demand;
-use super::{Aabb, AnyAttribute, Attribute, AttributeRate, LeafKind, MeshAsset, deform};
+use super::{Aabb, AnyAttribute, Attribute, LeafKind, MeshAsset, deform};
 use crate::material::Cutout;
 use crate::texture::{CoveredImage, Region};
 

@@ -6,12 +6,13 @@
 //! Pure.
 
 use glam::DVec3;
+use oocpt_abi::AttributeRate;
 
 use super::build::{Loose, build_normals};
 use super::leaf::round::is_width;
 use super::primvar::{Layout, Source, extend_points};
 use super::topology::{Topology, read_point};
-use super::{Aabb, Attribute, AttributeRate, LeafKind, Triangle};
+use super::{Aabb, Attribute, LeafKind, Triangle};
 use crate::array::{ArrayView, TypedArray};
 use crate::desc::{DroppedData, MeshDesc, PointsMotion, PointsSample, Shape};
 

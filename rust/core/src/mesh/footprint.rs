@@ -2,7 +2,6 @@
 //! How much host memory building a mesh takes, told before it is built: an upper bound, from the lengths of its arrays
 //! and from how finely it is cut. Tests hold it to what building really takes. Pure.
 
-use super::bvh4::Bvh4Node;
 use super::demand::Demand;
 use super::dicing::Dicing;
 use super::leaf::round::curve_points;
@@ -12,8 +11,8 @@ use super::topology::{Face, MAX_CORNERS};
 use super::{POINT_BUNDLE, POINT_BYTES, TRIANGLE_BYTES, Triangle};
 use crate::array::TypedArray;
 use crate::desc::{CurveBasis, Interpolation, MeshDesc, Primvar, Shape, Subdivision};
-use crate::material::PTEX_SET_ID;
 use glam::DVec3;
+use oocpt_abi::{Bvh4Node, NAME_PTEX};
 
 /// Bytes that building a tree takes for each item: boxes, twice; the nodes of the builder, of the binary tree and of
 /// its copy with larger leaves; codes that are sorted.
@@ -107,7 +106,7 @@ struct Read {
 impl Read {
     fn of(desc: &MeshDesc, demand: &Demand<'_>, [faces, corners, points]: [u64; 3]) -> Self {
         let keys = key_count(desc);
-        let of_ptex = demand.wanted.iter().any(|wanted| wanted.id == PTEX_SET_ID);
+        let of_ptex = demand.wanted.iter().any(|wanted| wanted.id == NAME_PTEX);
         let topology = |faces: u64, corners: u64, points: u64| {
             faces * size_of::<Face>() as u64 + 4 * corners + POINT * points * (1 + keys)
         };

@@ -8,9 +8,10 @@
 //! gets what is left. Deterministic: depends on the boxes and their order only. Pure; large trees use rayon.
 
 use glam::{Vec3A, Vec3Swizzles as _};
+use oocpt_abi::{ABSENT, LEAF, LevelNode};
 
 use super::Aabb;
-use super::bvh4::{ABSENT, LEAF, LevelNode, WIDTH};
+use super::bvh4::{WIDTH, level_node};
 
 /// Boxes above which the two halves of a node are built side by side.
 const FORK_ABOVE: usize = 1 << 13;
@@ -177,7 +178,7 @@ fn emit(items: &mut [Item], mut scratch: &mut [Item], nodes: &mut [LevelNode], b
         });
         next += u32::try_from(count).unwrap_or(u32::MAX);
     }
-    *root = LevelNode::new(bounds[..].iter(), child);
+    *root = level_node(bounds[..].iter(), child);
     there - 1 + run(&mut jobs)
 }
 

@@ -46,14 +46,15 @@ mod topology;
 mod triangulate;
 
 use bytemuck::{Pod, Zeroable};
+use oocpt_abi::{GpuAttribute, GpuPoint, GpuTriangle};
 use serde::{Deserialize, Serialize};
 
 pub(crate) use attribute::each_width;
-pub use attribute::{AnyAttribute, Attribute, AttributeRate, MeshPrimvar, WantedPrimvar};
+pub use attribute::{AnyAttribute, Attribute, MeshPrimvar, WantedPrimvar};
 pub use build::{BuiltMesh, build_mesh, build_mesh_split, build_mesh_with};
 pub use bundle::POINT_BUNDLE;
 pub use bvh::{Bvh2, BvhError, BvhNode, build_box_bvh};
-pub use bvh4::{Bvh4, Bvh4Node, LevelNode, level_nodes};
+pub use bvh4::{Bvh4, level_nodes};
 pub use cover::{Cover, Covers};
 pub use deform::MeshKeys;
 pub use demand::{Demand, Displacements};
@@ -76,11 +77,11 @@ pub use store::{MeshFiles, Payload, PayloadError, StoredEntry};
 pub use summary::{AttributeSummary, MeshSummary, PrimvarSummary};
 
 /// Device bytes of a triangle.
-const TRIANGLE_BYTES: u64 = 48;
+const TRIANGLE_BYTES: u64 = size_of::<GpuTriangle>() as u64;
 /// The same of a point, whose radius is elsewhere.
-const POINT_BYTES: u64 = 16;
+const POINT_BYTES: u64 = size_of::<GpuPoint>() as u64;
 /// Device bytes of an entry in the table of primvars.
-const PRIMVAR_BYTES: u64 = 16;
+const PRIMVAR_BYTES: u64 = size_of::<GpuAttribute>() as u64;
 /// Alignment of the sections of an asset on the device, bytes.
 const SECTION_ALIGN: u64 = 16;
 

@@ -3,10 +3,11 @@
 //! byte order. Pure.
 
 use bytemuck::Zeroable;
+use oocpt_abi::Bvh4Node;
 
 use super::store::{Payload, PayloadError};
 use super::summary::{AttributeSummary, MeshSummary};
-use super::{AnyAttribute, Attribute, Bvh4, Bvh4Node, MeshAsset, MeshKeys, MeshPrimvar, PtexTriangle, Triangle};
+use super::{AnyAttribute, Attribute, Bvh4, MeshAsset, MeshKeys, MeshPrimvar, PtexTriangle, Triangle};
 
 /// Bytes of three vectors.
 const CORNERS: u64 = size_of::<[[f32; 3]; 3]>() as u64;

@@ -2,10 +2,10 @@
 //! Authored primvars to attributes, triangle by triangle: length checks, indices, replacement of unusable values. Pure.
 
 use super::ptex::Center;
-use super::{AnyAttribute, Attribute, AttributeRate, MeshPrimvar, WantedPrimvar};
+use super::{AnyAttribute, Attribute, MeshPrimvar, WantedPrimvar};
 use crate::array::{ArrayView, ElementType};
 use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar};
-use crate::material::PTEX_SET_ID;
+use oocpt_abi::{AttributeRate, NAME_PTEX};
 
 /// Where a triangle came from.
 #[derive(Clone, Copy, Debug)]
@@ -160,7 +160,7 @@ pub(crate) fn convert_wanted(
     dropped: &mut DroppedData,
 ) -> Vec<MeshPrimvar> {
     let mut out = Vec::new();
-    for WantedPrimvar { name, id } in wanted.iter().filter(|wanted| wanted.id != PTEX_SET_ID) {
+    for WantedPrimvar { name, id } in wanted.iter().filter(|wanted| wanted.id != NAME_PTEX) {
         let Some(primvar) = desc.authored_primvar(name) else { continue };
         let view = primvar.values.view();
         let values = if view.vec2(0).is_some() {

@@ -5,6 +5,7 @@
 //! go on as they were; points, normals and all values by point or corner are those of the limit surface. Pure.
 
 use glam::{DVec3, Vec3};
+use oocpt_abi::NAME_PTEX;
 use oocpt_subdiv::{Channel, Control, Data, Error, Facets, LimitSurface, MAX_RATE, Rules, Scheme};
 use rayon::prelude::*;
 
@@ -19,7 +20,6 @@ use super::refine_values::ControlValues;
 use super::topology::{Face, Topology};
 use crate::array::TypedArray;
 use crate::desc::{CurveBasis, DroppedData, Interpolation, MeshDesc, Primvar, Shape, Subdivision};
-use crate::material::PTEX_SET_ID;
 
 /// Triangles of one mesh above which its edges are cut into fewer pieces.
 pub const MAX_REFINED_TRIANGLES: u64 = 1 << 23;
@@ -67,7 +67,7 @@ pub(crate) fn refine(
     }
     // What is dropped counts only if the mesh is refined.
     let mut own = DroppedData::default();
-    let refined = if demand.wanted.iter().any(|wanted| wanted.id == PTEX_SET_ID) {
+    let refined = if demand.wanted.iter().any(|wanted| wanted.id == NAME_PTEX) {
         None
     } else {
         try_refine(desc, demand, topology, poses, &mut own).ok()

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What is known of an asset without its arrays: enough to place it, plan its memory and lay it out on the device.
 
+use oocpt_abi::{AttributeRate, Bvh4Node};
 use serde::{Deserialize, Serialize};
 
-use super::bvh4::Bvh4Node;
-use super::{
-    Aabb, Attribute, AttributeRate, LeafKind, MeshAsset, POINT_BYTES, PRIMVAR_BYTES, SECTION_ALIGN, TRIANGLE_BYTES,
-};
+use super::{Aabb, Attribute, LeafKind, MeshAsset, POINT_BYTES, PRIMVAR_BYTES, SECTION_ALIGN, TRIANGLE_BYTES};
 
 /// The shape of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

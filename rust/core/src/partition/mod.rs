@@ -33,7 +33,7 @@ use glam::DVec3;
 
 pub(crate) use buckets::Buckets;
 pub use chunk::Chunk;
-pub use placed::{NO_ROW, PlacedValues};
+pub use placed::PlacedValues;
 pub(crate) use placed::{PlacedReader, PlacedValue};
 pub(crate) use store::{PartitionStore, Source};
 pub use validate::WorldError;

@@ -4,10 +4,8 @@
 
 use super::place::Placement;
 use crate::instancing::assembly::Member;
-use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, NO_VALUE};
-
-/// In [`super::ChunkInstance::row`]: no values.
-pub const NO_ROW: u32 = u32::MAX;
+use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn};
+use oocpt_abi::{NO_ROW, NO_VALUE};
 
 /// A value of a placement.
 #[derive(Clone, Copy, Debug, PartialEq)]

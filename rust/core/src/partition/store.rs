@@ -2,6 +2,7 @@
 //! Keeps the partition from commit to commit: decides which assemblies are opened, has their members cut into chunks,
 //! and puts the world together.
 
+use oocpt_abi::NO_ROW;
 use std::sync::Arc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -11,7 +12,7 @@ use super::chunk::Chunk;
 use super::cost::AssetCosts;
 use super::part::{Job, Part};
 use super::place::{Placement, place_chunks, top_level};
-use super::placed::{NO_ROW, PlacedReader, PlacedValues};
+use super::placed::{PlacedReader, PlacedValues};
 use super::{ChunkInstance, ITEM_BYTES, OPEN_ABOVE, OpenedAssembly, PartitionOptions, World};
 use crate::instancing::GroupId;
 use crate::instancing::assembly::Assembly;

@@ -38,7 +38,7 @@
 //! without a weight: its load is paid for. Pure; called by one thread.
 
 use super::UnitId;
-use crate::sampler::{combine, hash, sample_4d};
+use oocpt_abi::sampler::{combine, hash, sample_4d};
 
 /// The least probability of a load.
 pub const LEAST: f64 = 1.0 / 16.0;

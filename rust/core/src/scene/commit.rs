@@ -2,6 +2,7 @@
 //! The steps of a commit: build what is missing, plan the groups, make or reuse assemblies, sum up. Everything that did
 //! not change is shared with the snapshot before.
 
+use oocpt_abi::{Features, NAME_DISPLAY_OPACITY};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -13,11 +14,10 @@ use super::entries::InstancerEntry;
 use super::light::{Emitter, Light, LightMotion, LinkTable, MAX_INSTANCED_LIGHTS, placements};
 use super::report::Reports;
 use super::resolve::{PlanGroup, PlanMember, PlanTarget};
-use super::snapshot::{SceneCounts, SceneFeatures, Snapshot, SurfaceTables};
+use super::snapshot::{SceneCounts, Snapshot, SurfaceTables};
 use crate::desc::{InstancedBy, LightDesc, LightKind, TransformSample};
 use crate::instancing::GroupId;
 use crate::instancing::assembly::{Assembly, Member, Target};
-use crate::instancing::instance_primvars::DISPLAY_OPACITY;
 use crate::instancing::run::{Run, RunSpec, TransformKey};
 use crate::instancing::scan::Keep;
 use crate::mesh::{Aabb, SceneMesh};
@@ -234,34 +234,32 @@ impl Snapshot {
         levels.last().copied().unwrap_or(1)
     }
 
-    fn find_features(&self) -> SceneFeatures {
-        let mut features = SceneFeatures::empty();
+    fn find_features(&self) -> Features {
+        let mut features = Features::empty();
         for light in &self.lights {
             features |= match light.emitter {
-                Emitter::Dome { .. } => SceneFeatures::DOME,
-                Emitter::Distant { .. } => SceneFeatures::DISTANT,
-                Emitter::Local(_) => SceneFeatures::LOCAL_LIGHTS,
+                Emitter::Dome { .. } => Features::DOME,
+                Emitter::Distant { .. } => Features::DISTANT,
+                Emitter::Local(_) => Features::LOCAL_LIGHTS,
             };
         }
         for mesh in &self.meshes {
-            features.set(SceneFeatures::DEFORMATION, features.contains(SceneFeatures::DEFORMATION) || mesh.keys > 0);
-            features.set(SceneFeatures::OPACITY, features.contains(SceneFeatures::OPACITY) || mesh.opacities.is_some());
-            features.set(SceneFeatures::NORMALS, features.contains(SceneFeatures::NORMALS) || mesh.normals.is_some());
-            features.set(SceneFeatures::COLORS, features.contains(SceneFeatures::COLORS) || mesh.colors.is_some());
-            features
-                .set(SceneFeatures::SINGLE_SIDED, features.contains(SceneFeatures::SINGLE_SIDED) || !mesh.double_sided);
+            features.set(Features::DEFORMATION, features.contains(Features::DEFORMATION) || mesh.keys > 0);
+            features.set(Features::OPACITY, features.contains(Features::OPACITY) || mesh.opacities.is_some());
+            features.set(Features::NORMALS, features.contains(Features::NORMALS) || mesh.normals.is_some());
+            features.set(Features::COLORS, features.contains(Features::COLORS) || mesh.colors.is_some());
         }
         if self.assemblies.iter().any(|a| a.members().iter().any(|m| m.run.is_instanced())) {
-            features |= SceneFeatures::INSTANCING;
+            features |= Features::INSTANCING;
         }
         let placed = || self.assemblies.iter().flat_map(|a| a.members()).filter(|m| m.run.len() > 0);
         for primvar in placed().flat_map(|member| &member.primvars) {
-            features |= SceneFeatures::INSTANCE_PRIMVARS;
-            if primvar.id == DISPLAY_OPACITY {
-                features |= SceneFeatures::OPACITY | SceneFeatures::INSTANCE_OPACITY;
+            features |= Features::INSTANCE_PRIMVARS;
+            if primvar.id == NAME_DISPLAY_OPACITY {
+                features |= Features::OPACITY | Features::INSTANCE_OPACITY;
             }
         }
-        features.set(SceneFeatures::MOTION, placed().any(|member| member.run.key_count() != 0));
+        features.set(Features::MOTION, placed().any(|member| member.run.key_count() != 0));
         features | self.surfaces.features()
     }
 

@@ -7,13 +7,13 @@
 //! for each set ([`Categories`]); the meshes in it are the same, under prim ids of their own, which are what links are
 //! looked up by ([`LinkedPrims`]). Only collections that some light names count.
 
+use oocpt_abi::MAX_PRIM_ID;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
 use super::entries::MeshEntry;
-use super::surfaces::MAX_PRIM_ID;
 use crate::array::{ElementType, TypedArray};
 use crate::desc::{InstanceLinks, InstancerDesc, LightDesc, LightKind};
 
@@ -170,9 +170,10 @@ impl LinkedPrims {
         let first = *self.first.get_or_insert_with(|| {
             let ids = meshes.values().filter_map(|mesh| usize::try_from(mesh.desc.prim_id).ok());
             // A few more prims leave the numbers as they are.
-            ids.filter(|&id| id < MAX_PRIM_ID).max().map_or(1, |last| (last + 1).next_power_of_two())
+            ids.filter(|&id| id < MAX_PRIM_ID as usize).max().map_or(1, |last| (last + 1).next_power_of_two())
         });
-        let number = Some(first + self.list.len()).filter(|&id| id < MAX_PRIM_ID && self.list.len() < MAX_LINKED_PRIMS);
+        let number =
+            Some(first + self.list.len()).filter(|&id| id < MAX_PRIM_ID as usize && self.list.len() < MAX_LINKED_PRIMS);
         let prim_id = i32::try_from(number?).ok()?;
         self.list.push(LinkedPrim { path: Arc::clone(&key.0), prim_id, categories: Arc::clone(categories) });
         self.known.insert(key, prim_id);

@@ -10,6 +10,7 @@
 //!
 //! Camera rays see what the mesh emits as a light, also where `UsdLux` would have them see the material's own emission.
 
+use oocpt_abi::{MaterialFlags, MaterialInput};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -22,7 +23,7 @@ use super::report::Reports;
 use crate::desc::{LightDesc, LightKind, MaterialSync, MeshDesc};
 use oocpt_materialx::program::Program;
 
-use crate::material::{Input, InputName, Material, MaterialFlags, NEUTRAL};
+use crate::material::{Input, Material, NEUTRAL};
 
 /// What follows the path of a mesh in the path of its light: no prim is called so.
 pub const MESH_LIGHT: &str = "/{light}";
@@ -106,7 +107,7 @@ impl MeshLight {
             Some(material) if self.sync != MaterialSync::NoResponse => material.clone(),
             _ => dark(),
         };
-        let emission = &mut dressed.inputs[InputName::EmissiveColor as usize];
+        let emission = &mut dressed.inputs[MaterialInput::EmissiveColor as usize];
         let is_tinted = self.sync == MaterialSync::GlowTintsLight && dressed.flags.contains(MaterialFlags::EMISSIVE);
         match emission {
             Input::Constant(value) if is_tinted => {
@@ -155,7 +156,7 @@ impl MeshLight {
 /// A surface that reflects nothing.
 fn dark() -> Material {
     let mut inputs = NEUTRAL;
-    for (name, value) in [(InputName::Roughness, 1.0), (InputName::ClearcoatRoughness, 0.01)] {
+    for (name, value) in [(MaterialInput::Roughness, 1.0), (MaterialInput::ClearcoatRoughness, 0.01)] {
         inputs[name as usize] = Input::Constant([value; 4]);
     }
     Material {

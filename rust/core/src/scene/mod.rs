@@ -25,6 +25,7 @@ mod summary;
 mod surfaces;
 pub(crate) mod validate;
 
+use oocpt_abi::Features;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -37,24 +38,23 @@ pub use crate::desc::{
     PrimDesc, Primvar, ShadowReach, Shape, Shaping, Solid, SolidSize, Subdivision, SubdivisionTags, SubsetDesc,
     TransformSample,
 };
-pub use crate::instancing::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
+pub use crate::instancing::instance_primvars::InstanceColumn;
 pub use crate::instancing::motion::{MAX_KEYS, MotionKey, map_at};
 pub use dicing::DicingCamera;
 pub use lent::Lent;
 use lent::{Lending, of_instancer, of_mesh};
-pub use resolve::MAX_LEVELS;
+pub use resolve::MAX_NESTING;
 pub use snapshot::{
-    Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DomeTexture, Emitter, IesError, IesProfile,
-    InstanceFlags, InstanceRecord, Light, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset,
-    SceneCounts, SceneFeatures, SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle,
-    blackbody,
+    Aabb, Assembly, Attribute, Bvh2, BvhError, BvhNode, DomeTexture, Emitter, IesError, IesProfile, InstanceFlags,
+    InstanceRecord, Light, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset, SceneCounts,
+    SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle, blackbody,
 };
 
 pub use mesh_lights::MESH_LIGHT;
 pub use mesh_placements::{MeshPlacement, MeshPlacements};
 pub use placement_motion::PlacementMotion;
 pub use summary::summary;
-pub use surfaces::{NO_MATERIAL, PrimRecord};
+pub use surfaces::PrimRecord;
 
 use crate::instancing::GroupId;
 use crate::mesh::{Demand, Dicing, HostMemory, MeshFiles};
@@ -412,7 +412,7 @@ impl Snapshot {
             lights: Vec::new(),
             surfaces: SurfaceTables::default(),
             links: LinkTable::default(),
-            features: SceneFeatures::empty(),
+            features: Features::empty(),
             leaf_kinds: BTreeSet::new(),
             max_levels: 1,
             counts: SceneCounts { assemblies: 1, ..SceneCounts::default() },

@@ -20,8 +20,8 @@ use crate::instancing::placement::usable_affine;
 use crate::instancing::run::{Instances, TransformKey};
 use crate::mesh::SceneMesh;
 
-/// Most levels of instance records.
-pub const MAX_LEVELS: u32 = 32;
+/// Most levels of instancers in each other.
+pub const MAX_NESTING: u32 = 32;
 
 /// What a planned member places.
 #[derive(Clone, Debug, PartialEq)]
@@ -281,7 +281,7 @@ impl Resolver<'_> {
                         (DAffine3::IDENTITY, PlanTarget::Group(index), lacks)
                     }
                 };
-                if depth + 1 + self.levels_of(&target) > MAX_LEVELS {
+                if depth + 1 + self.levels_of(&target) > MAX_NESTING {
                     self.reports.of(path).deep_instancers += 1;
                     continue;
                 }
@@ -328,7 +328,7 @@ impl Resolver<'_> {
             Some(known) => return known.clone(),
             None => {}
         }
-        if depth >= MAX_LEVELS {
+        if depth >= MAX_NESTING {
             if let GroupId::Prototype(by) = plain {
                 self.reports.of(&by.instancer).deep_instancers += 1;
             }

@@ -2,6 +2,7 @@
 //! Who has which material: bindings of meshes and subsets worked out to the tables of a snapshot, and what the meshes
 //! have to build for them. A material is compiled once after an edit, and only when a mesh shows it.
 
+use oocpt_abi::{MAX_PRIM_ID, MaterialFlags, MaterialInput, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_MATERIAL};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -13,18 +14,10 @@ use super::mesh_lights::{MESH_LIGHT, MeshLight};
 use super::report::Reports;
 use super::snapshot::SurfaceTables;
 use crate::desc::{LightDesc, MaterialDesc, MeshDesc, Shape};
-use crate::instancing::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstancePrimvar, MemberPrimvar};
-use crate::material::{
-    ACROSS_NAME, Compiled, Cutout, Input, Material, MaterialFlags, PTEX_SET, TextureRef, built_in, compile,
-};
+use crate::instancing::instance_primvars::{InstancePrimvar, MemberPrimvar};
+use crate::material::{ACROSS_NAME, Compiled, Cutout, Input, Material, PTEX_SET, TextureRef, built_in, compile};
 use crate::mesh::{Displacements, WantedPrimvar};
 use oocpt_materialx::program::{Lookup, REGISTERS};
-use oocpt_materialx::surface::Input as InputName;
-
-/// In [`SurfaceTables::material_slots`]: no material.
-pub const NO_MATERIAL: u32 = u32::MAX;
-/// Largest prim id that can have a material: the table goes up to it.
-pub(crate) const MAX_PRIM_ID: usize = 1 << 24;
 
 /// What a prim looks like: an entry of [`SurfaceTables::prims`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -89,7 +82,7 @@ pub(crate) struct SurfaceStore {
 
 impl Default for SurfaceStore {
     fn default() -> Self {
-        let names = [("displayColor", DISPLAY_COLOR), ("displayOpacity", DISPLAY_OPACITY)];
+        let names = [("displayColor", NAME_DISPLAY_COLOR), ("displayOpacity", NAME_DISPLAY_OPACITY)];
         let names = names.map(|(name, id)| (name.into(), id)).into_iter().collect();
         Self { names, materials: FxHashMap::default(), has_whole_bounds: false }
     }
@@ -165,7 +158,7 @@ impl SurfaceStore {
             for material in bindings(&entry.desc) {
                 let compiled = material.and_then(|material| materials.get(material)).and_then(|m| m.compiled.as_ref());
                 let Some(material) = compiled.and_then(|c| c.material.as_ref()) else {
-                    let shown = [("displayColor", DISPLAY_COLOR), ("displayOpacity", DISPLAY_OPACITY)];
+                    let shown = [("displayColor", NAME_DISPLAY_COLOR), ("displayOpacity", NAME_DISPLAY_OPACITY)];
                     lacks.extend(shown.iter().filter(|(name, _)| !has(&entry.desc, name)).map(|(_, id)| *id));
                     continue;
                 };
@@ -239,12 +232,12 @@ impl SurfaceStore {
                     continue;
                 }
                 reports.of(path).primvar_values += offer.primvar.bad_values();
-                hides |= offer.id == DISPLAY_OPACITY && !offer.primvar.is_all_one();
+                hides |= offer.id == NAME_DISPLAY_OPACITY && !offer.primvar.is_all_one();
                 entry.offers.push(offer);
             }
         }
         if !hides {
-            instancers.values_mut().for_each(|entry| entry.offers.retain(|offer| offer.id != DISPLAY_OPACITY));
+            instancers.values_mut().for_each(|entry| entry.offers.retain(|offer| offer.id != NAME_DISPLAY_OPACITY));
         }
     }
 
@@ -360,7 +353,8 @@ impl SurfaceTables {
         let has_material = slots.iter().any(|&slot| slot != NO_MATERIAL);
         categories.sort_unstable();
         categories.dedup();
-        let Some(index) = usize::try_from(i64::from(prim_id) + 1).ok().filter(|&index| index <= MAX_PRIM_ID) else {
+        let Some(index) = usize::try_from(i64::from(prim_id) + 1).ok().filter(|&index| index <= MAX_PRIM_ID as usize)
+        else {
             if has_material || !categories.is_empty() {
                 reports.note(path, format!("its prim id {prim_id} is out of range: no material"));
             }
@@ -448,7 +442,7 @@ impl SurfaceTables {
             }
             Input::Primvar { slot, .. } => usize::from(slot) < material.primvars.len(),
             Input::Register(register) => {
-                let is_opacity = at == InputName::Opacity as usize;
+                let is_opacity = at == MaterialInput::Opacity as usize;
                 let program = if is_opacity { &material.opacity_program } else { &material.program };
                 usize::from(register) < REGISTERS && !program.instructions.is_empty()
             }

@@ -3,7 +3,8 @@
 
 use super::snapshot::{InstanceRecord, Snapshot, SnapshotError, Target};
 use crate::instancing::validate::validate_record;
-use crate::mesh::{Aabb, AnyAttribute, Attribute, AttributeRate, MeshAsset, MeshSummary};
+use crate::mesh::{Aabb, AnyAttribute, Attribute, MeshAsset, MeshSummary};
+use oocpt_abi::AttributeRate;
 
 /// Records encoded at a time.
 const BATCH: usize = 4096;

@@ -1,5 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One row per setting: its names, whom it is for, and who may set it.
+//! One row per setting: its field, type, default and range, its names, whom it is for, and who may set it.
+
+use serde::{Deserialize, Serialize};
+
+use super::{HostMapped, SettingError, TraversalKind};
+use crate::residency::PolicyKind;
 
 /// Whom a setting is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,178 +55,173 @@ pub(super) struct Row {
     pub(super) scope: Scope,
 }
 
-impl Row {
-    const fn host(mut self) -> Self {
-        self.scope = Scope::Host;
-        self
-    }
-
-    const fn machine(mut self) -> Self {
-        self.scope = Scope::Machine;
-        self
-    }
+/// How a value is checked and stored.
+pub(super) enum Field<'a> {
+    Bool(&'a mut bool),
+    Int(&'a mut u32, u32, u32),
+    Float(&'a mut f32, f32, f32),
+    Text(&'a mut String),
+    Policy(&'a mut PolicyKind),
+    Traversal(&'a mut TraversalKind),
+    HostMapped(&'a mut HostMapped),
 }
 
-const fn user(key: &'static str, variable: &'static str, name: &'static str, help: &'static str) -> Row {
-    Row { key, variable, name, help, audience: Audience::User, scope: Scope::Scene }
+/// Most samples per pixel: sample indices stay exact in f32.
+const MAX_SAMPLES: u32 = 1 << 24;
+
+/// A row is all there is to declare of a setting: how it is checked, its field, type, default and what its help leaves
+/// out (a second key of a field has none), whom it is for, who may set it, Hydra's key, the environment's, a name for
+/// people, one line of help.
+macro_rules! settings {
+    ($(
+        $kind:ident($field:ident $(, $bound:expr)*)$(: $type:ty = $default:expr $(, $more:literal)?)?;
+        $audience:ident $scope:ident $key:literal $variable:literal $name:literal
+        $help:literal;
+    )+) => {
+        /// All settings. Values are inside their bounds as long as they are changed through [`Settings::set`].
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(default)]
+        pub struct Settings {
+            $($(
+                #[doc = concat!($help, "." $(, " ", $more)?)]
+                pub $field: $type,
+            )?)+
+        }
+
+        impl Default for Settings {
+            fn default() -> Self {
+                Self { $($($field: $default,)?)+ }
+            }
+        }
+
+        impl Settings {
+            /// Where the value of a key is, and how it is checked.
+            pub(super) fn field(&mut self, key: &str) -> Result<Field<'_>, SettingError> {
+                Ok(match key {
+                    $($key => Field::$kind(&mut self.$field $(, $bound)*),)+
+                    _ => return Err(SettingError::Unknown(key.to_owned())),
+                })
+            }
+        }
+
+        /// In the order in which hosts show them.
+        pub(super) const TABLE: &[Row] = &[$(Row {
+            key: $key,
+            variable: $variable,
+            name: $name,
+            help: $help,
+            audience: Audience::$audience,
+            scope: Scope::$scope,
+        },)+];
+    };
 }
 
-const fn developer(key: &'static str, variable: &'static str, name: &'static str, help: &'static str) -> Row {
-    Row { key, variable, name, help, audience: Audience::Developer, scope: Scope::Scene }
-}
-
-/// In the order in which hosts show them.
-pub(super) const TABLE: &[Row] = &[
-    user("oocpt:samplesPerPixel", "OOCPT_SAMPLES_PER_PIXEL", "Samples per pixel", "Samples per pixel to converge at"),
-    user("oocpt:maxBounces", "OOCPT_MAX_BOUNCES", "Max bounces", "Indirect bounces; 0 = direct light only"),
-    user("oocpt:seed", "OOCPT_SEED", "Seed", "Seed of all random numbers"),
-    user("oocpt:clamp", "OOCPT_CLAMP", "Clamp", "Largest indirect contribution of a sample; 0 = no limit"),
-    user("oocpt:timeLimit", "OOCPT_TIME_LIMIT", "Time limit", "Stop after this many seconds; 0 = no limit"),
-    user(
-        "oocpt:memoryBudget",
-        "OOCPT_MEMORY_BUDGET",
-        "Memory budget",
-        "Hard limit of device memory in MiB; 0 = automatic",
-    ).machine(),
-    user("oocpt:device", "OOCPT_DEVICE", "Device", "Device by index or part of its name; empty = best").machine(),
-    developer(
-        "oocpt:traversal",
-        "OOCPT_TRAVERSAL",
-        "Traversal",
-        "Who walks the rays: auto, compute (the device) or native (the host, where the device is a processor)",
-    ).machine(),
-    developer(
-        "oocpt:hostMappedGeometry",
-        "OOCPT_HOST_MAPPED_GEOMETRY",
-        "Host-mapped geometry",
-        "Whether rays read geometry in host memory where the device has no room: auto, on or off",
-    ).machine(),
-    developer("oocpt:policy", "OOCPT_POLICY", "Policy", "Which chunks to load first: sweep, priority or benefit").machine(),
-    user("oocpt:chunkSize", "OOCPT_CHUNK_SIZE", "Chunk size", "Device memory of a chunk of the scene in KiB").machine(),
-    user(
-        "oocpt:geometryBudget",
-        "OOCPT_GEOMETRY_BUDGET",
-        "Geometry budget",
-        "Hard limit of device memory for geometry and textures in KiB; 0 = what the memory budget leaves",
-    ).machine(),
-    user(
-        "oocpt:hostMemoryBudget",
-        "OOCPT_HOST_MEMORY_BUDGET",
-        "Host memory budget",
-        "Most MiB of host memory for all that the renderer counts; 0 = shares of what is free",
-    ).machine(),
-    user(
-        "oocpt:dicingRate",
-        "OOCPT_DICING_RATE",
-        "Dicing rate",
-        "Longest edge of subdivision surfaces in pixels; 0 = as the complexity says",
-    ),
-    developer(
-        "oocpt:chunkReport",
-        "OOCPT_CHUNK_REPORT",
-        "Chunk report",
-        "File for a report about the chunks; empty = none",
-    ).machine(),
-    developer(
-        "oocpt:materialReport",
-        "OOCPT_MATERIAL_REPORT",
-        "Material report",
-        "File for the networks, inputs and programs of all materials; empty = none",
-    ).machine(),
-    user(
-        "oocpt:report",
-        "OOCPT_REPORT",
-        "Report",
-        "File for a report of error against time, a JSON object a line; empty = none",
-    ).machine(),
-    developer(
-        "oocpt:reference",
-        "OOCPT_REFERENCE",
-        "Reference",
-        "EXR picture for the report to compare with; empty = none",
-    ).machine(),
-    user(
-        "oocpt:targetError",
-        "OOCPT_TARGET_ERROR",
-        "Target error",
-        "Stop when the relative mean squared error is below this, by the upper end of its interval; 0 = no limit",
-    ),
-    developer(
-        "oocpt:carry",
-        "OOCPT_CARRY",
-        "Carry",
-        "Features to compile in although the scene does not need them, to measure what they cost: names, or all; empty = none",
-    ).machine(),
-    user(
-        "oocpt:stragglerRoulette",
-        "OOCPT_STRAGGLER_ROULETTE",
-        "Straggler roulette",
-        "Russian roulette on rays that wait for expensive loads: unbiased, but other bits at each budget and run",
-    ),
-    user(
-        "oocpt:adaptiveSampling",
-        "OOCPT_ADAPTIVE_SAMPLING",
-        "Adaptive sampling",
-        "Spend samples where the error is largest; as many in all, and no bias",
-    ),
-    user(
-        "oocpt:textureCache",
-        "OOCPT_TEXTURE_CACHE",
-        "Texture cache",
-        "Folder in which decoded textures are kept; 0 = none; empty = oocpt/textures in the user's cache folder",
-    ).machine(),
-    user(
-        "oocpt:textureCacheSize",
-        "OOCPT_TEXTURE_CACHE_SIZE",
-        "Texture cache size",
-        "Most MiB of decoded textures on disk; those not used for longest are removed",
-    ).machine(),
-    user(
-        "oocpt:geometryCache",
-        "OOCPT_GEOMETRY_CACHE",
-        "Geometry cache",
+settings! {
+    Int(samples_per_pixel, 1, MAX_SAMPLES): u32 = 64;
+        User Scene "oocpt:samplesPerPixel" "OOCPT_SAMPLES_PER_PIXEL" "Samples per pixel"
+        "Samples per pixel to converge at";
+    Int(max_bounces, 0, 1024): u32 = 5;
+        User Scene "oocpt:maxBounces" "OOCPT_MAX_BOUNCES" "Max bounces"
+        "Indirect bounces; 0 = direct light only";
+    Int(seed, 0, u32::MAX): u32 = 0;
+        User Scene "oocpt:seed" "OOCPT_SEED" "Seed"
+        "Seed of all random numbers";
+    Float(clamp, 0.0, 1e30): f32 = 0.0;
+        User Scene "oocpt:clamp" "OOCPT_CLAMP" "Clamp"
+        "Largest indirect contribution of a sample; 0 = no limit";
+    Float(time_limit_secs, 0.0, 1e9): f32 = 0.0;
+        User Scene "oocpt:timeLimit" "OOCPT_TIME_LIMIT" "Time limit"
+        "Stop after this many seconds; 0 = no limit";
+    Int(memory_budget_mib, 0, 1 << 24): u32 = 0;
+        User Machine "oocpt:memoryBudget" "OOCPT_MEMORY_BUDGET" "Memory budget"
+        "Hard limit of device memory in MiB; 0 = automatic";
+    Text(device): String = String::new();
+        User Machine "oocpt:device" "OOCPT_DEVICE" "Device"
+        "Device by index or part of its name; empty = best";
+    Traversal(traversal): TraversalKind = TraversalKind::Auto;
+        Developer Machine "oocpt:traversal" "OOCPT_TRAVERSAL" "Traversal"
+        "Who walks the rays: auto, compute (the device) or native (the host, where the device is a processor)";
+    HostMapped(host_mapped): HostMapped = HostMapped::Auto;
+        Developer Machine "oocpt:hostMappedGeometry" "OOCPT_HOST_MAPPED_GEOMETRY" "Host-mapped geometry"
+        "Whether rays read geometry in host memory where the device has no room: auto, on or off";
+    Policy(policy): PolicyKind = PolicyKind::Benefit;
+        Developer Machine "oocpt:policy" "OOCPT_POLICY" "Policy"
+        "Which chunks to load first: sweep, priority or benefit";
+    Int(chunk_size_kib, 16, 1 << 20): u32 = 8192, "Another size is another partition of the scene.";
+        User Machine "oocpt:chunkSize" "OOCPT_CHUNK_SIZE" "Chunk size"
+        "Device memory of a chunk of the scene in KiB";
+    Int(geometry_budget_kib, 0, u32::MAX): u32 = 0;
+        User Machine "oocpt:geometryBudget" "OOCPT_GEOMETRY_BUDGET" "Geometry budget"
+        "Hard limit of device memory for geometry and textures in KiB; 0 = what the memory budget leaves";
+    Int(host_memory_budget_mib, 0, 1 << 24): u32 = 0,
+        "Arrays that the host lends, tables of instances and images come first, then shares for built meshes, \
+         encoded instances and ended paths (`host_memory.rs` of the renderer).";
+        User Machine "oocpt:hostMemoryBudget" "OOCPT_HOST_MEMORY_BUDGET" "Host memory budget"
+        "Most MiB of host memory for all that the renderer counts; 0 = shares of what is free";
+    Float(dicing_rate, 0.0, 1e6): f32 = 2.0;
+        User Scene "oocpt:dicingRate" "OOCPT_DICING_RATE" "Dicing rate"
+        "Longest edge of subdivision surfaces in pixels; 0 = as the complexity says";
+    Text(chunk_report): String = String::new();
+        Developer Machine "oocpt:chunkReport" "OOCPT_CHUNK_REPORT" "Chunk report"
+        "File for a report about the chunks; empty = none";
+    Text(material_report): String = String::new();
+        Developer Machine "oocpt:materialReport" "OOCPT_MATERIAL_REPORT" "Material report"
+        "File for the networks, inputs and programs of all materials; empty = none";
+    Text(report): String = String::new();
+        User Machine "oocpt:report" "OOCPT_REPORT" "Report"
+        "File for a report of error against time, a JSON object a line; empty = none";
+    Text(reference): String = String::new();
+        Developer Machine "oocpt:reference" "OOCPT_REFERENCE" "Reference"
+        "EXR picture for the report to compare with; empty = none";
+    Float(target_error, 0.0, 1e9): f32 = 0.0;
+        User Scene "oocpt:targetError" "OOCPT_TARGET_ERROR" "Target error"
+        "Stop when the relative mean squared error is below this, by the upper end of its interval; 0 = no limit";
+    Text(carry): String = String::new();
+        Developer Machine "oocpt:carry" "OOCPT_CARRY" "Carry"
+        "Features to compile in although the scene does not need them, to measure what they cost: names, or all; \
+         empty = none";
+    Bool(straggler_roulette): bool = false, "See `residency::roulette`.";
+        User Scene "oocpt:stragglerRoulette" "OOCPT_STRAGGLER_ROULETTE" "Straggler roulette"
+        "Russian roulette on rays that wait for expensive loads: unbiased, but other bits at each budget and run";
+    Bool(adaptive_sampling): bool = false;
+        User Scene "oocpt:adaptiveSampling" "OOCPT_ADAPTIVE_SAMPLING" "Adaptive sampling"
+        "Spend samples where the error is largest; as many in all, and no bias";
+    Text(texture_cache): String = String::new();
+        User Machine "oocpt:textureCache" "OOCPT_TEXTURE_CACHE" "Texture cache"
+        "Folder in which decoded textures are kept; 0 = none; empty = oocpt/textures in the user's cache folder";
+    Int(texture_cache_mib, 1, u32::MAX): u32 = 32 << 10;
+        User Machine "oocpt:textureCacheSize" "OOCPT_TEXTURE_CACHE_SIZE" "Texture cache size"
+        "Most MiB of decoded textures on disk; those not used for longest are removed";
+    Text(geometry_cache): String = String::new();
+        User Machine "oocpt:geometryCache" "OOCPT_GEOMETRY_CACHE" "Geometry cache"
         "Folder in which built geometry is kept for the next render; 0 = none, everything stays in memory; empty = \
-         none, what exceeds the host memory budget goes to oocpt/geometry in the user's cache folder while it is needed",
-    ).machine(),
-    user(
-        "oocpt:geometryCacheSize",
-        "OOCPT_GEOMETRY_CACHE_SIZE",
-        "Geometry cache size",
-        "Most MiB of the geometry cache; files not used for longest are removed",
-    ).machine(),
-    user(
-        "oocpt:pipelineCache",
-        "OOCPT_PIPELINE_CACHE",
-        "Pipeline cache",
-        "Folder in which the driver's compiled passes are kept; 0 = none; empty = oocpt/pipelines in the user's cache folder",
-    )
-    .machine(),
-    user(
-        "convergedSamplesPerPixel",
-        "OOCPT_CONVERGED_SAMPLES_PER_PIXEL",
-        "Converged samples",
-        "As oocpt:samplesPerPixel",
-    ).host(),
-    user(
-        "enableInteractive",
-        "OOCPT_ENABLE_INTERACTIVE",
-        "Interactive",
-        "Show images while rendering; off = only the last one",
-    ).host(),
-    user(
-        "domeLightCameraVisibility",
-        "OOCPT_DOME_LIGHT_CAMERA_VISIBILITY",
-        "Dome light camera visibility",
-        "Camera rays see the dome light",
-    ).host(),
-    user("enableSceneLights", "OOCPT_ENABLE_SCENE_LIGHTS", "Scene lights", "Use the lights of the scene").host(),
-];
+         none, what exceeds the host memory budget goes to oocpt/geometry in the user's cache folder while it is \
+         needed";
+    Int(geometry_cache_mib, 1, u32::MAX): u32 = 32 << 10;
+        User Machine "oocpt:geometryCacheSize" "OOCPT_GEOMETRY_CACHE_SIZE" "Geometry cache size"
+        "Most MiB of the geometry cache; files not used for longest are removed";
+    Text(pipeline_cache): String = String::new();
+        User Machine "oocpt:pipelineCache" "OOCPT_PIPELINE_CACHE" "Pipeline cache"
+        "Folder in which the driver's compiled passes are kept; 0 = none; empty = oocpt/pipelines in the user's \
+         cache folder";
+    Int(samples_per_pixel, 1, MAX_SAMPLES);
+        User Host "convergedSamplesPerPixel" "OOCPT_CONVERGED_SAMPLES_PER_PIXEL" "Converged samples"
+        "As oocpt:samplesPerPixel";
+    Bool(interactive): bool = true;
+        User Host "enableInteractive" "OOCPT_ENABLE_INTERACTIVE" "Interactive"
+        "Show images while rendering; off = only the last one";
+    Bool(dome_light_camera_visible): bool = true;
+        User Host "domeLightCameraVisibility" "OOCPT_DOME_LIGHT_CAMERA_VISIBILITY" "Dome light camera visibility"
+        "Camera rays see the dome light";
+    Bool(enable_scene_lights): bool = true;
+        User Host "enableSceneLights" "OOCPT_ENABLE_SCENE_LIGHTS" "Scene lights"
+        "Use the lights of the scene";
+}
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Cells of the rows of the book's tables, by the key that they begin with.
     fn cells<'a>(page: &'a str, key: &str) -> Vec<&'a str> {
         let begin = format!("| `{key}` |");
         let row = page.lines().find(|line| line.starts_with(&begin));

@@ -9,7 +9,8 @@
 //! the coarsest class first, so that a distant view needs few tiles. A tile has [`TILE_TEXELS`] texels; a block that
 //! fits a tile lies in one. Pure.
 
-use super::layout::{LayoutError, TILE_SIDE};
+use super::layout::LayoutError;
+use oocpt_abi::TILE_SIDE;
 
 /// Texels of a tile.
 pub const TILE_TEXELS: u32 = TILE_SIDE * TILE_SIDE;

@@ -6,8 +6,8 @@
 
 use glam::{DMat2, DVec2, DVec3};
 
-/// How many widths of a filter go to the length of an ellipse, at most.
-pub const MOST_ANISOTROPY: f64 = 16.0;
+/// [`oocpt_abi::MOST_ANISOTROPY`] in f64.
+pub const MOST_ANISOTROPY: f64 = oocpt_abi::MOST_ANISOTROPY as f64;
 
 /// The longer and the shorter axis of the ellipse that a cone of width 1 covers: a cone along `direction`, cutting a
 /// plane with normal `normal` on which the texture's coordinates have the `gradients`, which `map` (by columns) takes

@@ -8,10 +8,8 @@
 //! A layout of rows has one level, 128 texels wide and of any height: tile `i` has its texels `i * 128 * 128` and
 //! following (`FaceLayout` numbers them).
 
-/// Side of a tile, texels.
-pub const TILE_SIDE: u32 = 128;
-/// Levels up to this many texels a side share a tile.
-pub const TAIL_SIDE: u32 = 64;
+use oocpt_abi::{TAIL_SIDE, TILE_SIDE};
+
 /// Longest side of an image, texels.
 pub const MAX_SIDE: u32 = 1 << 16;
 

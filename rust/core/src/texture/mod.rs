@@ -25,8 +25,8 @@ pub use faces::{FaceBlock, FaceLayout, MAX_FACE_LOG2, TILE_TEXELS, class_size};
 pub use footprint::{MOST_ANISOTROPY, ellipse, filter_width};
 pub use heights::{HeightFiles, HeightImage, Heights};
 pub(crate) use heights::{HeightLevel, member_of, numbered};
-pub use layout::{Layout, LayoutError, MAX_SIDE, Piece, TAIL_SIDE, TILE_SIDE};
-pub use opacity_mask::{OpacityMask, OpacityMaskMaker, OpacityQuery, SET as MASK_SET, mask_bytes};
+pub use layout::{Layout, LayoutError, MAX_SIDE, Piece};
+pub use opacity_mask::{OpacityMask, OpacityMaskMaker, OpacityQuery, mask_bytes};
 pub use pyramid::{Pyramid, weights};
 pub use twin::{PtexSampler, Sampler, pack_ptex, select_level, unpack_ptex};
 

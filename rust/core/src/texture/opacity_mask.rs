@@ -7,12 +7,12 @@
 //! outside of cells that have something is there for no ray: bounds may leave it out.
 //!
 //! Words, u32: width | height << 16 of level 0; a word of modes; cells, a byte each, row by row. Modes: wrap of s and
-//! of t (two bits each), a bit that is [`SET`]'s, the fineness (3 bits from 4 on), the level (5 bits from 8 on), and
+//! of t (two bits each), a bit that is `MASK_SET`'s, the fineness (3 bits from 4 on), the level (5 bits from 8 on), and
 //! from 24 on the byte of what is around the picture. Cells are texels of the level: level 0 with 2^fine cells along a
 //! texel, or the first one whose sides are short enough. A byte is 0 only where nothing is there, but for a rim of no
 //! area to speak of, which then is not there; 255 only where all is, whatever rounds.
 //!
-//! A record of a set of files has modes [`SET`] and, for each of 100 parts, the distance of its mask in units of 16
+//! A record of a set of files has modes `MASK_SET` and, for each of 100 parts, the distance of its mask in units of 16
 //! bytes from the first word, or 0.
 //!
 //! Pure; any thread. `shaders/traversal/opacity_mask.glsl` and `oocpt_traverse` read it.
@@ -22,8 +22,6 @@ use cells::Cell;
 use grid::Reduction;
 use rayon::prelude::*;
 
-/// Of the modes: a set of files.
-pub const SET: u32 = 1 << 7;
 /// Cells along a side of level 0 that are parts of a texel.
 const FINE_SIDE: u32 = 256;
 /// Of what a lookup can give, on either side, as a share of what the texels around can: the shader may be off by less

@@ -22,7 +22,7 @@ pub fn select_level(width: f64, levels: u32) -> (u32, f64) {
 }
 
 /// Steps along u and v of a packed Ptex place.
-const PTEX_STEPS: f64 = 131_072.0;
+const PTEX_STEPS: f64 = oocpt_abi::PTEX_STEPS as f64;
 
 /// A place in a Ptex file as two floats, `pack_ptex` of `shaders/include/ptex.glsl`: 26 bits for the face, 17 each for
 /// u and v in 0 to 1.

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Adaptive sampling: every sample once, no more than there may be, where they are worth most, and no bias.
 
+use oocpt_abi::sampler::{pixel_seed, sample_4d};
 use oocpt_core::adaptive::{Course, FIRST, SPAN, STREAMS, VarianceEstimate, pixel_position};
-use oocpt_core::{pixel_seed, sample_4d};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 

@@ -252,7 +252,7 @@ fn clipping_intervals_along_rays_match_view_space_planes() {
         let rays = camera.rays(near(&camera)).unwrap();
         let (x, y, lens) = (123.5_f32, 45.5_f32, [0.6_f32, -0.7_f32]);
         let along = |f: [f32; 3]| f64::from(f[0]) + f64::from(f[1]) * f64::from(x) + f64::from(f[2]) * f64::from(y);
-        let aside = f64::from(planes[0].lens[0] * lens[0] + planes[0].lens[1] * lens[1]);
+        let aside = f64::from(planes[0].lens_x * lens[0] + planes[0].lens_y * lens[1]);
         let (o, d) = ray(&rays, x, y);
         let lens_point = (Vec3::from(rays.lens_u) * lens[0] + Vec3::from(rays.lens_v) * lens[1]).as_dvec3();
         let (o, d) = (o + lens_point, d - lens_point / f64::from(rays.focus));

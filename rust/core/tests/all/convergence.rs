@@ -2,8 +2,8 @@
 //! The error that a picture states, against what it is: pixels of known means, sampled as the renderer samples and
 //! independently.
 
+use oocpt_abi::sampler::{pixel_seed, sample_4d};
 use oocpt_core::convergence::{Convergence, ErrorSums, Estimate};
-use oocpt_core::{pixel_seed, sample_4d};
 
 const PIXELS: u32 = 256;
 

@@ -21,8 +21,6 @@ mod partition;
 #[cfg(test)]
 mod residency;
 #[cfg(test)]
-mod sampler;
-#[cfg(test)]
 mod scene;
 #[cfg(test)]
 mod settings;

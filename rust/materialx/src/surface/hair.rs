@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! A fibre (`chiang_hair_bsdf`): what it says, mixtures of fibres, and where its numbers go among the inputs.
 
-use super::{Input, Lowered, SHAPES};
+use super::{DEFAULTS, Input, Lowered};
 use crate::expression::Val;
 use crate::program::Op;
 use crate::slab::{Hair, Slab};
 use crate::uses::Uses;
 use crate::walk::{At, Walker};
-
-/// What of a fibre is met beyond -1..1: its normal says where.
-const BY_NORMAL: f32 = 2.0;
+use oocpt_abi::HAIR_BY_NORMAL;
 
 impl Hair {
     /// The same fibre, brighter or darker.
@@ -61,11 +59,11 @@ impl Walker<'_> {
     /// See [`Input`]: tints are colours of the slab, roughnesses and the tilt are packed where anisotropy and the film
     /// are.
     pub(super) fn lower_hair(&mut self, slab: &Slab, hair: &Hair) -> Lowered {
-        let slot = self.uses.primvar(Uses::ACROSS, [BY_NORMAL; 4]);
+        let slot = self.uses.primvar(Uses::ACROSS, [HAIR_BY_NORMAL; 4]);
         let across = match slot {
-            Some(_) => self.primvar(Uses::ACROSS, [BY_NORMAL; 4]),
+            Some(_) => self.primvar(Uses::ACROSS, [HAIR_BY_NORMAL; 4]),
             // Two other primvars are read: ribbons are seen as if they were tubes.
-            None => Val::number(BY_NORMAL),
+            None => Val::number(HAIR_BY_NORMAL),
         };
         let e = &mut self.expressions;
         let parts = |e: &mut crate::expression::Expressions, val: Val| [0, 1].map(|k| e.component(val, k));
@@ -80,7 +78,7 @@ impl Walker<'_> {
         };
         let both = e.combine(&[of_r[0], of_r[1], of_tt[0], of_tt[1]]);
         let last = e.combine(&[of_trt[0], of_trt[1], tilt]);
-        let mut inputs = SHAPES.map(|(_, default)| Val::Constant(default));
+        let mut inputs = DEFAULTS.map(Val::Constant);
         let mut set = |input: Input, val: Val| inputs[input as usize] = val;
         set(Input::DiffuseColor, hair.tints[0]);
         set(Input::SpecularColor, hair.tints[1]);

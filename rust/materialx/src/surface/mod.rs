@@ -14,8 +14,8 @@ mod models;
 
 use std::sync::Arc;
 
-pub(crate) use input::SHAPES;
-pub use input::{INPUTS, Input};
+pub(crate) use input::DEFAULTS;
+pub use input::Input;
 
 use crate::expression::Val;
 use crate::program::{Geometry, Op};
@@ -28,7 +28,7 @@ const MAX_SHADERS: usize = 16;
 /// What the BSDF takes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lowered {
-    pub(crate) inputs: [Val; INPUTS],
+    pub(crate) inputs: [Val; Input::COUNT],
     pub(crate) specular_workflow: bool,
     pub(crate) opacity_threshold: f32,
     pub(crate) thin_walled: bool,
@@ -181,7 +181,7 @@ impl Walker<'_> {
             let rest = e.complement(slab.metalness);
             transmission = e.multiply(transmission, rest);
         }
-        let mut inputs = SHAPES.map(|(_, default)| Val::Constant(default));
+        let mut inputs = DEFAULTS.map(Val::Constant);
         let mut set = |input: Input, val: Val| inputs[input as usize] = val;
         set(Input::DiffuseColor, color);
         set(Input::EmissiveColor, emission);

@@ -4,7 +4,7 @@
 //! [`SceneCache::sync`] lists what a snapshot needs. If it fits the budget, [`Scene::load_all`] brings everything;
 //! else the streaming loop brings what the rays ask for. Render thread only.
 
-use super::catalog::{MAX_LEVELS, SceneAssets};
+use super::catalog::SceneAssets;
 use super::source::AssetKey;
 use super::store::{Patience, Store};
 use super::tables::{Entries, Tables};
@@ -13,6 +13,7 @@ use crate::error::RenderError;
 use crate::shared::Gate;
 use crate::textures::{ImageLibrary, TextureCache};
 use crate::timings::Timings;
+use oocpt_abi::MAX_LEVELS;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::residency::AssetId;
 use oocpt_core::scene::Snapshot;

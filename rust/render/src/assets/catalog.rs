@@ -11,16 +11,15 @@
 use super::source::{AssetKey, Source};
 use crate::error::RenderError;
 use crate::textures::{OpacityMasks, TextureSet};
+use oocpt_abi::{LevelNode, MAX_LEVELS};
 use oocpt_core::inventory::Inventory;
-use oocpt_core::mesh::{LevelNode, level_nodes};
+use oocpt_core::mesh::level_nodes;
 use oocpt_core::partition::World;
 use oocpt_core::residency::{AssetId, Catalog, UnitId};
 use oocpt_core::scene::{Snapshot, Target};
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::Arc;
 
-/// Longest chain of instance records inside a chunk that traversal supports.
-pub(crate) const MAX_LEVELS: u32 = 16;
 /// Most meshes, assemblies or chunk instances: their indices share 32 bits with a flag.
 const MAX_TARGETS: u64 = 1 << 31;
 

@@ -6,9 +6,9 @@ use super::load::Copied;
 use super::source::MeshLayout;
 use super::surfaces::attributes;
 use crate::error::RenderError;
-use oocpt_core::mesh::{Attribute, Bvh4Node, LeafKind, MeshAsset, SceneMesh, Triangle};
+use oocpt_abi::{GpuPoint, GpuTriangle};
+use oocpt_core::mesh::{Attribute, LeafKind, MeshAsset, SceneMesh, Triangle};
 use oocpt_gpu::{Commands, DeviceRange, Gpu, StagingRing, StagingSlice, Submission};
-use oocpt_shader_abi::{GpuMeshNode, GpuPoint, GpuTriangle};
 use std::sync::Arc;
 
 /// Staging bytes of one piece.
@@ -124,9 +124,7 @@ impl<'a> Writer<'a> {
     ) -> Result<(), RenderError> {
         let layout = MeshLayout::new(summary);
         let nodes = &mesh.bvh.nodes;
-        self.section(target, 0, (nodes.len(), size_of::<GpuMeshNode>()), |first, out| {
-            convert(&nodes[first..], out, node)
-        })?;
+        self.bytes(target, 0, bytemuck::cast_slice(nodes))?;
         let count = mesh.triangles.len();
         let item_bytes = usize::try_from(summary.item_bytes()).unwrap_or(size_of::<GpuTriangle>());
         let stride = (count * item_bytes) as u64;
@@ -218,11 +216,6 @@ fn convert<T, G: bytemuck::Pod>(items: &[T], out: &mut [u8], convert: impl Fn(&T
     for (item, bytes) in items.iter().zip(out.chunks_exact_mut(size_of::<G>())) {
         bytes.copy_from_slice(bytemuck::bytes_of(&convert(item)));
     }
-}
-
-fn node(node: &Bvh4Node) -> GpuMeshNode {
-    let Bvh4Node { origin, cell_and_counts, lower, upper, first_child, first_triangle } = *node;
-    GpuMeshNode { origin, cell_and_counts, lower, upper, first_child, first_triangle }
 }
 
 fn triangle(triangle: &Triangle) -> GpuTriangle {

@@ -6,16 +6,14 @@
 
 use super::source::Source;
 use super::values::ValueLayout;
+use oocpt_abi::{FLIPS_HANDEDNESS, GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
 use oocpt_core::Aabb;
 use oocpt_core::mesh::build_level;
 use oocpt_core::scene::{InstanceFlags, InstanceRecord, MotionKey, Target};
-use oocpt_shader_abi::{GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
 use std::ops::Range;
 
 /// Records that one thread encodes at a time.
 const PART_RECORDS: usize = 4096;
-/// Set in `prototype_count` of a record whose map flips handedness.
-const FLIPS_HANDEDNESS: u32 = 1 << 31;
 
 /// Bytes of an asset, and where they lie in it.
 #[derive(Debug, PartialEq, Eq)]
@@ -69,7 +67,6 @@ pub(crate) fn tree(source: &Source, stretches: &mut [Stretch]) -> (Piece, u32) {
     stretches.sort_unstable_by_key(|stretch| stretch.first);
     let boxes: Vec<Aabb> = stretches.iter_mut().flat_map(|stretch| std::mem::take(&mut stretch.boxes)).collect();
     let tree = build_level(&boxes);
-    // LevelNode has the layout of GpuLevelNode.
     (Piece { offset: source.nodes_at(), bytes: bytemuck::cast_slice(&tree.nodes).to_vec() }, tree.stack)
 }
 

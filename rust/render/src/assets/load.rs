@@ -12,9 +12,9 @@ use crate::loader::Loader;
 use crate::reading::Reading;
 use crate::sync::lock;
 use crossbeam_channel::{Receiver, Sender, unbounded};
+use oocpt_abi::Bvh4Node;
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{Gpu, HeapRange, StagingRing, Submission};
-use oocpt_shader_abi::GpuMeshNode;
 use rustc_hash::FxHashMap;
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -268,7 +268,7 @@ impl Job {
 }
 
 /// The root of a mesh that is not there: no ray meets the boxes of its children, whose planes are the wrong way round.
-const NO_MESH: GpuMeshNode = GpuMeshNode {
+const NO_MESH: Bvh4Node = Bvh4Node {
     origin: [0; 3],
     cell_and_counts: 0x007f_7f7f,
     lower: [u32::MAX; 3],

@@ -22,12 +22,11 @@ mod tables;
 mod values;
 
 pub(crate) use cache::{Scene, SceneCache, SceneView};
-pub(crate) use catalog::{MAX_LEVELS, SceneAssets};
+pub(crate) use catalog::SceneAssets;
 pub(crate) use demand::Brought;
 pub(crate) use encode::Writer;
 pub(crate) use host_heap::{HostHeapFiller, bytes_with_holes};
 pub(crate) use level::motion_key;
-pub(crate) use source::leaf_of;
 pub(crate) use store::{Patience, Store};
 #[cfg(test)]
 pub(crate) use surfaces::SurfaceEntries;

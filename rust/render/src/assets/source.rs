@@ -7,23 +7,18 @@
 
 use super::values::ValueLayout;
 use crate::textures::TextureImage;
-use oocpt_core::mesh::{
-    AttributeRate, AttributeSummary, LeafKind, MeshSummary, POINT_BUNDLE, SceneMesh, level_node_count,
-    likely_level_stack,
-};
-use oocpt_core::partition::Chunk;
-use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord, MotionKey};
-use oocpt_shader_abi as abi;
-use oocpt_shader_abi::{
-    GpuAssembly, GpuAttribute, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuMotionKey, MESH_KEYS_SHIFT,
+use oocpt_abi::{
+    AttributeRate, Bvh4Node, GpuAssembly, GpuAttribute, GpuInstance, GpuMesh, GpuMotionKey, LevelNode, MESH_KEYS_SHIFT,
     MeshFlags,
 };
+use oocpt_core::mesh::{AttributeSummary, MeshSummary, SceneMesh, level_node_count, likely_level_stack};
+use oocpt_core::partition::Chunk;
+use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord, MotionKey};
 use std::ops::Range;
 use std::sync::Arc;
 
 /// Alignment of every section, bytes.
 pub(crate) const ALIGN: u64 = 16;
-const _: () = assert!(POINT_BUNDLE == abi::POINT_BUNDLE as usize, "leaves of points have one size");
 
 /// What ranges are rounded up to by the heap, bytes.
 const GRANULE: u64 = 256;
@@ -81,7 +76,7 @@ impl MeshLayout {
             end = (end + bytes).next_multiple_of(ALIGN);
             start
         };
-        section(mesh.nodes * size_of::<GpuMeshNode>() as u64);
+        section(mesh.nodes * size_of::<Bvh4Node>() as u64);
         let layout = Self {
             triangles: section(mesh.triangle_bytes()),
             corners: section(mesh.corner_indices * size_of::<[u32; 3]>() as u64),
@@ -102,7 +97,7 @@ fn record_bytes(count: usize) -> u64 {
 }
 
 fn node_bytes(count: usize) -> u64 {
-    (level_node_count(count) * size_of::<GpuLevelNode>()) as u64
+    (level_node_count(count) * size_of::<LevelNode>()) as u64
 }
 
 impl Source {
@@ -310,7 +305,7 @@ impl Source {
             opacities: at(mesh.opacities.is_some(), layout.opacities),
             flags: flags.with_rates(rate(mesh.normals), rate(mesh.colors), rate(mesh.opacities))
                 | keys
-                | leaf_of(mesh.kind).flags(),
+                | mesh.kind.row().flags(),
             // Checked against MAX_MESH_ITEMS.
             triangle_count: u32::try_from(mesh.triangles).unwrap_or(u32::MAX),
             primvars: at(!mesh.primvars.is_empty(), layout.primvars),
@@ -325,21 +320,6 @@ impl Source {
     }
 }
 
-fn rate(attribute: Option<AttributeSummary>) -> abi::AttributeRate {
-    attribute.map_or(abi::AttributeRate::Constant, |attribute| rate_of(attribute.rate))
-}
-
-/// The shaders' row of a kind of leaf; a test sees that each has one.
-pub(crate) fn leaf_of(kind: LeafKind) -> abi::Leaf {
-    abi::LEAVES.iter().copied().find(|row| row.name == kind.name()).unwrap_or(abi::Leaf::TRIANGLE)
-}
-
-/// The shaders' word for it.
-pub(crate) fn rate_of(rate: AttributeRate) -> abi::AttributeRate {
-    match rate {
-        AttributeRate::Constant => abi::AttributeRate::Constant,
-        AttributeRate::Uniform => abi::AttributeRate::Uniform,
-        AttributeRate::Vertex => abi::AttributeRate::Vertex,
-        AttributeRate::FaceVarying => abi::AttributeRate::FaceVarying,
-    }
+fn rate(attribute: Option<AttributeSummary>) -> AttributeRate {
+    attribute.map_or(AttributeRate::Constant, |attribute| attribute.rate)
 }

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The tables of materials and of who has them, and the sections of a mesh that materials read. Pure.
 
-use super::source::rate_of;
 use crate::textures::OpacityMasks;
 use bytemuck::Zeroable;
-use oocpt_core::material::{Input, InputName, Material, MaterialFlags, PTEX_SET_ID, UvSet};
+use oocpt_abi as abi;
+use oocpt_abi::{
+    GpuAttribute, GpuCutout, GpuInput, GpuMaterial, GpuPrim, MaterialFlags, MaterialInput, NAME_PTEX, NO_MATERIAL,
+};
+use oocpt_core::material::{Input, Material, UvSet};
 use oocpt_core::materialx::program::{Lookup, Program};
 use oocpt_core::mesh::{MeshSummary, PrimvarSummary};
-use oocpt_core::scene::{NO_MATERIAL, PrimRecord, SurfaceTables};
-use oocpt_shader_abi as abi;
-use oocpt_shader_abi::{GpuAttribute, GpuCutout, GpuInput, GpuMaterial, GpuPrim};
+use oocpt_core::scene::{PrimRecord, SurfaceTables};
 
 /// The tables of a snapshot as the shaders read them.
 #[derive(Debug)]
@@ -66,7 +67,7 @@ impl SurfaceEntries {
 
 /// Of a material whose mask begins at a word of those at `address`. Only what reads a texture at a set has a mask.
 fn cutout(material: &GpuMaterial, masks: &OpacityMasks, word: u32, address: u64) -> GpuCutout {
-    let GpuInput { row_s, row_t, kind, .. } = material.inputs[InputName::Opacity as usize];
+    let GpuInput { row_s, row_t, kind, .. } = material.inputs[MaterialInput::Opacity as usize];
     let set = (kind >> abi::INPUT_SET_SHIFT & 1) as usize;
     let at = word as usize;
     let [size, modes] = [at, at + 1].map(|word| masks.words.get(word).copied().unwrap_or(0));
@@ -196,7 +197,7 @@ fn input(input: &Input, material_sets: &[UvSet]) -> GpuInput {
         Input::Register(register) => GpuInput { texture: u32::from(register), ..plain(abi::INPUT_REGISTER, [0.0; 4]) },
         Input::Texture { texture, channel, scale, bias, uv, transform } => {
             let is_ptex =
-                uv.is_some_and(|uv| material_sets.get(usize::from(uv)).is_some_and(|set| set.id == PTEX_SET_ID));
+                uv.is_some_and(|uv| material_sets.get(usize::from(uv)).is_some_and(|set| set.id == NAME_PTEX));
             let channel = channel.map_or(0, |c| u32::from(c & 3) + 1);
             let set = uv.map_or(abi::INPUT_NO_SET, |uv| u32::from(uv & 1));
             let kind = abi::INPUT_TEXTURE | channel << abi::INPUT_CHANNEL_SHIFT | set << abi::INPUT_SET_SHIFT;
@@ -211,7 +212,7 @@ pub(crate) fn attributes(mesh: &MeshSummary, table: u64, offsets: &[u64]) -> Vec
     let entry = |(primvar, offset): (&PrimvarSummary, &u64)| GpuAttribute {
         values: offset.saturating_sub(table),
         name: primvar.id,
-        rate_and_width: rate_of(primvar.values.rate) as u32 | primvar.values.width << 8,
+        rate_and_width: primvar.values.rate as u32 | primvar.values.width << 8,
     };
     mesh.primvars.iter().zip(offsets).map(entry).collect()
 }
@@ -219,8 +220,6 @@ pub(crate) fn attributes(mesh: &MeshSummary, table: u64, offsets: &[u64]) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-    use oocpt_core::material::{FRAME_IDS, InputName, NORMAL_ID, POSITION_ID};
-    use oocpt_core::materialx::program::{MAX_OPACITY_LOOKUPS, REGISTERS};
 
     #[test]
     fn inputs_keep_their_kind_channel_and_set() {
@@ -249,33 +248,5 @@ mod tests {
         assert_eq!(input(&placed, &[]).kind, 1 | 2 << 5);
         assert_eq!(input(&Input::Primvar { slot: 1, fallback: [0.5; 4] }, &[]).kind, 2 | 1 << 5);
         assert_eq!(input(&Input::Constant([0.5; 4]), &[]).kind, 0);
-    }
-
-    #[test]
-    fn input_and_flag_codes_match_the_shaders() {
-        assert_eq!(abi::MATERIAL_INPUTS, oocpt_core::material::INPUTS);
-        assert_eq!((abi::NO_MATERIAL, abi::NAME_PTEX), (NO_MATERIAL, PTEX_SET_ID));
-        assert_eq!((abi::NAME_POSITION, abi::NAME_NORMAL), (POSITION_ID, NORMAL_ID));
-        assert_eq!([abi::NAME_FRAME_X, abi::NAME_FRAME_Y], FRAME_IDS);
-        assert_eq!(abi::PROGRAM_REGISTERS as usize, REGISTERS);
-        let of_core: Vec<_> = MaterialFlags::all().iter_names().map(|(name, flag)| (name, flag.bits())).collect();
-        let all = abi::GpuMaterialFlags::all();
-        let of_shaders: Vec<_> = all.iter_names().map(|(name, flag)| (name, flag.bits())).collect();
-        assert_eq!(of_core, of_shaders);
-        let shouted = |name: InputName| {
-            let mut text = String::new();
-            for letter in format!("{name:?}").chars() {
-                if letter.is_uppercase() && !text.is_empty() {
-                    text.push('_');
-                }
-                text.push(letter.to_ascii_uppercase());
-            }
-            text
-        };
-        assert_eq!(InputName::ALL.map(shouted).to_vec(), abi::MATERIAL_INPUT_NAMES);
-        assert!(InputName::ALL.iter().enumerate().all(|(at, name)| *name as usize == at), "each at its place");
-        assert_eq!((abi::TILE_SIDE, abi::TAIL_SIDE), (oocpt_core::texture::TILE_SIDE, oocpt_core::texture::TAIL_SIDE));
-        assert_eq!(abi::LEAF, oocpt_core::mesh::bvh4::LEAF, "of nodes");
-        assert_eq!(abi::CUTOUT_LOOKUPS as usize, MAX_OPACITY_LOOKUPS);
     }
 }

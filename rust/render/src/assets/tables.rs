@@ -13,13 +13,11 @@ use crate::device::Device;
 use crate::error::RenderError;
 use crate::textures::TextureSet;
 use bytemuck::{Pod, Zeroable};
+use oocpt_abi::{GpuAssembly, GpuChunk, GpuChunkInstance, GpuMesh, GpuTexture, LevelNode, PAGE_BROKEN, TEXTURE_SRGB};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::partition::{ChunkInstance, PlacedValues};
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{Commands, HeapRange};
-use oocpt_shader_abi::{
-    GpuAssembly, GpuChunk, GpuChunkInstance, GpuLevelNode, GpuMesh, GpuTexture, PAGE_BROKEN, TEXTURE_SRGB,
-};
 use std::ops::Range;
 use std::time::Duration;
 
@@ -141,7 +139,7 @@ impl Tables {
     pub(crate) fn bytes(assets: &SceneAssets) -> u64 {
         let (snapshot, world) = (&assets.snapshot, &assets.snapshot.world);
         let tables = [
-            (assets.top.nodes.len(), size_of::<GpuLevelNode>()),
+            (assets.top.nodes.len(), size_of::<LevelNode>()),
             (world.instances.len(), size_of::<GpuChunkInstance>()),
             (world.chunks.len(), size_of::<GpuChunk>()),
             (snapshot.assemblies.len(), size_of::<GpuAssembly>()),
@@ -205,7 +203,6 @@ impl Tables {
         let ring = device.loader()?.ring();
         let mut writer = Writer::new(&device.gpu, ring);
         let tables = Self {
-            // LevelNode has the layout of GpuLevelNode.
             top_nodes: table(device, &mut writer, "top level", bytemuck::cast_slice(&assets.top.nodes))?,
             chunk_instances: table(device, &mut writer, "chunk instances", bytemuck::cast_slice(&instances))?,
             chunks: table(device, &mut writer, "chunk table", bytemuck::cast_slice(&entries.chunks))?,

@@ -3,8 +3,8 @@
 //! order of the rows. Pure.
 
 use super::source::ALIGN;
+use oocpt_abi::{GpuAttribute, NO_NAME};
 use oocpt_core::scene::InstanceColumn;
-use oocpt_shader_abi::{GpuAttribute, NO_NAME};
 
 /// Where the parts of a table are, from its beginning.
 #[derive(Debug)]

@@ -10,8 +10,8 @@ use crate::progress::Progress;
 use crate::setting::Setting;
 use crate::shared::Gate;
 use crate::wavefront::Kind;
+use oocpt_abi::Counters;
 use oocpt_gpu::Submission;
-use oocpt_shader_abi::Counters;
 use std::collections::VecDeque;
 use std::time::Instant;
 

@@ -28,10 +28,10 @@ use crate::wave::LAST_SLOT;
 use crate::wavefront::{Backend, Kind, Native, Passes, PathBuffers, Recorder};
 use crate::{assets::SceneView, device::WAVE_TIMEOUT};
 use drive::{Outcome, run};
+use oocpt_abi::{Features, Frame};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::settings::TraversalKind;
 use oocpt_gpu::{Buffer, Commands, Submission, Usage};
-use oocpt_shader_abi::{Features, Frame};
 
 /// What every submission of a frame refers to.
 #[derive(Debug)]

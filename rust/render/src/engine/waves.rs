@@ -13,9 +13,8 @@ use crate::schedule::{Schedule, first_wave};
 use crate::shared::Gate;
 use crate::wave::Wave;
 use crate::wavefront::{Kind, Traced};
-use oocpt_core::scene::SceneFeatures;
+use oocpt_abi::{Features, Push, PushFlags};
 use oocpt_gpu::Commands;
-use oocpt_shader_abi::{Push, PushFlags};
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -74,7 +73,7 @@ impl<'e> Waves<'e> {
         match self.kind {
             Kind::Aovs => 0,
             Kind::Samples => {
-                let has_materials = job.snapshot.features.contains(SceneFeatures::MATERIALS);
+                let has_materials = job.snapshot.features.contains(Features::MATERIALS);
                 job.settings.max_bounces + u32::from(has_materials)
             }
         }

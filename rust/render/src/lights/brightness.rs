@@ -3,7 +3,7 @@
 //! (decisions/0062). Pure.
 
 use super::narrow;
-use oocpt_shader_abi::Lighting;
+use oocpt_abi::Lighting;
 
 /// See the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

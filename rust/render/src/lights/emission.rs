@@ -5,11 +5,12 @@ use super::emission_map::{EmissionMap, Finish};
 use super::program::{Corner, EmissionProgram, primvar};
 use super::{emission_weight, narrow};
 use crate::textures::TextureCache;
-use oocpt_core::material::{Input, InputName};
+use oocpt_abi::{MaterialFlags, MaterialInput, NO_MATERIAL, NO_VALUE};
+use oocpt_core::Material;
+use oocpt_core::material::Input;
 use oocpt_core::mesh::{MeshAsset, MeshSummary};
-use oocpt_core::scene::{NO_MATERIAL, NO_VALUE, Snapshot};
+use oocpt_core::scene::Snapshot;
 use oocpt_core::texture::TextureRef;
-use oocpt_core::{Material, MaterialFlags};
 use std::sync::Arc;
 
 /// Emission above which a material is no light: weights stay finite.
@@ -314,7 +315,7 @@ fn emitted_power(
     if !material.flags.contains(MaterialFlags::EMISSIVE) || material.flags.contains(MaterialFlags::PRESENCE) {
         return None;
     }
-    match material.input(InputName::EmissiveColor) {
+    match material.input(MaterialInput::EmissiveColor) {
         Input::Constant([r, g, b, _]) => {
             let emission = [*r, *g, *b].map(|c| c.max(0.0));
             let usable = emission.iter().all(|c| *c <= MAX_EMISSION);

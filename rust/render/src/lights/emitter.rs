@@ -6,8 +6,8 @@ use super::emission::{EmittedPower, PrimEmission};
 use super::narrow;
 use super::program::{Corner, with_floor};
 use super::tree::{self, LightBounds, NOTHING};
+use oocpt_abi::{GpuLightLeaf, GpuLightNode, GpuLightTriangle};
 use oocpt_core::mesh::MeshAsset;
-use oocpt_shader_abi::{GpuLightLeaf, GpuLightNode, GpuLightTriangle};
 use rustc_hash::FxHashMap;
 use std::f64::consts::FRAC_PI_2;
 

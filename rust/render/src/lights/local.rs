@@ -4,11 +4,11 @@
 use super::tree::LightBounds;
 use super::{luminance, narrow};
 use crate::assets::motion_key;
-use oocpt_core::scene::{Light, LightMotion, LightShaping, LocalLight, LocalShape, MotionKey};
-use oocpt_shader_abi::{
+use oocpt_abi::{
     GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightShaping, GpuLocalLight, LIGHT_SHAPES, LightFlags, NO_INDEX,
     pack_color,
 };
+use oocpt_core::scene::{Light, LightMotion, LightShaping, LocalLight, LocalShape, MotionKey};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Kind and flags of a light.

@@ -14,12 +14,13 @@ use super::mesh_motion::{MAX_KEYS, Motions, has_usable_size, swept};
 use super::tree::{self, LightBounds, NOTHING};
 use super::{EVEN_SHARE, count, narrow};
 use crate::textures::TextureCache;
+use oocpt_abi::{
+    Features, GpuLightKey, GpuLightLeaf, GpuLightMesh, GpuLightNode, GpuLightTriangle, GpuLightValue, GpuMeshLight,
+    NO_INDEX,
+};
 use oocpt_core::mesh::{LeafKind, SceneMesh};
 use oocpt_core::partition::World;
-use oocpt_core::scene::{MeshPlacement, MeshPlacements, SceneFeatures, Snapshot};
-use oocpt_shader_abi::{
-    GpuLightKey, GpuLightLeaf, GpuLightMesh, GpuLightNode, GpuLightTriangle, GpuLightValue, GpuMeshLight, NO_INDEX,
-};
+use oocpt_core::scene::{MeshPlacement, MeshPlacements, Snapshot};
 use rustc_hash::FxHashMap;
 use std::f64::consts::PI;
 use std::sync::{Arc, Weak};
@@ -53,7 +54,7 @@ pub(crate) struct MeshLights {
     pub(crate) corners: Vec<[f32; 4]>,
     /// Most textures that are looked up for a point.
     pub(crate) lookups: u32,
-    /// How those that move do: see [`oocpt_shader_abi::Lighting::mesh_motion`]. Empty where none does, as the next.
+    /// How those that move do: see [`oocpt_abi::Lighting::mesh_motion`]. Empty where none does, as the next.
     pub(crate) motion: Vec<[u32; 2]>,
     pub(crate) keys: Vec<GpuLightKey>,
     /// All placements, with their power.
@@ -77,7 +78,7 @@ type EmitterKey = (u128, Vec<u32>);
 impl MeshLightCache {
     /// The mesh lights of a snapshot; `None` without any. Without `images` textures emit nothing.
     pub(crate) fn get(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Option<Arc<MeshLights>> {
-        if !snapshot.features.contains(SceneFeatures::EMISSION) {
+        if !snapshot.features.contains(Features::EMISSION) {
             *self = Self::default();
             return None;
         }

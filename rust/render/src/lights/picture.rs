@@ -7,7 +7,7 @@
 
 use super::{luminance, narrow};
 use crate::light_files::LightPicture;
-use oocpt_shader_abi::{GpuCdf, MAP_FLOAT, MAP_HALF};
+use oocpt_abi::{GpuCdf, MAP_FLOAT, MAP_HALF};
 use std::f64::consts::PI;
 
 /// Most texels of a picture: 16 K x 8 K.

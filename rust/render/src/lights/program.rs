@@ -9,11 +9,11 @@
 
 use super::emission_map::{EmissionMap, LATTICE, MOST, lattice};
 use super::{emission_weight, narrow};
+use oocpt_abi::{AttributeRate, NAME_FRAME_X, NAME_FRAME_Y, NAME_NORMAL, NAME_POSITION, NAME_PTEX};
 use oocpt_core::Material;
-use oocpt_core::material::{FRAME_IDS, NORMAL_ID, POSITION_ID, PTEX_SET_ID};
 use oocpt_core::materialx::eval::run;
 use oocpt_core::materialx::program::{Geometry, Lookup, Op, Program};
-use oocpt_core::mesh::{AnyAttribute, AttributeRate, MeshAsset};
+use oocpt_core::mesh::{AnyAttribute, MeshAsset};
 use std::sync::Arc;
 
 /// Lookups that a path has places for, its material's and the light's together.
@@ -81,8 +81,8 @@ impl EmissionProgram {
         };
         let sets = [set(0, Geometry::Uv0), set(1, Geometry::Uv1)];
         let primvars = [primvar(0, Geometry::Primvar0), primvar(1, Geometry::Primvar1)];
-        let is_strange = sets.iter().flatten().any(|set| set.0 == PTEX_SET_ID)
-            || primvars.iter().flatten().any(|slot| slot.0 == NORMAL_ID || FRAME_IDS.contains(&slot.0));
+        let is_strange = sets.iter().flatten().any(|set| set.0 == NAME_PTEX)
+            || primvars.iter().flatten().any(|slot| [NAME_NORMAL, NAME_FRAME_X, NAME_FRAME_Y].contains(&slot.0));
         if is_strange {
             return None;
         }
@@ -122,7 +122,7 @@ impl EmissionProgram {
         for (k, slot) in self.primvars.iter().enumerate() {
             let Some((name, fallback)) = *slot else { continue };
             let places = || mesh.triangles.get(triangle).map(|t| t.vertices.map(|[x, y, z]| [x, y, z, 0.0]));
-            let found = if name == POSITION_ID { places() } else { primvar(mesh, name, triangle) };
+            let found = if name == NAME_POSITION { places() } else { primvar(mesh, name, triangle) };
             for (corner, value) in corners.iter_mut().zip(found.unwrap_or([fallback; 3])) {
                 corner[1 + k] = value;
             }
@@ -207,12 +207,13 @@ mod tests {
     use super::super::emission::{EmittedPower, PrimEmission};
     use super::super::emitter::Emitter;
     use super::*;
-    use oocpt_core::material::{INPUTS, Input, PrimvarSlot, UvSet};
+    use oocpt_abi::{MaterialFlags, MaterialInput};
+    use oocpt_core::material::{Input, PrimvarSlot, UvSet};
     use oocpt_core::materialx::Emission;
     use oocpt_core::materialx::program::{Instruction, Operand};
     use oocpt_core::mesh::MeshAsset;
     use oocpt_core::scene::MeshDesc;
-    use oocpt_core::{MaterialFlags, PrimDesc, SceneDb, TypedArray};
+    use oocpt_core::{PrimDesc, SceneDb, TypedArray};
 
     /// Emits whether what it reads is above 1, and as much as `base`.
     fn above_one(geometry: Geometry, base: f32) -> Material {
@@ -230,10 +231,10 @@ mod tests {
         };
         Material {
             flags: MaterialFlags::EMISSIVE | MaterialFlags::PATTERNS,
-            inputs: [Input::Constant([0.0; 4]); INPUTS],
+            inputs: [Input::Constant([0.0; 4]); MaterialInput::COUNT],
             opacity_threshold: 0.0,
             uv_sets: vec![UvSet { name: "st".into(), id: 7, fallback: [3.0, 0.0] }],
-            primvars: vec![PrimvarSlot { name: "place".into(), id: POSITION_ID, fallback: [0.0; 4] }],
+            primvars: vec![PrimvarSlot { name: "place".into(), id: NAME_POSITION, fallback: [0.0; 4] }],
             program: Program::default(),
             opacity_program: Program::default(),
             emission: Some(Emission { program, register: 0 }),
@@ -280,11 +281,11 @@ mod tests {
     #[test]
     fn programs_reading_normals_or_many_textures_are_not_sampled() {
         let mut by_normal = above_one(Geometry::Primvar0, 0.0);
-        by_normal.primvars[0].id = NORMAL_ID;
+        by_normal.primvars[0].id = NAME_NORMAL;
         assert!(made(&by_normal).is_none(), "the normal in the mesh's frame");
         let mut of_ptex = above_one(Geometry::Uv0, 0.0);
         assert!(made(&of_ptex).is_some(), "texture coordinates");
-        of_ptex.uv_sets[0].id = PTEX_SET_ID;
+        of_ptex.uv_sets[0].id = NAME_PTEX;
         assert!(made(&of_ptex).is_none(), "Ptex");
         let mut textured = above_one(Geometry::Uv0, 0.0);
         let lookup = Lookup { texture: 0, uv: Some(0), transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };

@@ -7,11 +7,11 @@ use super::picture::EncodedPicture;
 use super::tree::{self, LightBounds};
 use super::{EVEN_SHARE, MeshLights, count, local, luminance, narrow};
 use crate::light_files::LightFiles;
-use oocpt_core::scene::{AssetRef, DomeFormat, DomeTexture, Emitter, IesProfile, Light, LocalLight, Snapshot};
-use oocpt_shader_abi::{
+use oocpt_abi::{
     Features, GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags,
     Lighting, NO_INDEX,
 };
+use oocpt_core::scene::{AssetRef, DomeFormat, DomeTexture, Emitter, IesProfile, Light, LocalLight, Snapshot};
 use rustc_hash::FxHashMap;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;

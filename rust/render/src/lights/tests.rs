@@ -3,7 +3,7 @@
 
 use super::picture::piecewise;
 use super::tree::{LightBounds, build};
-use oocpt_shader_abi::{GpuLightNode, LIGHT_LEAF, LIGHT_TREE_DEPTH};
+use oocpt_abi::{GpuLightNode, LIGHT_LEAF, LIGHT_TREE_DEPTH};
 
 fn scattered(i: u32) -> [f64; 3] {
     let i = f64::from(i);
@@ -159,9 +159,10 @@ pub(super) mod probe {
     use crate::assets::SurfaceEntries;
     use crate::device::{Device, DeviceOptions, Specialisation};
     use bytemuck::Zeroable;
+    use oocpt_abi::{Features, Frame, Push, Ray, groups};
     use oocpt_core::{LightDesc, LightKind, PrimDesc, SceneDb};
     use oocpt_gpu::{Buffer, Usage};
-    use oocpt_shader_abi::{Features, Frame, Push, Ray, groups, passes};
+    use oocpt_shaders::passes;
     use std::time::Duration;
 
     const RECEIVERS: u32 = 4096;

@@ -7,7 +7,7 @@
 //! depends on the lights' order only.
 
 use super::narrow;
-use oocpt_shader_abi::{GpuLightNode, LIGHT_LEAF, LIGHT_TREE_DEPTH};
+use oocpt_abi::{GpuLightNode, LIGHT_LEAF, LIGHT_TREE_DEPTH};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Most lights that the tree takes.

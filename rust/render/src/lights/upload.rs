@@ -11,9 +11,9 @@ use super::table::{LightTable, Map};
 use crate::assets::Writer;
 use crate::device::Device;
 use crate::error::RenderError;
+use oocpt_abi::{GpuLightMap, Lighting};
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::HeapRange;
-use oocpt_shader_abi::{GpuLightMap, Lighting};
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -7,12 +7,12 @@ use super::optional_buffers::{LOOKUP_BYTES, RouletteBuffers, TextureBuffers, lis
 use super::places::{Bounds, Places, device_bytes};
 use crate::error::RenderError;
 use crate::wavefront::{PathBuffers, PathNeeds};
-use oocpt_core::inventory::Inventory;
-use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{
+use oocpt_abi::{
     Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Roulette, Segment, Streaming, TILE_KEYS, UnitDemand,
     WORTH_SUMS, sort_blocks,
 };
+use oocpt_core::inventory::Inventory;
+use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use std::sync::Arc;
 
 /// Most units whose demand the host reads in a step, 16 bytes each; the others ask again in the next one.

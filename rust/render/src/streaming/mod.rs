@@ -47,10 +47,9 @@ use clock::Clock;
 use leave::Leave;
 use left::Left;
 use observe::Observation;
+use oocpt_abi::{Features, Frame, MAX_PENDING};
 use oocpt_core::inventory::Inventory;
-use oocpt_core::scene::SceneFeatures;
 use oocpt_gpu::MemoryUse;
-use oocpt_shader_abi::{Frame, MAX_PENDING};
 use residency::{Residency, Start};
 use share::Room;
 use stage::Stage;
@@ -185,9 +184,9 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
         units: scene.unit_count(),
         textures,
         lookups: lookups(setting),
-        materials: job.snapshot.features.contains(SceneFeatures::MATERIALS),
+        materials: job.snapshot.features.contains(Features::MATERIALS),
         cutouts: textures && specialise::has_cutouts(&job.snapshot),
-        cutout_programs: textures && job.snapshot.features.contains(SceneFeatures::CUTOUT_PROGRAMS),
+        cutout_programs: textures && job.snapshot.features.contains(Features::CUTOUT_PROGRAMS),
         light_paths: has_light_paths(setting),
         shadows: has_shadow_rays(setting),
         roulette: job.settings.straggler_roulette,

@@ -2,8 +2,8 @@
 //! What the host knows of the paths: the counters, segments and demand that a step left behind. Pure.
 
 use super::segments;
+use oocpt_abi::{Counters, Roulette, Segment, UnitDemand};
 use oocpt_core::residency::UnitId;
-use oocpt_shader_abi::{Counters, Roulette, Segment, UnitDemand};
 
 /// How many there are of what a step leaves behind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,9 +2,9 @@
 //! Memory of a streaming render that only some scenes need: for textures, for roulette on loads.
 
 use super::buffers::Needs;
+use oocpt_abi::{CUTOUT_LOOKUPS, Question, Roulette, WORTH_SUMS};
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{CUTOUT_LOOKUPS, Question, Roulette, WORTH_SUMS};
 use std::sync::Arc;
 
 /// Bytes of the value of a lookup.

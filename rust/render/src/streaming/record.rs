@@ -6,8 +6,9 @@ use super::buffers::verdict_table;
 use super::segments::Segment;
 use crate::error::RenderError;
 use crate::wavefront::{Kind, Traced};
+use oocpt_abi::{PREPARE_DEMAND, Push, SCAN_BLOCKS, SCAN_SUMS};
 use oocpt_gpu::{Commands, Submission};
-use oocpt_shader_abi::{PREPARE_DEMAND, Pass, Push, SCAN_BLOCKS, SCAN_SUMS};
+use oocpt_shaders::Pass;
 
 /// What a step is to do.
 #[derive(Debug, Default)]

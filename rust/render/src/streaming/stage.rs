@@ -22,9 +22,9 @@ use crate::progress::Progress;
 use crate::setting::is_cpu;
 use crate::shared::Gate;
 use crate::wavefront::Kind;
+use oocpt_abi::Counters;
 use oocpt_core::residency::roulette::Prices;
 use oocpt_core::residency::{Demand, Proposal, ResidencyStats, UnitId};
-use oocpt_shader_abi::Counters;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 

@@ -12,11 +12,11 @@
 //! traces; and ever more, the fewer loads are left.
 
 use super::observe::Observation;
+use oocpt_abi::{WORTH_MUST, WORTH_ONE};
 #[cfg(feature = "faults")]
 use oocpt_core::residency::roulette::LEAST;
 use oocpt_core::residency::roulette::{Prices, Roulette, Stakes};
 use oocpt_core::residency::{Proposal, UnitId};
-use oocpt_shader_abi::{WORTH_MUST, WORTH_ONE};
 
 /// Stragglers are so few of the paths that are in flight when there are enough: one in this many.
 const FEW: u64 = 64;
@@ -277,7 +277,7 @@ mod tests {
         let stragglers = Stragglers::new(1, 2);
         let spent = |variance| Spent { secs: 1.0, paths: 10, all_paths: 20, variance };
         let of_paths = |variance| Observation {
-            roulette: oocpt_shader_abi::Roulette { variance, ..Default::default() },
+            roulette: oocpt_abi::Roulette { variance, ..Default::default() },
             ..Observation::default()
         };
         let known = |measured, said| stragglers.prices(&spent(measured), &of_paths(said)).variance;

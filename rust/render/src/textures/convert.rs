@@ -8,7 +8,8 @@
 use super::image::{ColorTransform, Image, ImageError};
 use super::texels::Texels;
 use crossbeam_channel::bounded;
-use oocpt_core::texture::{Layout, Pyramid, TILE_SIDE};
+use oocpt_abi::TILE_SIDE;
+use oocpt_core::texture::{Layout, Pyramid};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Bands between the two threads.

@@ -9,8 +9,9 @@ use super::set::open;
 use super::texels::Texels;
 use super::tiles::{Stores, TextureImage};
 use crate::sync::lock;
+use oocpt_abi::TILE_SIDE;
 use oocpt_core::settings::Settings;
-use oocpt_core::texture::{HeightFiles, HeightImage, Layout, TILE_SIDE, TexelFormat, TextureRef, Wrap};
+use oocpt_core::texture::{HeightFiles, HeightImage, Layout, TexelFormat, TextureRef, Wrap};
 use std::sync::{Arc, Mutex};
 
 /// See the module.

@@ -9,11 +9,11 @@
 use super::heights::{has_curve_of_device, read_channel_by_bands};
 use super::set::TextureCache;
 use super::tiles::TextureImage;
-use oocpt_core::material::{Input, InputName, Material, MaterialFlags, PTEX_SET_ID};
+use oocpt_abi as abi;
+use oocpt_abi::{GpuTexture, MaterialFlags, MaterialInput, NAME_PTEX};
+use oocpt_core::material::{Input, Material};
 use oocpt_core::scene::SurfaceTables;
-use oocpt_core::texture::{MASK_SET, OpacityMask, OpacityMaskMaker, OpacityQuery, TextureRef, Wrap, mask_bytes};
-use oocpt_shader_abi as abi;
-use oocpt_shader_abi::GpuTexture;
+use oocpt_core::texture::{OpacityMask, OpacityMaskMaker, OpacityQuery, TextureRef, Wrap, mask_bytes};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::sync::Arc;
@@ -148,8 +148,10 @@ impl TextureCache {
         if !material.flags.contains(MaterialFlags::PRESENCE) {
             return none;
         }
-        let Input::Texture { texture, uv: Some(set), .. } = *material.input(InputName::Opacity) else { return none };
-        let has_set = material.uv_sets.get(usize::from(set)).is_some_and(|set| set.id != PTEX_SET_ID);
+        let Input::Texture { texture, uv: Some(set), .. } = *material.input(MaterialInput::Opacity) else {
+            return none;
+        };
+        let has_set = material.uv_sets.get(usize::from(set)).is_some_and(|set| set.id != NAME_PTEX);
         let (record, file) = (records.get(texture as usize), surfaces.textures.get(texture as usize));
         let (Some(record), Some(file)) = (record.filter(|record| has_set && record.levels > 0), file) else {
             return none;
@@ -169,7 +171,7 @@ impl TextureCache {
 
     /// What mask a material wants of an image.
     fn wanted(&self, material: &Material, file: &TextureRef, member: u32, record: &GpuTexture) -> Option<Wanted> {
-        let Input::Texture { channel, scale, bias, .. } = *material.input(InputName::Opacity) else { return None };
+        let Input::Texture { channel, scale, bias, .. } = *material.input(MaterialInput::Opacity) else { return None };
         if record.levels == 0 || record.flags & abi::TEXTURE_PTEX != 0 {
             return None;
         }
@@ -239,7 +241,7 @@ impl Placing<'_> {
             return *first;
         }
         let mut words = vec![0; SET_WORDS];
-        words[1] = MASK_SET;
+        words[1] = abi::MASK_SET;
         let first = self.masks.add(&words);
         for (part, key) in &keys {
             let (Some(set), Some(first)) = (first, self.first_word(*key)) else { continue };
@@ -258,7 +260,7 @@ impl Placing<'_> {
 /// What of a material's opacity native traversal does not look up, in words: Ptex, and floats through the sRGB curve,
 /// which is the device's own function.
 fn only_shaders(material: &Material, records: &[GpuTexture]) -> Option<&'static str> {
-    let Input::Texture { texture, channel, .. } = *material.input(InputName::Opacity) else { return None };
+    let Input::Texture { texture, channel, .. } = *material.input(MaterialInput::Opacity) else { return None };
     let record = records.get(texture as usize)?;
     if record.flags & abi::TEXTURE_PTEX != 0 {
         return Some("cutouts by Ptex");

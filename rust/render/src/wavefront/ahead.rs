@@ -7,7 +7,7 @@ use super::passes::wanted;
 use crate::device::{Device, Specialisation};
 use crate::film::Film;
 use crate::sync::lock;
-use oocpt_shader_abi::PassInfo;
+use oocpt_shaders::PassInfo;
 use std::sync::{Arc, Mutex, Weak};
 use std::thread::JoinHandle;
 

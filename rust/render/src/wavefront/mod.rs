@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The wavefront: the passes of a frame, the memory they work in, and the order they run in.
 //!
-//! `oocpt_shader_abi::PASSES` declares each pass. Render thread only.
+//! `oocpt_shaders::PASSES` declares each pass. Render thread only.
 
 mod ahead;
 mod native;

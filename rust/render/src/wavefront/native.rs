@@ -4,10 +4,11 @@
 use crate::assets::SceneView;
 use crate::device::{Device, Specialisation, WAVE_TIMEOUT};
 use crate::error::RenderError;
+use oocpt_abi::{Features, Push};
 use oocpt_core::inventory::TraversalUse;
 use oocpt_core::settings::TraversalKind;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError};
-use oocpt_shader_abi::{Features, Pass, Push};
+use oocpt_shaders::Pass;
 use oocpt_traverse::{Instructions, Special, TraceError};
 use std::sync::Arc;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The pipelines of a frame: those rows of `oocpt_shader_abi::PASSES` whose conditions hold, compiled for one
+//! The pipelines of a frame: those rows of `oocpt_shaders::PASSES` whose conditions hold, compiled for one
 //! specialisation. Render thread only.
 
 use super::Backend;
@@ -8,7 +8,7 @@ use crate::error::RenderError;
 use crate::film::Film;
 use crate::timings::Timings;
 use oocpt_gpu::Pipeline;
-use oocpt_shader_abi::{Image, PASSES, Pass, PassInfo};
+use oocpt_shaders::{Image, PASSES, Pass, PassInfo};
 use std::sync::Arc;
 use std::time::Instant;
 

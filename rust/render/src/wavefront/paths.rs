@@ -3,10 +3,9 @@
 //!
 //! [`Array`] lists them: what is made, what is counted ahead and what the inventory says come from it.
 
-use crate::assets::MAX_LEVELS;
+use oocpt_abi::{Counters, Frame, LIGHT_PATH_BYTES, MAX_LEVELS, PathState, Ray, ShadowRay, hit_stride};
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{Counters, Frame, LIGHT_PATH_BYTES, PathState, Ray, ShadowRay, hit_stride};
 use std::sync::Arc;
 
 /// Bytes of a ray's cone.

@@ -8,11 +8,12 @@
 use super::{Native, Passes};
 use crate::film::{Film, error_groups};
 use crate::wave::Wave;
-use oocpt_gpu::{Buffer, Commands};
-use oocpt_shader_abi::{
-    AOV_ESCAPED, AOV_SURFACES, Counters, Launch, PREPARE_RESOLVE, PREPARE_SETTLE, PREPARE_SHADE, PREPARE_TRACE, Pass,
-    Push, PushFlags, groups,
+use oocpt_abi::{
+    AOV_ESCAPED, AOV_SURFACES, Counters, PREPARE_RESOLVE, PREPARE_SETTLE, PREPARE_SHADE, PREPARE_TRACE, Push,
+    PushFlags, groups,
 };
+use oocpt_gpu::{Buffer, Commands};
+use oocpt_shaders::{Launch, Pass};
 
 /// What paths are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

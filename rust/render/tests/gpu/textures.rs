@@ -15,6 +15,7 @@ use self::test_images::{Library, Noise, hash};
 use crate::scenes::{constant, dome, instanced, instancer, mesh, prim, square, sun};
 use crate::support::{self, orthographic, perspective, read, read_all, render_with_messages, request, settings};
 use glam::{DMat4, DQuat, DVec3};
+use oocpt_abi::FAULT_ALL;
 use oocpt_core::TypedArray;
 use oocpt_core::residency::PolicyKind;
 use oocpt_core::scene::{
@@ -25,7 +26,6 @@ use oocpt_core::settings::Settings;
 use oocpt_core::stats::StreamingStats;
 use oocpt_core::texture::linear_from_srgb;
 use oocpt_render::{AovKind, Faults, RenderRequest, Session, SessionOptions};
-use oocpt_shader_abi::FAULT_ALL;
 use std::sync::Arc;
 
 fn text(value: &str) -> ParamValue {

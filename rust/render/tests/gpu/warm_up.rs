@@ -7,9 +7,10 @@
 use crate::scenes::nested;
 use crate::support::{TIMEOUT, perspective, render, request, settings};
 use glam::DVec3;
+use oocpt_abi::Features;
 use oocpt_gpu::DeviceKind;
 use oocpt_render::{Session, SessionOptions};
-use oocpt_shader_abi::{ALL, Features};
+use oocpt_shaders::ALL;
 use std::collections::BTreeSet;
 
 #[test]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Leaf tests by kind (`oocpt_shader_abi::LEAVES`): shaders/geometry, operation by operation. A kind is a module with
+//! Leaf tests by kind (`oocpt_abi::LEAVES`): shaders/geometry, operation by operation. A kind is a module with
 //! `hit(vertices, o, d)`: the distance, in units of `d`, at which a ray meets an item in front of its origin, and the
 //! weights of the second and third corner there; `exit` is the same where a ray leaves an item that it enters there.
 //! Triangles have one of their own, for what is the same for all of them.
@@ -12,7 +12,7 @@ mod toy_box;
 pub(crate) mod triangle;
 
 use crate::vector::V3;
-use oocpt_shader_abi::{Features, LEAVES, Leaf};
+use oocpt_abi::{Features, LEAVES, Leaf};
 
 macro_rules! leaves {
     ($($(#[cfg($only:meta)])? $row:ident: $module:ident;)+) => {

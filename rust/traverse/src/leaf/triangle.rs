@@ -3,9 +3,7 @@
 
 use crate::simd::{Edges, Simd};
 use crate::vector::{V3, dot3, triangle_normal};
-
-/// Below this squared cosine a triangle is seen along its plane.
-const GRAZING: f32 = 1.0e-4;
+use oocpt_abi::GRAZING;
 
 /// The plane across a ray (`make_shear`): along two axes, sheared along the third.
 #[derive(Clone, Copy, Debug, Default)]

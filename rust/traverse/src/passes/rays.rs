@@ -4,10 +4,8 @@
 use super::{Pushes, RAY_WORDS, RAYS_AT_ONCE, SHADOW_WORDS, Shared};
 use crate::simd::Simd;
 use crate::walk::{Found, MOST_LEVELS, Walk, WorldRay};
+use oocpt_abi::{Features, PathProgress, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RayFlags, SHADOW_BIT, unpack_shadow_bounce};
 use oocpt_gpu::{HostBytes, HostWords};
-use oocpt_shader_abi::{
-    Features, PathProgress, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RayFlags, SHADOW_BIT, unpack_shadow_bounce,
-};
 use pulp::NullaryFnOnce;
 use std::ops::Range;
 

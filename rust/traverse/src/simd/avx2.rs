@@ -6,7 +6,7 @@ use super::{Edges, Grid, SLAB_PAD, Simd};
 use crate::node::{BoxRay, Met};
 use crate::vector::{V3, tiny_component};
 use bytemuck::cast;
-use oocpt_shader_abi::ABSENT;
+use oocpt_abi::ABSENT;
 use std::arch::x86_64::{__m128, __m128i, __m256, _CMP_GT_OQ, _CMP_LE_OQ, _CMP_LT_OQ};
 
 /// A processor that has AVX2, and what else x86-64-v3 has.

@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The leaves of meshes: the test of each kind, and which candidate is the hit.
 
-use super::{CULL_PAD, ENTRY_SCALE, MESH_PAD, Walk};
+use super::Walk;
 use crate::leaf;
 use crate::leaf::triangle::hit_triangle;
 use crate::simd::{Portable, Simd};
 use crate::vector::{V3, dot3};
-use oocpt_shader_abi::{Features, GpuTriangle, Leaf, POINT_BUNDLE};
-
-/// Above the number of an item: that of its second surface.
-pub(crate) const SECOND_SURFACE: u32 = 1 << 31;
+use oocpt_abi::{CULL_PAD, ENTRY_SCALE, Features, GpuTriangle, Leaf, MESH_PAD, POINT_BUNDLE, SECOND_SURFACE};
 
 /// A surface that a walk comes to.
 #[derive(Clone, Copy, Debug)]

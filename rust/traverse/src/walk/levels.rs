@@ -3,14 +3,16 @@
 //! them, into meshes and back.
 
 use super::stack::Key;
-use super::{Level, MESH_PAD, TOP_PAD, Walk, WorldRay};
+use super::{Level, Walk, WorldRay};
 use crate::leaf::triangle::Shear;
 use crate::node::NUMBER;
 use crate::pending::Item;
 use crate::simd::Simd;
 use crate::vector::{V3, apply_point, apply_vector, difference};
+use oocpt_abi::{
+    COUNTED_PATHS, Features, GpuInstance, LEAF, LISTED, LevelNode, MESH_PAD, RETURN, TARGET_ASSEMBLY, TOP_PAD,
+};
 use oocpt_gpu::HostBytes;
-use oocpt_shader_abi::{COUNTED_PATHS, Features, GpuInstance, GpuLevelNode, LEAF, LISTED, RETURN, TARGET_ASSEMBLY};
 
 impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     /// From node to node of a level, until a mesh is entered, a level is behind the ray, the walk or its turn ends.
@@ -20,7 +22,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         loop {
             let reference = next.reference();
             if reference < LEAF {
-                next = match self.at.nodes.item::<GpuLevelNode>(reference) {
+                next = match self.at.nodes.item::<LevelNode>(reference) {
                     Some(node) => {
                         let met = simd.meet_level(&node, &self.at.ray, self.limit, next.entry());
                         self.stack.choose(met, self.pop_limit(), |lane| node.child[lane as usize & 3])

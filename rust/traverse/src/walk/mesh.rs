@@ -5,7 +5,7 @@ use super::Walk;
 use super::stack::Key;
 use crate::node::{MeshChildren, NUMBER, bundle_members};
 use crate::simd::Simd;
-use oocpt_shader_abi::{GpuMeshNode, LEAF, MESH_LEAF_MASK, RETURN};
+use oocpt_abi::{Bvh4Node, LEAF, MESH_LEAF_MASK, RETURN};
 
 /// How many triangles a leaf of a mesh has.
 #[inline(always)]
@@ -23,7 +23,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         loop {
             let reference = next.reference();
             if reference < LEAF {
-                next = match nodes.item::<GpuMeshNode>(reference) {
+                next = match nodes.item::<Bvh4Node>(reference) {
                     Some(node) => {
                         let met = simd.meet_mesh(&node, &ray, self.limit, next.entry());
                         let children = MeshChildren::new(&node);

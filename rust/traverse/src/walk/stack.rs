@@ -2,7 +2,7 @@
 //! What a ray comes back to: references with the distance at which the ray enters them. Pure, any thread.
 
 use crate::node::Met;
-use oocpt_shader_abi::{DONE, RETURN};
+use oocpt_abi::{DONE, RETURN};
 
 /// A reference, and above it where the ray enters it: bits of distances that are not negative are in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -4,12 +4,13 @@
 mod cutouts;
 
 use bytemuck::{Pod, Zeroable};
-use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
-use oocpt_shader_abi::{
-    Counters, Features, Frame, GpuChunk, GpuChunkInstance, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuPoint,
-    GpuTriangle, Leaf, MESH_KEYS_SHIFT, MeshFlags, NO_ROW, Pass, Push, Ray, SPEC_MAX_LEVELS, SPEC_STACK_SIZE,
-    ShadowRay, groups, hit_stride,
+use oocpt_abi::{
+    Bvh4Node, Counters, Features, Frame, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, GpuPoint, GpuTriangle, Leaf,
+    LevelNode, MESH_KEYS_SHIFT, MeshFlags, NO_ROW, Push, Ray, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, ShadowRay, groups,
+    hit_stride,
 };
+use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
+use oocpt_shaders::Pass;
 use oocpt_traverse::{Instructions, Special};
 use std::sync::Arc;
 use std::time::Duration;
@@ -60,9 +61,9 @@ impl Random {
 }
 
 /// A node whose four boxes are all of the grid.
-pub(crate) fn node(inner: u32, first: u32, counts: [u32; 4], first_triangle: u32) -> GpuMeshNode {
+pub(crate) fn node(inner: u32, first: u32, counts: [u32; 4], first_triangle: u32) -> Bvh4Node {
     let counts = counts.iter().rev().fold(0, |all, count| all << 2 | count);
-    GpuMeshNode {
+    Bvh4Node {
         origin: GRID,
         cell_and_counts: CELLS | counts << 24,
         lower: [0; 3],
@@ -76,7 +77,7 @@ pub(crate) fn node(inner: u32, first: u32, counts: [u32; 4], first_triangle: u32
 pub(crate) type Ball = ([f32; 3], f32);
 
 /// A tree over at most 16 bundles of points.
-pub(crate) fn bundle_mesh(bundles: u32) -> Vec<GpuMeshNode> {
+pub(crate) fn bundle_mesh(bundles: u32) -> Vec<Bvh4Node> {
     let counts = |first: u32| [0, 1, 2, 3].map(|i| u32::from(first + i < bundles));
     let mut nodes = vec![node(4, 1, [0; 4], 0)];
     nodes.extend((0..4).map(|i| node(0, 0, counts(4 * i), 4 * i)));
@@ -84,7 +85,7 @@ pub(crate) fn bundle_mesh(bundles: u32) -> Vec<GpuMeshNode> {
 }
 
 /// A tree over `items`, at most 48, three to a leaf.
-pub(crate) fn triangle_mesh(items: u32) -> Vec<GpuMeshNode> {
+pub(crate) fn triangle_mesh(items: u32) -> Vec<Bvh4Node> {
     let counts = |first: u32| [0, 1, 2, 3].map(|i| items.saturating_sub(first + 3 * i).min(3));
     let mut nodes = vec![node(4, 1, [0; 4], 0)];
     nodes.extend((0..4).map(|i| node(0, 0, counts(12 * i), 12 * i)));
@@ -133,10 +134,10 @@ fn put<T: Pod>(gpu: &Arc<Gpu>, name: &str, values: &[T]) -> Buffer {
     buffer
 }
 
-fn level_node() -> GpuLevelNode {
+fn level_node() -> LevelNode {
     let none = u32::MAX;
     let child = [LEAF, none, none, none];
-    GpuLevelNode { origin: GRID, cell: CELLS, lower: [0; 3], upper: [u32::MAX; 3], child, pad: [0; 2] }
+    LevelNode { origin: GRID, cell: CELLS, lower: [0; 3], upper: [u32::MAX; 3], child, pad: [0; 2] }
 }
 
 impl World {
@@ -220,7 +221,7 @@ impl World {
     }
 
     /// Makes this the mesh.
-    pub(crate) fn set_mesh(&self, nodes: &[GpuMeshNode], items: &[GpuTriangle], kind: Leaf) {
+    pub(crate) fn set_mesh(&self, nodes: &[Bvh4Node], items: &[GpuTriangle], kind: Leaf) {
         self.nodes.write(0, bytemuck::cast_slice(nodes)).expect("there is room");
         self.items.write(0, bytemuck::cast_slice(items)).expect("there is room");
         let (nodes, triangles) = (self.nodes.address(), self.items.address());
@@ -230,7 +231,7 @@ impl World {
 
     /// Makes these points the mesh, with a radius each, or with the first one's for all. With keys, points go from
     /// their places to those of `later` while the shutter is open.
-    pub(crate) fn set_points(&self, nodes: &[GpuMeshNode], points: &[Ball], later: &[Ball], has_own: bool) {
+    pub(crate) fn set_points(&self, nodes: &[Bvh4Node], points: &[Ball], later: &[Ball], has_own: bool) {
         let point = |&(center, _): &Ball| GpuPoint { center, face: 0 };
         let items: Vec<GpuPoint> = points.iter().chain(later).map(point).collect();
         let mut rest = if later.is_empty() { vec![] } else { vec![0.0, 1.0] };
@@ -255,7 +256,7 @@ impl World {
     }
 
     /// Makes these hulls of two balls the mesh, which go to the places of `later` while the shutter is open, if any.
-    pub(crate) fn set_hulls(&self, nodes: &[GpuMeshNode], hulls: &[GpuTriangle], later: &[GpuTriangle]) {
+    pub(crate) fn set_hulls(&self, nodes: &[Bvh4Node], hulls: &[GpuTriangle], later: &[GpuTriangle]) {
         self.set_mesh(nodes, &[hulls, later].concat(), Leaf::ROUND);
         if !later.is_empty() {
             let times = 2 * size_of_val(hulls) as u64;

@@ -5,7 +5,7 @@
 //! Needs a device whose memory is the host's; on another one there is no native traversal, and nothing to test.
 
 use crate::support::{self, Ball, Found, Random, World, bundle_mesh, triangle_mesh};
-use oocpt_shader_abi::{Features, GpuTriangle, Leaf};
+use oocpt_abi::{Features, GpuTriangle, Leaf};
 
 const BATCHES: u64 = 64;
 const RAYS: u32 = 1 << 14;
@@ -181,7 +181,7 @@ fn nan_rays_give_the_same_result() {
 }
 
 /// A chain of nodes, each with a triangle beside the next one.
-fn chain(depth: u32) -> (Vec<oocpt_shader_abi::GpuMeshNode>, Vec<GpuTriangle>) {
+fn chain(depth: u32) -> (Vec<oocpt_abi::Bvh4Node>, Vec<GpuTriangle>) {
     let nodes = (0..depth).map(|i| support::node(1, i + 1, [0, 1, 0, 0], i)).collect();
     let mut random = Random(3);
     let mut last = support::node(0, 0, [1, 0, 0, 0], depth);

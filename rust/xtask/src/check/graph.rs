@@ -12,24 +12,28 @@ use crate::product::{self, cargo};
 
 /// Arrows of the design: each crate, and what of ours it may use in shipped code.
 const ARROWS: &[(&str, &[&str])] = &[
+    ("oocpt-abi", &[]),
     ("oocpt-files", &[]),
-    ("oocpt-core", &["oocpt-materialx", "oocpt-subdiv"]),
-    ("oocpt-materialx", &["oocpt-files"]),
+    ("oocpt-core", &["oocpt-abi", "oocpt-materialx", "oocpt-subdiv"]),
+    ("oocpt-materialx", &["oocpt-abi", "oocpt-files"]),
     ("oocpt-ptex", &[]),
     ("oocpt-subdiv", &[]),
-    ("oocpt-shader-abi", &[]),
+    ("oocpt-shaders", &["oocpt-abi"]),
     ("oocpt-gpu", &["oocpt-files"]),
-    ("oocpt-traverse", &["oocpt-shader-abi", "oocpt-gpu"]),
-    ("oocpt-render", &["oocpt-core", "oocpt-files", "oocpt-ptex", "oocpt-shader-abi", "oocpt-gpu", "oocpt-traverse"]),
-    ("oocpt-bridge", &["oocpt-render", "oocpt-core", "oocpt-ptex"]),
-    ("oocpt-cli", &["oocpt-render", "oocpt-core", "oocpt-gpu", "oocpt-ptex"]),
-    ("oocpt-judge", &["oocpt-core"]),
-    ("oocpt-extreme", &["oocpt-render", "oocpt-core"]),
+    ("oocpt-traverse", &["oocpt-abi", "oocpt-gpu"]),
+    (
+        "oocpt-render",
+        &["oocpt-abi", "oocpt-core", "oocpt-files", "oocpt-ptex", "oocpt-shaders", "oocpt-gpu", "oocpt-traverse"],
+    ),
+    ("oocpt-bridge", &["oocpt-abi", "oocpt-render", "oocpt-core", "oocpt-ptex"]),
+    ("oocpt-cli", &["oocpt-abi", "oocpt-render", "oocpt-core", "oocpt-gpu", "oocpt-ptex"]),
+    ("oocpt-judge", &["oocpt-abi", "oocpt-core"]),
+    ("oocpt-extreme", &["oocpt-abi", "oocpt-render", "oocpt-core"]),
     ("xtask", &[]),
 ];
 
 /// What tests may use beyond that.
-const TEST_ARROWS: &[&str] = &["oocpt-judge", "oocpt-shader-abi"];
+const TEST_ARROWS: &[&str] = &["oocpt-abi", "oocpt-judge", "oocpt-shaders"];
 
 /// Outside crates that only these of ours may name. C++ calls the bridge; `oocpt-subdiv` calls OpenSubdiv.
 const CONFINED: &[(&str, &[&str])] = &[
@@ -130,10 +134,10 @@ mod tests {
     #[test]
     fn the_design_passes() {
         let render = [("oocpt-core", Value::Null), ("oocpt-gpu", Value::Null), ("glam", Value::Null)];
-        let gpu = [("ash", Value::Null), ("oocpt-shader-abi", json!("dev"))];
+        let gpu = [("ash", Value::Null), ("oocpt-shaders", json!("dev"))];
         let packages = vec![
             package("oocpt-core", &[]),
-            package("oocpt-shader-abi", &[]),
+            package("oocpt-shaders", &[]),
             package("oocpt-gpu", &gpu),
             package("oocpt-render", &render),
         ];
@@ -144,14 +148,14 @@ mod tests {
     fn arrows_against_the_design_are_named() {
         let packages = vec![
             package("oocpt-core", &[("oocpt-gpu", Value::Null), ("ash", Value::Null)]),
-            package("oocpt-gpu", &[("oocpt-shader-abi", Value::Null)]),
-            package("oocpt-shader-abi", &[]),
+            package("oocpt-gpu", &[("oocpt-shaders", Value::Null)]),
+            package("oocpt-shaders", &[]),
             package("oocpt-new", &[]),
         ];
         let expected = [
             "oocpt-core must not use oocpt-gpu",
             "oocpt-core must not use ash",
-            "oocpt-gpu must not use oocpt-shader-abi",
+            "oocpt-gpu must not use oocpt-shaders",
             "oocpt-new is not in the table of crates",
         ];
         assert_eq!(found(packages), expected, "each by name");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Everything that can be judged without running the product. Shaders are compiled and validated by the build of
-//! `oocpt-shader-abi`, which clippy drives.
+//! `oocpt-shaders`, which clippy drives.
 
 mod columns;
 mod graph;

@@ -45,7 +45,7 @@ const LONG: [&str; 12] = [
     "render streaming::roulette",
     "render textures",
     "render unit",
-    "shader_abi all",
+    "shaders all",
     "traverse all",
 ];
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Kinds of leaves: what the items in the leaves of a mesh's tree are. A kind is a module and a row of [`LeafKind`];
-//! the shaders have a row of the same name (`oocpt_shader_abi::LEAVES`). Of a kind:
+//! names its row of `oocpt_abi::LEAVES`. Of a kind:
 //! - `bounds(vertices)`: the box around an item;
 //! - `vertices(points, radii)`: an item of its corners' points, and the radii there, where points have some.
 //!
@@ -13,6 +13,7 @@ pub(super) mod round;
 mod toy_box;
 mod triangle;
 
+use oocpt_abi::Leaf;
 use serde::{Deserialize, Serialize};
 
 use super::deform::Pose;
@@ -29,7 +30,7 @@ macro_rules! leaf_kinds {
     ($(
         $(#[doc = $doc:literal])+
         $(#[cfg($only:meta)])?
-        $kind:ident: $module:ident;
+        $kind:ident: $module:ident, $row:ident;
     )+) => {
         /// What the items of an asset are.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -41,11 +42,11 @@ macro_rules! leaf_kinds {
             /// Every kind.
             pub const ALL: &[Self] = &[$($(#[cfg($only)])? Self::$kind,)+];
 
-            /// What the shaders call it.
+            /// Its row in the table of the shaders.
             #[must_use]
-            pub fn name(self) -> &'static str {
+            pub fn row(self) -> Leaf {
                 match self {
-                    $($(#[cfg($only)])? Self::$kind => stringify!($module),)+
+                    $($(#[cfg($only)])? Self::$kind => Leaf::$row,)+
                 }
             }
 
@@ -68,16 +69,16 @@ macro_rules! leaf_kinds {
 
 leaf_kinds! {
     /// Triangles.
-    Triangles: triangle;
+    Triangles: triangle, TRIANGLE;
     /// Hulls of two balls: `vertices[0]` and `vertices[1]` are the centres, `vertices[2]` has both radii and 0. Corners
     /// 0 and 2 are the first centre, corner 1 the second one.
-    Rounds: round;
+    Rounds: round, ROUND;
     /// Balls: [`Self::Rounds`] of which both balls are the same. Eight to a leaf of the tree, and 16 bytes each on the
     /// device.
-    Points: point;
+    Points: point, POINT;
     /// Boxes along the axes: `vertices[0]` and `vertices[1]` are opposite corners. Tests alone have it.
     #[cfg(feature = "faults")]
-    ToyBoxes: toy_box;
+    ToyBoxes: toy_box, TOY_BOX;
 }
 
 /// A shape that is not made of polygons, ready to be items of an asset.

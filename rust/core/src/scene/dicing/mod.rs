@@ -20,7 +20,7 @@ pub use camera::DicingCamera;
 use found::Found;
 
 use super::entries::{InstancerEntry, MeshEntry};
-use super::resolve::{Hierarchy, MAX_LEVELS, Prims};
+use super::resolve::{Hierarchy, MAX_NESTING, Prims};
 use crate::array::ElementType;
 use crate::desc::{InstancedBy, InstancerPrototype};
 use crate::instancing::GroupId;
@@ -193,7 +193,7 @@ impl<'a> Walk<'a> {
             let map = *world_from_group * map;
             self.found.entry(path.clone()).or_default().see(self.camera, &ball.placed(&map), ball.radius, &map);
         }
-        if depth >= MAX_LEVELS {
+        if depth >= MAX_NESTING {
             return;
         }
         for (entry, before) in self.instancers(group) {
@@ -262,7 +262,7 @@ impl<'a> Walk<'a> {
         for (_, ball, map) in self.surfaces(id) {
             bounds = bounds.union(&placed_box(&ball.placed(&map)));
         }
-        if depth < MAX_LEVELS {
+        if depth < MAX_NESTING {
             for (entry, before) in self.instancers(id) {
                 for prototype in &entry.desc.prototypes {
                     let inner = self.box_of(&id_of(entry, prototype), depth + 1);
@@ -278,7 +278,7 @@ impl<'a> Walk<'a> {
 
     /// Hands the density of a prototype down to all surfaces in it.
     fn spread(&mut self, id: &GroupId, density: f64, depth: u32) {
-        if density <= self.far.get(id).copied().unwrap_or(0.0) || depth > MAX_LEVELS {
+        if density <= self.far.get(id).copied().unwrap_or(0.0) || depth > MAX_NESTING {
             return;
         }
         self.far.insert(id.clone(), density);

@@ -18,7 +18,7 @@ use crate::instancing::motion::{MAX_KEYS, map_at, motion_keys};
 use crate::instancing::placement::{Placer, usable_affine};
 use crate::mesh::Aabb;
 use crate::scene::entries::InstancerEntry;
-use crate::scene::resolve::MAX_LEVELS;
+use crate::scene::resolve::MAX_NESTING;
 
 /// Most places of lights in a scene.
 pub(crate) const MAX_INSTANCED_LIGHTS: usize = 1 << 20;
@@ -139,7 +139,7 @@ impl Places<'_> {
             return;
         }
         self.steps += 1;
-        if depth >= MAX_LEVELS || self.steps > MAX_STEPS {
+        if depth >= MAX_NESTING || self.steps > MAX_STEPS {
             return;
         }
         for (k, by) in prim.instanced_by.iter().enumerate() {

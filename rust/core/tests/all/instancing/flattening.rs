@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Instancing against brute force: the answer is worked out here from the descriptions, with other code.
 
+use oocpt_abi::Features;
 use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3};
-use oocpt_core::{
-    ElementType, InstanceFlags, InstanceRecord, InstancerDesc, SceneDb, SceneFeatures, Target, TypedArray,
-};
+use oocpt_core::{ElementType, InstanceFlags, InstanceRecord, InstancerDesc, SceneDb, Target, TypedArray};
 use proptest::prelude::*;
 
 use crate::support::{Leaf, by, committed, flatten, grid, records, scatter, triangle};
@@ -120,7 +119,7 @@ fn nested_instancers_equal_their_flattening() {
     assert_eq!((snapshot.counts.instance_records, snapshot.assemblies.len(), snapshot.max_levels), (9, 2, 2));
     assert_eq!((snapshot.counts.instances, snapshot.counts.instanced_triangles), (3 + 2 + 6, 11 * 8));
     assert_eq!((snapshot.counts.meshes, snapshot.counts.unique_triangles), (1, 8), "the three grids are one asset");
-    assert!(snapshot.features.contains(SceneFeatures::INSTANCING));
+    assert!(snapshot.features.contains(Features::INSTANCING));
 }
 
 proptest! {

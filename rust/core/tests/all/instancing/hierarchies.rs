@@ -60,7 +60,7 @@ fn very_deep_nesting_is_cut_with_a_warning() {
     }
     let snapshot = committed(&mut db);
     assert_eq!(snapshot.dropped, DroppedData { deep_instancers: 1, ..NONE });
-    assert!(snapshot.max_levels <= oocpt_core::scene::MAX_LEVELS, "{}", snapshot.max_levels);
+    assert!(snapshot.max_levels <= oocpt_core::scene::MAX_NESTING, "{}", snapshot.max_levels);
     assert!(snapshot.counts.instances > 20, "what is above the cut is shown");
 }
 

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Primvars with a value per instance: who gets which, what is left out, and what an edit touches.
 
+use oocpt_abi::{Features, NAME_DISPLAY_COLOR, NO_ROW, NO_VALUE};
 use std::sync::Arc;
 
 use crate::support::{by, committed, constant, scatter, triangle};
-use oocpt_core::partition::{Chunk, NO_ROW, PartitionOptions};
-use oocpt_core::scene::{DISPLAY_COLOR, InstanceColumn, NO_VALUE, NamedPrimvar};
+use oocpt_core::partition::{Chunk, PartitionOptions};
+use oocpt_core::scene::{InstanceColumn, NamedPrimvar};
 use oocpt_core::{
-    Element, InstanceRecord, InstancerDesc, Interpolation, MeshDesc, Primvar, SceneDb, SceneFeatures, Snapshot,
-    TypedArray,
+    Element, InstanceRecord, InstancerDesc, Interpolation, MeshDesc, Primvar, SceneDb, Snapshot, TypedArray,
 };
 
-const COLOR: InstanceColumn = InstanceColumn { id: DISPLAY_COLOR, width: 3 };
+const COLOR: InstanceColumn = InstanceColumn { id: NAME_DISPLAY_COLOR, width: 3 };
 
 fn per_instance<T: Element + std::fmt::Debug>(mut desc: InstancerDesc, name: &str, values: Vec<T>) -> InstancerDesc {
     let primvar = Primvar { interpolation: Interpolation::Instance, values: TypedArray::of(values), indices: None };
@@ -75,7 +75,7 @@ fn every_record_has_the_value_of_its_instance() {
         let expected = shown[rank as usize] as f32;
         assert_eq!(value, Some(expected), "rank {rank}");
     }
-    assert!(snapshot.features.contains(SceneFeatures::INSTANCE_PRIMVARS));
+    assert!(snapshot.features.contains(Features::INSTANCE_PRIMVARS));
     assert_eq!(snapshot.assemblies.last().map(|a| a.device_bytes()), Some(found_bytes(shown.len())));
 }
 
@@ -91,7 +91,7 @@ fn a_mesh_that_has_its_own_takes_none() {
     db.upsert_instancer(per_instance(row(4), "displayColor", colors(4)));
     let snapshot = committed(&mut db);
     assert!(snapshot.world.chunks.iter().all(|chunk| chunk.columns().is_empty()));
-    assert!(!snapshot.features.contains(SceneFeatures::INSTANCE_PRIMVARS));
+    assert!(!snapshot.features.contains(Features::INSTANCE_PRIMVARS));
     // An empty array is none, as front ends say it.
     let empty = Primvar {
         interpolation: Interpolation::Constant,
@@ -224,13 +224,10 @@ fn opacities_of_one_need_no_table() {
     let mut db = SceneDb::new();
     db.upsert_mesh(leaf("/i/p", "/i", "/i/p"));
     db.upsert_instancer(per_instance(row(4), "displayOpacity", vec![1.0_f32; 4]));
-    assert_eq!(
-        committed(&mut db).features & (SceneFeatures::OPACITY | SceneFeatures::INSTANCE_PRIMVARS),
-        SceneFeatures::empty()
-    );
+    assert_eq!(committed(&mut db).features & (Features::OPACITY | Features::INSTANCE_PRIMVARS), Features::empty());
     db.upsert_instancer(per_instance(row(4), "displayOpacity", vec![1.0_f32, 1.0, 0.5, 1.0]));
     let snapshot = committed(&mut db);
-    assert!(snapshot.features.contains(SceneFeatures::OPACITY | SceneFeatures::INSTANCE_OPACITY));
+    assert!(snapshot.features.contains(Features::OPACITY | Features::INSTANCE_OPACITY));
     assert_eq!(snapshot.world.chunks[0].columns().len(), 1);
 }
 

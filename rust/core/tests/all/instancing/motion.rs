@@ -2,10 +2,11 @@
 //! Placements that move: their keys, boxes that hold them at every time, and motion that cannot be used.
 
 use glam::{DAffine3, DMat4, DVec3};
+use oocpt_abi::Features;
 use oocpt_core::scene::{InstancerMotion, InstancerSample, MAX_KEYS, map_at};
 use oocpt_core::{
-    Aabb, ElementType, InstanceRecord, InstancerDesc, MotionKey, PartitionOptions, SceneDb, SceneFeatures, Snapshot,
-    Target, TransformSample, TypedArray,
+    Aabb, ElementType, InstanceRecord, InstancerDesc, MotionKey, PartitionOptions, SceneDb, Snapshot, Target,
+    TransformSample, TypedArray,
 };
 
 use crate::partition::edits::assert_same_world;
@@ -125,7 +126,7 @@ fn moving_items_partition_equally_in_stretches_and_at_once() {
 fn boxes_hold_what_moves_at_every_time_in_assemblies_and_chunks() {
     let mut db = everything();
     let snapshot = committed(&mut db);
-    assert!(snapshot.features.contains(SceneFeatures::MOTION));
+    assert!(snapshot.features.contains(Features::MOTION));
     let mut moving = 0;
     for (at, assembly) in snapshot.assemblies.iter().enumerate() {
         let mut keys = Vec::new();
@@ -199,11 +200,11 @@ fn moving_assemblies_are_not_opened_and_static_ones_have_no_keys() {
     db.set_partition(PartitionOptions { chunk_bytes: 16 << 10 });
     add(&mut db, samples(&[(0.0, DMat4::IDENTITY), (1.0, DMat4::IDENTITY)]));
     let still = committed(&mut db);
-    assert!(!still.features.contains(SceneFeatures::MOTION), "equal samples are no motion");
+    assert!(!still.features.contains(Features::MOTION), "equal samples are no motion");
     assert!(still.world.chunks.len() > 10 && still.world.levels == 1);
     add(&mut db, samples(&[(0.0, DMat4::IDENTITY), (1.0, turned(1.0, 0.1))]));
     let moving = committed(&mut db);
-    assert!(moving.features.contains(SceneFeatures::MOTION));
+    assert!(moving.features.contains(Features::MOTION));
     assert_eq!((moving.world.chunks.len(), moving.world.levels), (1, 2), "one record, which moves, of 4000 at rest");
     let root = records(&moving, moving.assemblies.len() - 1);
     assert_eq!(root.iter().map(|record| record.keys).collect::<Vec<_>>(), [2]);
@@ -219,7 +220,7 @@ fn told(db: &mut SceneDb) -> (Vec<String>, bool) {
     assert_eq!(commit.snapshot.validate(), Ok(()));
     assert_eq!(commit.snapshot.world.validate(&commit.snapshot.meshes, &commit.snapshot.assemblies), Ok(()));
     let say = |warning: &oocpt_core::SceneWarning| format!("{}: {}", warning.path, warning.message);
-    (commit.warnings.iter().map(say).collect(), commit.snapshot.features.contains(SceneFeatures::MOTION))
+    (commit.warnings.iter().map(say).collect(), commit.snapshot.features.contains(Features::MOTION))
 }
 
 #[test]

@@ -2,8 +2,9 @@
 //! Networks of `MaterialX` as materials: colour spaces of values and files, what a material is flagged for. The
 //! translation itself has tests of its own in `oocpt-materialx`.
 
+use oocpt_abi::{MaterialFlags, MaterialInput};
 use oocpt_core::material::{Compiled, compile};
-use oocpt_core::{ColorSpace, Input, InputName, MaterialFlags, NodeDesc, ParamValue, Wrap};
+use oocpt_core::{ColorSpace, Input, NodeDesc, ParamValue, Wrap};
 
 use crate::material::preview_surface::{file, network, node, text};
 
@@ -20,7 +21,7 @@ fn colours_in_the_srgb_curve_are_made_linear() {
     let space = ("colorSpace:base_color", text("srgb_texture"));
     for (params, expected) in [(vec![color.clone()], 0.5_f32), (vec![color, space], 0.214_041_14)] {
         let material = of(vec![node(SURFACE, &params, &[])]).material.expect("a surface");
-        let Input::Constant([red, green, blue, _]) = *material.input(InputName::DiffuseColor) else {
+        let Input::Constant([red, green, blue, _]) = *material.input(MaterialInput::DiffuseColor) else {
             panic!("{material:?}")
         };
         assert!((red - expected).abs() < 1e-6 && (green - 1.0).abs() < 1e-6 && blue == 0.0, "{red} {green} {blue}");
@@ -38,7 +39,10 @@ fn files_use_the_authored_color_space() {
         let [texture] = &compiled.textures[..] else { panic!("{compiled:?}") };
         assert_eq!((&texture.color_space, texture.wrap), (&expected, [Wrap::Clamp, Wrap::Repeat]));
         let material = compiled.material.expect("a surface");
-        assert!(matches!(material.input(InputName::DiffuseColor), Input::Texture { texture: 0, channel: None, .. }));
+        assert!(matches!(
+            material.input(MaterialInput::DiffuseColor),
+            Input::Texture { texture: 0, channel: None, .. }
+        ));
     }
 }
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Networks of `UsdPreviewSurface` against the rules of its specification.
 
+use oocpt_abi::{MaterialFlags, MaterialInput};
 use oocpt_core::material::{Compiled, MAX_NODES, compile};
 use oocpt_core::{
-    AssetRef, ColorSpace, ConnectionDesc, Input, InputName, Material, MaterialDesc, MaterialFlags, NodeDesc, ParamDesc,
-    ParamValue, Wrap,
+    AssetRef, ColorSpace, ConnectionDesc, Input, Material, MaterialDesc, NodeDesc, ParamDesc, ParamValue, Wrap,
 };
 use proptest::prelude::*;
 
@@ -81,8 +81,8 @@ fn authored_values_and_flags() {
         ("occlusion", ParamValue::Float(0.5)),
         ("normal", ParamValue::Vec3([0.0, 1.0, 0.0])),
     ])]);
-    assert_eq!(made.input(InputName::DiffuseColor), &Input::Constant([0.1, 0.2, 0.3, 1.0]));
-    assert_eq!(made.input(InputName::Metallic), &Input::Constant([1.0; 4]));
+    assert_eq!(made.input(MaterialInput::DiffuseColor), &Input::Constant([0.1, 0.2, 0.3, 1.0]));
+    assert_eq!(made.input(MaterialInput::Metallic), &Input::Constant([1.0; 4]));
     let flags = MaterialFlags::SPECULAR_WORKFLOW | MaterialFlags::EMISSIVE | MaterialFlags::COAT;
     let glass = MaterialFlags::TRANSMISSIVE | MaterialFlags::ROUGH_TRANSMISSION;
     assert_eq!(made.flags, flags | glass | MaterialFlags::NORMAL_MAP);
@@ -94,7 +94,7 @@ fn opacity_is_transmission_presence_or_a_threshold() {
         let params: Vec<_> =
             [("opacity", ParamValue::Float(opacity))].into_iter().chain(more.iter().cloned()).collect();
         let made = material(vec![surface(&params)]);
-        (made.flags, *made.input(InputName::Opacity))
+        (made.flags, *made.input(MaterialInput::Opacity))
     };
     let threshold = |v: f32| ("opacityThreshold", ParamValue::Float(v));
     let presence = ("opacityMode", text("presence"));
@@ -134,14 +134,14 @@ fn a_texture_has_its_channels_and_settings() {
     ];
     let compiled = of(nodes);
     let made = compiled.material.expect("a surface");
-    let Input::Texture { texture, channel, scale, bias, uv, transform } = *made.input(InputName::Normal) else {
+    let Input::Texture { texture, channel, scale, bias, uv, transform } = *made.input(MaterialInput::Normal) else {
         panic!("a texture");
     };
     assert_eq!((texture, channel, uv), (0, None, Some(0)));
     assert_eq!((scale, bias), ([2.0, 2.0, 2.0, 1.0], [-1.0, -1.0, -1.0, 0.0]));
     assert_eq!(transform, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
-    assert!(matches!(made.input(InputName::Roughness), Input::Texture { texture: 0, channel: Some(1), .. }));
-    assert!(matches!(made.input(InputName::Opacity), Input::Texture { texture: 1, channel: Some(3), .. }));
+    assert!(matches!(made.input(MaterialInput::Roughness), Input::Texture { texture: 0, channel: Some(1), .. }));
+    assert!(matches!(made.input(MaterialInput::Opacity), Input::Texture { texture: 1, channel: Some(3), .. }));
     let [first, second] = &compiled.textures[..] else { panic!("one file in two ways is two textures") };
     assert_eq!((first.wrap, &first.color_space), ([Wrap::Repeat, Wrap::Mirror], &ColorSpace::Raw));
     assert_eq!(first.fallback, [0.5, 0.5, 1.0, 1.0]);
@@ -184,8 +184,8 @@ fn a_texture_without_a_file_is_its_fallback_unscaled() {
     assert_eq!(compiled.textures.len(), 0);
     assert!(compiled.problem().expect("a warning").contains("not found"));
     let made = compiled.material.expect("a surface");
-    assert_eq!(made.input(InputName::DiffuseColor), &Input::Constant([0.1, 0.2, 0.3, 0.4]));
-    assert_eq!(made.input(InputName::Metallic), &Input::Constant([0.3; 4]));
+    assert_eq!(made.input(MaterialInput::DiffuseColor), &Input::Constant([0.1, 0.2, 0.3, 0.4]));
+    assert_eq!(made.input(MaterialInput::Metallic), &Input::Constant([0.3; 4]));
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn a_transform_scales_then_rotates_then_translates() {
             node(SURFACE, &[], &[("diffuseColor", 1, "rgb")]),
             node(TEXTURE, &[("file", file("a.png"))], &[("st", 2, "result")]),
         ];
-        match *material(head.into_iter().chain(nodes).collect()).input(InputName::DiffuseColor) {
+        match *material(head.into_iter().chain(nodes).collect()).input(MaterialInput::DiffuseColor) {
             Input::Texture { transform, uv, .. } => (uv, transform),
             _ => panic!("a texture"),
         }
@@ -242,8 +242,8 @@ fn primvar_readers_of_every_type() {
             reader(kind, "tint", value.clone()),
             reader(kind, "glow", value),
         ]);
-        assert_eq!(made.input(InputName::DiffuseColor), &Input::Primvar { slot: 0, fallback }, "{kind}");
-        assert_eq!(made.input(InputName::EmissiveColor), &Input::Primvar { slot: 1, fallback }, "{kind}");
+        assert_eq!(made.input(MaterialInput::DiffuseColor), &Input::Primvar { slot: 0, fallback }, "{kind}");
+        assert_eq!(made.input(MaterialInput::EmissiveColor), &Input::Primvar { slot: 1, fallback }, "{kind}");
         let names: Vec<&str> = made.primvars.iter().map(|slot| &*slot.name).collect();
         assert_eq!(names, ["tint", "glow"]);
     }
@@ -269,7 +269,7 @@ fn invalid_networks_keep_their_valid_inputs() {
     for (problem, nodes, diffuse) in cases {
         let compiled = of(nodes);
         assert!(compiled.problem().expect("a warning").contains(problem), "{problem}");
-        assert_eq!(compiled.material.expect("a surface").input(InputName::DiffuseColor), &diffuse, "{problem}");
+        assert_eq!(compiled.material.expect("a surface").input(MaterialInput::DiffuseColor), &diffuse, "{problem}");
     }
     for (problem, desc) in [
         ("no surface", MaterialDesc { surface: None, ..network("/m", vec![surface(&[])]) }),
@@ -305,7 +305,9 @@ fn cyclic_networks_and_excess_texture_sets_are_refused() {
     let made = many.material.expect("a surface");
     assert_eq!(made.uv_sets.len(), 2);
     let at = [[0.0, 0.0, 0.75], [0.0, 0.0, 0.5]];
-    assert!(matches!(made.input(InputName::Roughness), Input::Texture { uv: None, transform, .. } if *transform == at));
+    assert!(
+        matches!(made.input(MaterialInput::Roughness), Input::Texture { uv: None, transform, .. } if *transform == at)
+    );
 }
 
 fn any_value() -> impl Strategy<Value = ParamValue> {

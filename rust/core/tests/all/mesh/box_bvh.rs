@@ -12,7 +12,7 @@ use crate::support::{grid, primvar, triangle};
 fn scattered(n: u32, spread: f32, size: f32) -> Vec<Aabb> {
     (0..n)
         .map(|k| {
-            let [a, b] = [0, 1].map(|d| oocpt_core::sample_4d(k, d, 5));
+            let [a, b] = [0, 1].map(|d| oocpt_abi::sampler::sample_4d(k, d, 5));
             let min = [a[0], a[1], a[2]].map(|v| v * spread);
             Aabb { min, max: [min[0] + b[0] * size, min[1] + b[1] * size, min[2] + b[2] * size] }
         })

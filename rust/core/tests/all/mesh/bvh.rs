@@ -17,7 +17,7 @@ pub(crate) fn soup(n: u32, spread: f32) -> Vec<Triangle> {
     let mut state = 1_u32;
     let mut next = move || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        oocpt_core::sampler::unit_float(state)
+        oocpt_abi::sampler::unit_float(state)
     };
     (0..n)
         .map(|face| {
@@ -131,7 +131,7 @@ fn nearest(bvh: &Bvh2, triangles: &[Triangle], origin: glam::DVec3, direction: g
 pub(crate) fn expect_brute_force(triangles: &[Triangle], nearest: impl Fn(glam::DVec3, glam::DVec3) -> Option<f64>) {
     let mut hits = 0;
     for k in 0..300_u32 {
-        let [x, y, z, w] = oocpt_core::sample_4d(k, 0, 3).map(f64::from);
+        let [x, y, z, w] = oocpt_abi::sampler::sample_4d(k, 0, 3).map(f64::from);
         let origin = glam::DVec3::new(-2.0, 9.0 * x, 9.0 * y);
         let direction = glam::DVec3::new(1.0, z - 0.5, w - 0.5);
         let brute = triangles.iter().filter_map(|t| hit(t, origin, direction)).reduce(f64::min);

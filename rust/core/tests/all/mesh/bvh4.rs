@@ -2,7 +2,8 @@
 //! The four-wide hierarchies of meshes: invariants, their checker, boxes of any size, and a walk against brute force.
 
 use glam::DVec3;
-use oocpt_core::mesh::bvh4::{ABSENT, Bvh4, Child, LEAF, LevelNode, build_bvh4, level_nodes};
+use oocpt_abi::{ABSENT, Child, LEAF, LevelNode};
+use oocpt_core::mesh::bvh4::{Bvh4, build_bvh4, level_nodes};
 use oocpt_core::mesh::{LeafKind, build_box_bvh, build_level, level_node_count, likely_level_stack};
 use oocpt_core::{Aabb, BvhError, Triangle};
 use proptest::prelude::*;
@@ -175,7 +176,7 @@ proptest! {
         spread in prop_oneof![Just(0.0_f32), Just(1e-10), Just(30.0), Just(1e18)],
         shift in prop_oneof![Just(0.0_f32), Just(-1e7), Just(1e17)],
     ) {
-        let corner = |k: u32, d: u32| oocpt_core::sample_4d(k, d, 5);
+        let corner = |k: u32, d: u32| oocpt_abi::sampler::sample_4d(k, d, 5);
         let boxes: Vec<Aabb> = (0..n).map(|k| {
             let (a, b) = (corner(k, 0), corner(k, 1));
             let min = [a[0], a[1], a[2]].map(|v| v * spread + shift);
@@ -239,7 +240,7 @@ fn stack_depth_stays_within_the_predicted_bound() {
         [|x| x, |x| (x * 8.0).fract() * 0.01 + (x * 8.0).floor(), |_| 0.0, |x| (-20.0 * x).exp()];
     for (spread, name) in spreads.into_iter().zip(["even", "clusters", "line", "point"]) {
         for n in [1_u32, 2, 3, 4, 5, 10, 30, 100, 1000, 10_000, 100_000] {
-            let of = |k| oocpt_core::sample_4d(k, 0, 5);
+            let of = |k| oocpt_abi::sampler::sample_4d(k, 0, 5);
             let boxes: Vec<Aabb> = (0..n)
                 .map(|k| [of(k)[0], spread(of(k)[1]), spread(of(k)[2])])
                 .map(|min| Aabb { min, max: min.map(|x| x + 1e-4) })

@@ -3,7 +3,8 @@
 
 use std::sync::{Arc, Mutex};
 
-use oocpt_core::mesh::{MeshFiles, bvh4::Child};
+use oocpt_abi::Child;
+use oocpt_core::mesh::MeshFiles;
 use oocpt_core::scene::{PointsMotion, PointsSample};
 use oocpt_core::texture::{HeightFiles, HeightImage, Layout, TextureRef};
 use oocpt_core::{

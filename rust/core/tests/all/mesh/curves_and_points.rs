@@ -2,11 +2,11 @@
 //! Curves and points as assets: pieces, radii, values along curves; what makes no sense is left out and counted.
 
 use glam::{DVec3, Vec3};
+use oocpt_abi::AttributeRate;
 use oocpt_core::desc::{CurveBasis, CurveWrap, CurvesDesc, Shape};
 use oocpt_core::mesh::{BuiltMesh, Demand, Dicing, LeafKind, WantedPrimvar, build_mesh_with, split_mesh};
 use oocpt_core::{
-    Aabb, AnyAttribute, AttributeRate, DroppedData, Interpolation, MeshAsset, MeshDesc, NamedPrimvar, Primvar,
-    TypedArray,
+    Aabb, AnyAttribute, DroppedData, Interpolation, MeshAsset, MeshDesc, NamedPrimvar, Primvar, TypedArray,
 };
 use proptest::prelude::*;
 

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Primvars of every interpolation, with and without indices, good and bad.
 
+use oocpt_abi::AttributeRate;
 use std::sync::Arc;
 
 use oocpt_core::mesh::build_mesh;
-use oocpt_core::{
-    Attribute, AttributeRate, DroppedData, Interpolation, MeshAsset, MeshDesc, Primvar, Subdivision, TypedArray,
-};
+use oocpt_core::{Attribute, DroppedData, Interpolation, MeshAsset, MeshDesc, Primvar, Subdivision, TypedArray};
 
 use crate::support::{constant, grid, polygons, primvar};
 

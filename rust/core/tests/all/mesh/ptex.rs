@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Ptex: which textures are, and where triangles lie in faces.
 
-use oocpt_core::material::{InputName, MaterialFlags, PTEX_SET, PTEX_SET_ID, compile, is_ptex_name};
+use oocpt_abi::{Features, MaterialFlags, MaterialInput, NAME_PTEX};
+use oocpt_core::material::{PTEX_SET, compile, is_ptex_name};
 use oocpt_core::mesh::{PtexPart, PtexTriangle, split_mesh};
-use oocpt_core::{
-    AnyAttribute, Interpolation, MaterialDesc, MeshAsset, MeshDesc, NamedPrimvar, SceneDb, SceneFeatures, TypedArray,
-};
+use oocpt_core::{AnyAttribute, Interpolation, MaterialDesc, MeshAsset, MeshDesc, NamedPrimvar, SceneDb, TypedArray};
 
 use crate::material::preview_surface::{file, network, node, text};
 use crate::support::{asset, committed, grid, polygons, primvar};
@@ -20,7 +19,7 @@ fn painted(kind: &str, name: &str) -> MaterialDesc {
     )
 }
 
-fn built(mut desc: MeshDesc) -> (MeshAsset, SceneFeatures) {
+fn built(mut desc: MeshDesc) -> (MeshAsset, Features) {
     desc.material = Some("/m".into());
     let mut db = SceneDb::new();
     db.upsert_material(painted("UsdUVTexture", "a.ptx"));
@@ -54,7 +53,7 @@ fn ptex_files_and_nodes_are_recognized() {
             "{kind} {name}"
         );
         let sets: Vec<_> = material.uv_sets.iter().map(|set| (&*set.name, set.id)).collect();
-        assert_eq!(sets, if is_ptex { vec![(PTEX_SET, PTEX_SET_ID)] } else { Vec::new() });
+        assert_eq!(sets, if is_ptex { vec![(PTEX_SET, NAME_PTEX)] } else { Vec::new() });
     }
 }
 
@@ -77,7 +76,7 @@ fn a_third_set_of_coordinates_is_left_out() {
     assert!(made.problem().expect("said").contains("Ptex"), "which one");
     let material = made.material.expect("understood");
     assert!(!material.flags.contains(MaterialFlags::PTEX) && material.uv_sets.len() == 2);
-    assert!(matches!(material.input(InputName::SpecularColor), oocpt_core::material::Input::Constant(_)));
+    assert!(matches!(material.input(MaterialInput::SpecularColor), oocpt_core::material::Input::Constant(_)));
 }
 
 #[test]
@@ -87,7 +86,7 @@ fn faces_are_numbered_as_ptex_does() {
     let mut desc = polygons("/a", &[4, 3, 2, 5, 4], &[0, 1, 4, 3, 1, 2, 4, 0, 1, 3, 4, 7, 6, 3, 4, 5, 8, 7], &points);
     desc.hole_indices = Some(TypedArray::of(vec![3]));
     let (mesh, features) = built(desc);
-    assert!(features.contains(SceneFeatures::PTEX | SceneFeatures::TEXTURES));
+    assert!(features.contains(Features::PTEX | Features::TEXTURES));
     let all = parts(&mesh);
     let quad = |face: u32| all.iter().filter(|part| part.0 == face).map(|p| (p.1 as u32, p.2, p.3)).collect::<Vec<_>>();
     assert!(quad(0) == [(0, 0, 0), (1, 0, 0)] || quad(0) == [(2, 0, 0), (3, 0, 0)], "one face: {:?}", quad(0));

@@ -2,11 +2,12 @@
 //! Subdivision surfaces as assets: what belongs to faces stays with them, what belongs to points is the surface's.
 
 use glam::{DVec3, Vec3};
+use oocpt_abi::AttributeRate;
 use oocpt_core::desc::{FaceVaryingLinear, SubdivisionTags};
 use oocpt_core::mesh::{BuiltMesh, Demand, Dicing, Eye, WantedPrimvar, build_mesh_with};
 use oocpt_core::{
-    AnyAttribute, AttributeRate, DroppedData, Interpolation, MeshAsset, MeshDesc, NamedPrimvar, Primvar, Subdivision,
-    SubsetDesc, TypedArray,
+    AnyAttribute, DroppedData, Interpolation, MeshAsset, MeshDesc, NamedPrimvar, Primvar, Subdivision, SubsetDesc,
+    TypedArray,
 };
 
 /// A cube from -1 to 1, cut into 4 pieces an edge.

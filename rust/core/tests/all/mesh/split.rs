@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Meshes split into clusters: nothing is lost, nothing changes a bit, nothing depends on threads.
 
+use oocpt_abi::AttributeRate;
 use oocpt_core::mesh::{build_mesh, build_mesh_split, split_mesh};
-use oocpt_core::{Aabb, Attribute, AttributeRate, Interpolation, MeshAsset, MeshDesc, Primvar};
+use oocpt_core::{Aabb, Attribute, Interpolation, MeshAsset, MeshDesc, Primvar};
 use proptest::prelude::*;
 
 use crate::support::{grid, primvar};
@@ -89,7 +90,7 @@ fn meadow(n: u16, [normals, colors, opacities]: [Option<Interpolation>; 3]) -> M
         Interpolation::FaceVarying => 4 * n * n,
         _ => 1,
     };
-    let value = |k: usize, d: u32| oocpt_core::sample_4d(u32::try_from(k).unwrap(), d, 8);
+    let value = |k: usize, d: u32| oocpt_abi::sampler::sample_4d(u32::try_from(k).unwrap(), d, 8);
     let vectors = |interpolation: Interpolation, d: u32| -> Primvar {
         let values: Vec<[f32; 3]> =
             (0..count(interpolation)).map(|k| value(k, d)).map(|v| [v[0], v[1], v[2] + 0.01]).collect();

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Who has which material: bindings, subsets, primvars that materials read, and edits of them.
 
+use oocpt_abi::{AttributeRate, Features, NO_MATERIAL};
 use std::sync::Arc;
 
 use oocpt_core::mesh::split_mesh;
 use oocpt_core::{
-    AnyAttribute, AttributeRate, DroppedData, Interpolation, MaterialDesc, MeshAsset, MeshDesc, NO_MATERIAL,
-    NamedPrimvar, ParamValue, Primvar, SceneDb, SceneFeatures, Snapshot, SubsetDesc, TypedArray,
+    AnyAttribute, DroppedData, Interpolation, MaterialDesc, MeshAsset, MeshDesc, NamedPrimvar, ParamValue, Primvar,
+    SceneDb, Snapshot, SubsetDesc, TypedArray,
 };
 
 use crate::material::preview_surface::{file, network, node, surface, text};
@@ -88,7 +89,7 @@ fn a_scene_without_materials_has_no_tables() {
     db.upsert_material(color("/m", 0.5));
     let snapshot = committed(&mut db);
     assert_eq!(snapshot.surfaces, oocpt_core::SurfaceTables::default());
-    assert_eq!(snapshot.features, SceneFeatures::empty());
+    assert_eq!(snapshot.features, Features::empty());
     assert!(snapshot.meshes[0].subsets == 0 && snapshot.meshes[0].primvars.is_empty());
 }
 
@@ -113,7 +114,7 @@ fn subsets_go_by_face_and_the_first_wins() {
     assert!(of(4).contains(&vec![(0, 0.25), (1, 0.25)]));
     assert!(of(5).contains(&vec![(0, -1.0), (1, 0.5)]));
     assert_eq!(snapshot.surfaces.slots(-1), &[] as &[u32]);
-    assert_eq!(snapshot.features, SceneFeatures::MATERIALS);
+    assert_eq!(snapshot.features, Features::MATERIALS);
 }
 
 #[test]
@@ -181,7 +182,7 @@ fn only_primvars_that_a_material_reads_are_built() {
     assert_eq!((values.rate, values.values.len()), (AttributeRate::FaceVarying, 12));
     // Through the indices: the first corner of the first face has the last value.
     assert!(values.values.iter().all(|v| v[1] == 0.5) && values.values.iter().any(|v| v[0] == 7.0));
-    assert_eq!(with_st.features, SceneFeatures::MATERIALS | SceneFeatures::TEXTURES);
+    assert_eq!(with_st.features, Features::MATERIALS | Features::TEXTURES);
     assert_eq!(with_st.surfaces.textures.len(), 1);
 
     // Another file in the same place needs nothing new of the mesh.
@@ -301,16 +302,4 @@ fn prototypes_have_materials_and_collections() {
     let set = snapshot.surfaces.prims[10].category_set as usize;
     let names: Vec<&str> = snapshot.surfaces.category_sets[set].iter().map(|name| &**name).collect();
     assert_eq!(names, ["a", "b"]);
-}
-
-/// Two branches that each took the next free bit, once merged, had one for both.
-#[test]
-fn no_two_flags_share_a_bit() {
-    use bitflags::Flags as _;
-    use oocpt_core::material::MaterialFlags;
-    let scene: Vec<u32> = SceneFeatures::all().iter_names().map(|(_, flag)| flag.bits().count_ones()).collect();
-    let material: Vec<u32> = MaterialFlags::all().iter_names().map(|(_, flag)| flag.bits().count_ones()).collect();
-    assert!(scene.iter().chain(&material).all(|bits| *bits == 1), "a flag is a bit: {scene:?}, {material:?}");
-    assert_eq!(SceneFeatures::FLAGS.len(), SceneFeatures::all().bits().count_ones() as usize, "of scenes");
-    assert_eq!(MaterialFlags::FLAGS.len(), MaterialFlags::all().bits().count_ones() as usize, "of materials");
 }

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Meshes that are lights by `MeshLightAPI`: what their materials become.
 
-use oocpt_core::material::{Input, InputName};
+use oocpt_abi::{MaterialFlags, MaterialInput};
+use oocpt_core::material::Input;
 use oocpt_core::scene::{
     AssetRef, ConnectionDesc, MESH_LIGHT, MaterialDesc, MaterialSync, MeshDesc, NodeDesc, ParamDesc, ParamValue,
     SceneDb, Shaping,
 };
-use oocpt_core::{LightDesc, LightKind, Material, MaterialFlags, PrimDesc, TypedArray};
+use oocpt_core::{LightDesc, LightKind, Material, PrimDesc, TypedArray};
 
 use glam::{DMat4, DVec3};
 use std::sync::Arc;
@@ -72,7 +73,7 @@ fn dressed(light: LightDesc, material: Option<MaterialDesc>) -> (Arc<Material>, 
 }
 
 fn emission(material: &Material) -> [f32; 3] {
-    match material.input(InputName::EmissiveColor) {
+    match material.input(MaterialInput::EmissiveColor) {
         Input::Constant([r, g, b, _]) => [*r, *g, *b],
         Input::Texture { scale: [r, g, b, _], .. } => [*r, *g, *b],
         // Equal to nothing.
@@ -93,18 +94,22 @@ fn mesh_light_material_sync_modes_are_applied() {
     ] {
         let (material, warnings) = dressed(light(sync), Some(material(emits, false)));
         assert_eq!(emission(&material), wanted, "{sync:?} over {emits:?}");
-        assert_eq!(*material.input(InputName::Roughness), Input::Constant([roughness; 4]), "{sync:?}");
+        assert_eq!(*material.input(MaterialInput::Roughness), Input::Constant([roughness; 4]), "{sync:?}");
         assert!(material.flags.contains(MaterialFlags::EMISSIVE) && warnings.is_empty(), "{sync:?}: {warnings:?}");
     }
     let (material, _) = dressed(light(GlowTintsLight), None);
     assert_eq!(emission(&material), plain, "no material");
-    assert_eq!(*material.input(InputName::DiffuseColor), Input::Constant([0.0, 0.0, 0.0, 1.0]), "it reflects nothing");
+    assert_eq!(
+        *material.input(MaterialInput::DiffuseColor),
+        Input::Constant([0.0, 0.0, 0.0, 1.0]),
+        "it reflects nothing"
+    );
 }
 
 #[test]
 fn textured_emission_is_tinted_by_its_scale() {
     let (textured, warnings) = dressed(light(MaterialSync::GlowTintsLight), Some(material([0.5, 2.0, 4.0], true)));
-    assert!(matches!(textured.input(InputName::EmissiveColor), Input::Texture { .. }), "still a texture");
+    assert!(matches!(textured.input(MaterialInput::EmissiveColor), Input::Texture { .. }), "still a texture");
     assert_eq!(emission(&textured), [3.0, 6.0, 6.0], "scale times the light's");
     assert!(!warnings.iter().any(|text| text.contains("light")), "{warnings:?}");
 }

@@ -9,12 +9,12 @@ use crate::lights::tests::probe;
 use crate::lights::tree::trails;
 use crate::lights::{FileCache, LightTable, MeshLightCache, MeshLights, narrow};
 use glam::{DMat4, DQuat, DVec3};
+use oocpt_abi::LIGHT_LEAF;
 use oocpt_core::scene::{
     ConnectionDesc, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MaterialDesc, MeshDesc,
     NamedPrimvar, NodeDesc, ParamDesc, ParamValue, Primvar, Snapshot, SubsetDesc,
 };
 use oocpt_core::{LightDesc, LightKind, PrimDesc, SceneDb, TypedArray};
-use oocpt_shader_abi::LIGHT_LEAF;
 use std::sync::Arc;
 
 fn prim(path: &str, transform: DMat4) -> PrimDesc {

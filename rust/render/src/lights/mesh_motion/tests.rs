@@ -8,9 +8,9 @@ use crate::lights::mesh::tests::{cube, instancer, lamp, mesh_lights, snapshot};
 use crate::lights::tests::probe;
 use crate::lights::{FileCache, LightTable, MeshLights, narrow};
 use glam::{DMat4, DQuat, DVec3};
+use oocpt_abi::{Features, LIGHT_LEAF};
 use oocpt_core::scene::{MeshDesc, Snapshot, TransformSample};
 use oocpt_core::{LightDesc, LightKind, PrimDesc, TypedArray};
-use oocpt_shader_abi::{Features, LIGHT_LEAF};
 use std::sync::Arc;
 
 /// From one map to another.

@@ -4,7 +4,8 @@
 
 use super::super::convert::TileSink;
 use super::super::image::ImageError;
-use oocpt_core::texture::{FaceLayout, TILE_SIDE, TILE_TEXELS};
+use oocpt_abi::TILE_SIDE;
+use oocpt_core::texture::{FaceLayout, TILE_TEXELS};
 use std::collections::BTreeMap;
 
 /// A class: where its texels are, and how far it has come.

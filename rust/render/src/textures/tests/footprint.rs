@@ -4,9 +4,10 @@
 use super::harness::{open, unit};
 use bytemuck::Zeroable;
 use glam::{DMat2, DVec2, DVec3};
+use oocpt_abi::{Features, Frame, Push, groups};
 use oocpt_core::texture::{ellipse, filter_width};
 use oocpt_gpu::{Buffer, Pipeline, Usage};
-use oocpt_shader_abi::{Features, Frame, Push, checks, groups};
+use oocpt_shaders::checks;
 use std::time::Duration;
 
 /// Gradients of u and v, normal, direction; rows of the map; texels; the cone's width.

@@ -4,10 +4,11 @@
 use crate::textures::{Image, ImageError, ImageInfo, ImageLibrary, TextureCache, TextureSet};
 use bytemuck::Zeroable;
 use half::f16;
+use oocpt_abi::{Features, Frame, GpuTexture, Push, groups};
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{ColorSpace, Layout, TexelFormat, TextureRef, Wrap, expand, linear_from_srgb};
 use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
-use oocpt_shader_abi::{Features, Frame, GpuTexture, Push, checks, groups};
+use oocpt_shaders::checks;
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -5,12 +5,12 @@ use super::super::image::{Image, ImageError, ImageLibrary};
 use super::super::set::TextureCache;
 use super::harness::{Answer, Bench, Query, hash, number_of};
 use super::{DONE, FALLBACK};
+use oocpt_abi::Features;
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{
     ColorSpace, FaceLayout, PtexSampler, TextureRef, Wrap, expand, linear_from_srgb, pack_ptex, unpack_ptex,
 };
 use oocpt_ptex::{DataType, Face, MeshType, PtexWriter, ReadAt};
-use oocpt_shader_abi::Features;
 use rustc_hash::FxHashMap;
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -18,7 +18,8 @@ pub(super) use read::TxFile;
 pub(super) use write::TxWriter;
 
 use super::image::ImageInfo;
-use oocpt_core::texture::{Layout, LayoutError, TILE_SIDE, TexelFormat, Wrap};
+use oocpt_abi::TILE_SIDE;
+use oocpt_core::texture::{Layout, LayoutError, TexelFormat, Wrap};
 use serde::{Deserialize, Serialize};
 
 /// Changes whenever files of before cannot be used.

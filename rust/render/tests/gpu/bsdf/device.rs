@@ -3,9 +3,10 @@
 
 use super::cases::{CASE_FLOATS, Case};
 use glam::DVec3;
+use oocpt_abi::{Features, groups};
 use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
 use oocpt_render::bsdf_tables;
-use oocpt_shader_abi::{Features, checks, groups};
+use oocpt_shaders::checks;
 use std::sync::Arc;
 use std::time::Duration;
 

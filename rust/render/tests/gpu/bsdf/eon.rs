@@ -8,7 +8,7 @@ use super::energy::{extremes, tilted};
 use super::sampling::{Chart, test};
 use super::values::expect_reciprocal;
 use glam::DVec3;
-use oocpt_shader_abi::Features;
+use oocpt_abi::Features;
 use std::f64::consts::{PI, TAU};
 
 const ROUGH: Features = PLAIN.union(Features::OPEN_PBR).union(Features::ROUGH_DIFFUSE);

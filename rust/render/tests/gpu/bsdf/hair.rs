@@ -6,7 +6,7 @@ use super::cases::{Case, Hair, Random, direction};
 use super::device::{Device, PLAIN};
 use super::sampling::{Chart, test};
 use glam::DVec3;
-use oocpt_shader_abi::Features;
+use oocpt_abi::Features;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 const HAIR: Features = PLAIN.union(Features::OPEN_PBR).union(Features::HAIR);

@@ -8,7 +8,7 @@ use super::energy::{extremes, furnace, tilted};
 use super::sampling::{Chart, test};
 use super::values::expect_reciprocal;
 use glam::DVec3;
-use oocpt_shader_abi::Features;
+use oocpt_abi::Features;
 use std::f64::consts::{PI, TAU};
 
 const ROUGHNESS: [f64; 8] = [0.0, 0.1, 0.13, 0.2, 0.35, 0.5, 0.75, 1.0];

@@ -8,7 +8,7 @@ use super::energy::furnace;
 use super::sampling::{Chart, test};
 use super::values::expect_reciprocal;
 use glam::{DVec2, DVec3};
-use oocpt_shader_abi::Features;
+use oocpt_abi::Features;
 use std::f64::consts::{PI, TAU};
 
 /// `SHADING_THIN_WALLED`.

@@ -8,13 +8,13 @@ use crate::scenes::{constant, deforming, dome, instanced, instancer, mesh, prim,
 use crate::streaming::{Scene, smallest_budget};
 use crate::support::{color_request, orthographic, perspective, read, read_all, render, request, session, settings};
 use glam::{DMat4, DQuat, DVec3, Vec3};
+use oocpt_abi::{Features, LEAF_KINDS, LEAVES};
 use oocpt_core::TypedArray;
 use oocpt_core::camera::Camera;
 use oocpt_core::mesh::LeafKind;
 use oocpt_core::scene::{Interpolation, MeshDesc, Primvar, SceneDb, Shape};
 use oocpt_core::settings::Settings;
 use oocpt_render::{AovKind, Session, SessionOptions};
-use oocpt_shader_abi::{Features, LEAF_KINDS, LEAVES};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -244,13 +244,13 @@ fn invalid_example_leaves_are_omitted_and_counted() {
 #[test]
 fn every_kind_of_leaf_has_a_row() {
     let names: BTreeSet<&str> = LEAVES.iter().map(|row| row.name).collect();
-    let kinds: BTreeSet<&str> = LeafKind::ALL.iter().map(|kind| kind.name()).collect();
+    let kinds: BTreeSet<&str> = LeafKind::ALL.iter().map(|kind| kind.row().name).collect();
     assert_eq!(names, kinds, "both tables have the same kinds");
     let numbers: BTreeSet<u32> = LEAVES.iter().map(|row| row.number).collect();
     assert_eq!([names.len(), numbers.len()], [LEAVES.len(); 2], "each has its own");
     assert!(numbers.iter().all(|number| *number < LEAF_KINDS), "flags have room for it");
     let always = LEAVES.iter().filter(|row| row.needs == Features::empty());
-    assert_eq!(always.map(|row| row.name).collect::<Vec<_>>(), [LeafKind::Triangles.name()], "others are left out");
+    assert_eq!(always.map(|row| row.name).collect::<Vec<_>>(), [LeafKind::Triangles.row().name], "others are left out");
 }
 
 #[test]

@@ -2,7 +2,8 @@
 //! Cutouts by programs: surfaces are there where the program for their opacity says so, for camera and shadow rays.
 
 use super::*;
-use oocpt_core::material::{Input, InputName, compile};
+use oocpt_abi::MaterialInput;
+use oocpt_core::material::{Input, compile};
 use oocpt_core::materialx::eval::run;
 
 const OPEN_PBR: &str = "ND_open_pbr_surface_surfaceshader";
@@ -37,7 +38,7 @@ fn opacity(desc: &MaterialDesc, pixel: usize) -> f32 {
     let compiled = compile(desc);
     assert_eq!(compiled.problem(), None, "all of it is understood");
     let material = compiled.material.expect("a surface");
-    let register = match *material.input(InputName::Opacity) {
+    let register = match *material.input(MaterialInput::Opacity) {
         Input::Register(register) => Some(register),
         _ => None,
     };

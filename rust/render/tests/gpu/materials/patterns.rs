@@ -5,10 +5,11 @@
 mod cases;
 
 use cases::{Case, extreme, ops, ordinary};
+use oocpt_abi::{Features, groups};
 use oocpt_core::materialx::eval::evaluate;
-use oocpt_core::materialx::program::{Geometry, Op};
+use oocpt_core::materialx::program::Op;
 use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
-use oocpt_shader_abi::{Features, PATTERN_GEOMETRY, PATTERN_OPS, checks, groups};
+use oocpt_shaders::checks;
 use std::time::Duration;
 
 /// Numbers below the normal ones may be 0 on a device; values in between, too.
@@ -146,42 +147,4 @@ fn an_error_beyond_the_stated_one_is_noticed() {
         };
         assert!(error(&case, planted, twin) > 1.0, "{case:?}: {planted:?}, not {twin:?}");
     }
-}
-
-/// `RgbToHsv` is `RGB_TO_HSV`, `Noise2Vector` is `NOISE2_VECTOR`.
-fn shader_name(prefix: &str, name: &str) -> String {
-    let mut text = String::from(prefix);
-    for (at, letter) in name.char_indices() {
-        if at > 0 && letter.is_ascii_uppercase() {
-            text.push('_');
-        }
-        text.push(letter.to_ascii_uppercase());
-    }
-    text
-}
-
-#[test]
-fn shader_operation_codes_match_the_host_twin() {
-    let ops: Vec<_> = Op::ALL.iter().map(|op| (shader_name("PATTERN_", &format!("{op:?}")), *op as u32)).collect();
-    let shader: Vec<_> = PATTERN_OPS.iter().map(|&(name, number)| (name.to_owned(), number)).collect();
-    assert_eq!(ops, shader, "operations");
-    let geometry = [
-        Geometry::Uv0,
-        Geometry::Uv1,
-        Geometry::Primvar0,
-        Geometry::Primvar1,
-        Geometry::Position,
-        Geometry::Normal,
-        Geometry::Tangent,
-        Geometry::Bitangent,
-        Geometry::ViewDirection,
-        Geometry::Random0,
-        Geometry::Random1,
-        Geometry::Random2,
-        Geometry::FrameX,
-        Geometry::FrameY,
-    ];
-    let geometry = geometry.map(|kind| (shader_name("GEOMETRY_", &format!("{kind:?}")), kind as u32));
-    let shader = PATTERN_GEOMETRY.map(|(name, number)| (name.to_owned(), number));
-    assert_eq!(geometry, shader, "what a surface has");
 }

@@ -3,13 +3,14 @@
 //! chunk instances that overlap, far from the origin.
 
 use glam::{DAffine3, DQuat, DVec3};
+use oocpt_abi::{
+    GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, GpuTriangle, LevelNode, MeshFlags, NO_ROW,
+    TARGET_ASSEMBLY,
+};
 use oocpt_core::mesh::bvh4::build_bvh4;
-use oocpt_core::mesh::{LeafKind, LevelNode, build_box_bvh, level_nodes};
+use oocpt_core::mesh::{LeafKind, build_box_bvh, level_nodes};
 use oocpt_core::{Aabb, Triangle};
 use oocpt_gpu::{Buffer, Gpu, Usage};
-use oocpt_shader_abi::{
-    GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, GpuTriangle, MeshFlags, NO_ROW, TARGET_ASSEMBLY,
-};
 use std::sync::Arc;
 
 /// Where the world is: a float knows places here to a sixteenth only.
@@ -176,7 +177,7 @@ impl Scene {
         let points = |t: &Triangle| t.vertices.map(|v| DVec3::from(v.map(f64::from))).into_iter();
         let bounds = around(triangles.iter().flat_map(points), 0.0);
         let flags = if is_veil { MeshFlags::HAS_OPACITIES } else { MeshFlags::empty() };
-        let constant = oocpt_shader_abi::AttributeRate::Constant;
+        let constant = oocpt_abi::AttributeRate::Constant;
         let mesh = GpuMesh {
             nodes: self.put(&bvh.nodes),
             triangles: self.put(&ordered),

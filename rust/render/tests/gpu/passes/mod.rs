@@ -9,8 +9,8 @@ mod streamed;
 
 use glam::DVec3;
 use handmade_scene::{CHUNKS, FAR, Scene};
+use oocpt_abi::{Counters, FAULT_ALL, Features, FilmPixel};
 use oocpt_gpu::{Gpu, OpenOptions};
-use oocpt_shader_abi::{Counters, FAULT_ALL, Features, FilmPixel};
 use pass_runner::{Images, PATHS, Tracer};
 use std::sync::Arc;
 use streamed::Totals;

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs the passes on a scene, with everything resident or with chunks that come and go, in the order that `shader_abi`
-//! tells.
+//! Runs the passes on a scene, with everything resident or with chunks that come and go, in the order that
+//! `oocpt_shaders` tells.
 
 use super::handmade_scene::{CHUNKS, Scene, UNITS};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use oocpt_gpu::{Buffer, Commands, Gpu, Pipeline, Usage};
-use oocpt_shader_abi as abi;
-use oocpt_shader_abi::{
+use oocpt_abi as abi;
+use oocpt_abi::{
     Counters, Features, FilmPixel, Frame, GpuChunk, GpuInfiniteLight, GpuLightKind, GpuMesh, LightFlags, Lighting,
-    Module, NO_INDEX, Push, PushFlags, Streaming, UnitDemand, groups, passes, sort_blocks,
+    NO_INDEX, Push, PushFlags, Streaming, UnitDemand, groups, sort_blocks,
 };
+use oocpt_gpu::{Buffer, Commands, Gpu, Pipeline, Usage};
+use oocpt_shaders::{Module, passes};
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::sync::Arc;

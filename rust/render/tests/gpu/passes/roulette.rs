@@ -4,11 +4,12 @@
 
 use super::{close_device, open};
 use bytemuck::{Pod, Zeroable};
-use oocpt_gpu::{Buffer, Gpu, Pipeline, Usage};
-use oocpt_shader_abi::{
-    Counters, Features, FilmPixel, Frame, GpuChunkInstance, Module, NO_MESH, Pending, Push, Roulette, SHADOW_BIT,
-    Segment, Streaming, WORTH_MUST, WORTH_ONE, WORTH_SUMS, passes,
+use oocpt_abi::{
+    Counters, Features, FilmPixel, Frame, GpuChunkInstance, NO_MESH, Pending, Push, Roulette, SHADOW_BIT, Segment,
+    Streaming, WORTH_MUST, WORTH_ONE, WORTH_SUMS,
 };
+use oocpt_gpu::{Buffer, Gpu, Pipeline, Usage};
+use oocpt_shaders::{Module, passes};
 use std::sync::Arc;
 use std::time::Duration;
 

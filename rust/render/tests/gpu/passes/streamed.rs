@@ -4,10 +4,9 @@
 use super::handmade_scene::{CHUNKS, MESHES, Random, UNITS};
 use super::pass_runner::{Images, Launch, PATHS, PIXELS, SEGMENT_SIZE, SEGMENTS, Tracer};
 use bytemuck::Zeroable;
-use oocpt_shader_abi as abi;
-use oocpt_shader_abi::{
-    Counters, GpuChunk, GpuMesh, NO_MESH, Push, PushFlags, SHADOW_BIT, Segment, UnitDemand, passes, sort_blocks,
-};
+use oocpt_abi as abi;
+use oocpt_abi::{Counters, GpuChunk, GpuMesh, NO_MESH, Push, PushFlags, SHADOW_BIT, Segment, UnitDemand, sort_blocks};
+use oocpt_shaders::passes;
 use std::collections::HashMap;
 
 /// What a run reports beside its images.

@@ -6,10 +6,10 @@ use super::MOST_PICTURES;
 use super::scenes::{BEACH, SCENES, Scene};
 use super::{Render, TestFiles, options, percent, planting, render, request_of, small_chunks, smallest_budget};
 use crate::support::{self, read_all, render_with_messages};
+use oocpt_abi::FAULT_ONE_IN;
 use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_gpu::{Call, Failure};
 use oocpt_render::{Faults, Message, Session, SessionOptions, Severity};
-use oocpt_shader_abi::FAULT_ONE_IN;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 

@@ -6,9 +6,9 @@
 
 use super::test_images::LEAF_AREA;
 use super::*;
+use oocpt_abi::Features;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::settings::TraversalKind;
-use oocpt_shader_abi::Features;
 
 /// Image, wrap modes, factor, summand, threshold (0: a probability).
 type Cut = (&'static str, [&'static str; 2], f32, f32, f32);

@@ -3,7 +3,7 @@
 
 use super::{Random, World, put};
 use bytemuck::Zeroable;
-use oocpt_shader_abi::{Frame, GpuAttribute, GpuMaterial, GpuMesh, GpuPrim, GpuTexture, SLOT_PRESENCE};
+use oocpt_abi::{Frame, GpuAttribute, GpuMaterial, GpuMesh, GpuPrim, GpuTexture, SLOT_PRESENCE};
 
 /// Words of each of the ten tables, which lie one behind the other.
 const WORDS: usize = 2048;
@@ -40,12 +40,12 @@ impl World {
         write(0, bytemuck::cast_slice(&[0; 8].map(|_| small(random, 4) | SLOT_PRESENCE)));
         let prims = [0; 2].map(|_| GpuPrim { first_slot: small(random, 6), slot_count: 4, ..GpuPrim::zeroed() });
         write(1, bytemuck::cast_slice(&prims));
-        let opacity = oocpt_shader_abi::MATERIAL_INPUT_NAMES.iter().position(|name| *name == "OPACITY");
+        let opacity = oocpt_abi::MaterialInput::Opacity as usize;
         let mut materials: Vec<GpuMaterial> = bytemuck::cast_slice(&words[..4 * size_of::<GpuMaterial>() / 4]).to_vec();
         for material in &mut materials {
             material.names = material.names.map(|name| if name > 8 { name } else { name & 3 });
             material.cutout.mask = if random.below(2) == 0 { somewhere(random) } else { 0 };
-            let input = &mut material.inputs[opacity.expect("an input")];
+            let input = &mut material.inputs[opacity];
             (input.kind, input.texture) = (random.word(), small(random, 40));
         }
         write(2, bytemuck::cast_slice(&materials));

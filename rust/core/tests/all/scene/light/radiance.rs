@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! `UsdLux` maths against closed forms and published colours.
 
+use oocpt_abi::Features;
 use std::f64::consts::PI;
 
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::{Emitter, blackbody};
-use oocpt_core::{Light, LightDesc, LightKind, SceneDb, SceneFeatures};
+use oocpt_core::{Light, LightDesc, LightKind, SceneDb};
 
 use crate::support::{committed, prim};
 
@@ -127,7 +128,7 @@ fn black_bodies_clamp_and_never_go_negative() {
 fn features_follow_the_lights_and_meshes() {
     let mut db = SceneDb::new();
     db.upsert_light(light(LightKind::PLAIN_DOME));
-    assert_eq!(committed(&mut db).features, SceneFeatures::DOME);
+    assert_eq!(committed(&mut db).features, Features::DOME);
     db.upsert_light(light(LightKind::Distant { angle_degrees: 0.0 }));
     let mut mesh = crate::support::triangle("/m", 0.0);
     mesh.double_sided = false;
@@ -135,10 +136,6 @@ fn features_follow_the_lights_and_meshes() {
     mesh.display_opacity = Some(crate::support::constant(0.5_f32));
     mesh.normals = Some(crate::support::constant([0.0_f32, 0.0, 1.0]));
     db.upsert_mesh(mesh);
-    let expected = SceneFeatures::DISTANT
-        | SceneFeatures::OPACITY
-        | SceneFeatures::NORMALS
-        | SceneFeatures::COLORS
-        | SceneFeatures::SINGLE_SIDED;
+    let expected = Features::DISTANT | Features::OPACITY | Features::NORMALS | Features::COLORS;
     assert_eq!(committed(&mut db).features, expected);
 }

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The structs that host and shaders share: what declares them, and the list of them.
+//!
+//! Guarantees: a struct of [`shared!`] is declared once. The build writes its twin for the shaders
+//! (`generated/structs.glsl`), and compares offsets and sizes in the SPIR-V with those that the Rust compiler gives.
+
+use super::*;
+
+/// A member of a struct.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MemberLayout {
+    /// Name, equal in GLSL.
+    pub name: &'static str,
+    /// Type in Rust.
+    pub rust: &'static str,
+    /// Type in GLSL where that does not follow from the one in Rust.
+    pub glsl: Option<&'static str>,
+    /// Bytes from the start of the struct.
+    pub offset: usize,
+    /// Bytes of the member.
+    pub size: usize,
+}
+
+/// How a struct is laid out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StructLayout {
+    /// Name, equal in GLSL.
+    pub name: &'static str,
+    /// Bytes of the struct, and stride of arrays of it.
+    pub size: usize,
+    /// Members in order.
+    pub members: &'static [MemberLayout],
+}
+
+/// Declares a struct that shaders have, too. In GLSL arrays of two to four `f32`, and of three `u32`, are vectors;
+/// where another type is meant there, it stands behind the member's: `pub power: [f32; 2] = "float[2]"`.
+macro_rules! shared {
+    (@glsl) => { None };
+    (@glsl $type:literal) => { Some($type) };
+    (
+        $(#[$attribute:meta])*
+        pub struct $name:ident {
+            $($(#[$doc:meta])* pub $member:ident: $type:ty $(= $glsl:literal)?,)+
+        }
+    ) => {
+        #[repr(C)]
+        $(#[$attribute])*
+        pub struct $name {
+            $($(#[$doc])* pub $member: $type,)+
+        }
+
+        impl $name {
+            pub(crate) const LAYOUT: $crate::StructLayout = $crate::StructLayout {
+                name: stringify!($name),
+                size: size_of::<Self>(),
+                members: &[$($crate::MemberLayout {
+                    name: stringify!($member),
+                    rust: stringify!($type),
+                    glsl: shared!(@glsl $($glsl)?),
+                    offset: core::mem::offset_of!(Self, $member),
+                    size: size_of::<$type>(),
+                }),+],
+            };
+        }
+    };
+}
+
+/// Every struct that crosses, after those that it has as members.
+pub const LAYOUTS: &[StructLayout] = &[
+    Push::LAYOUT,
+    TextureFeedback::LAYOUT,
+    Adaptive::LAYOUT,
+    AovTargets::LAYOUT,
+    AovClear::LAYOUT,
+    Frame::LAYOUT,
+    ClipPlane::LAYOUT,
+    Streaming::LAYOUT,
+    UnitDemand::LAYOUT,
+    Roulette::LAYOUT,
+    Segment::LAYOUT,
+    Pending::LAYOUT,
+    Question::LAYOUT,
+    GpuSurface::LAYOUT,
+    Bvh4Node::LAYOUT,
+    LevelNode::LAYOUT,
+    GpuTriangle::LAYOUT,
+    GpuPoint::LAYOUT,
+    GpuInstance::LAYOUT,
+    GpuMotionKey::LAYOUT,
+    GpuCameraMotion::LAYOUT,
+    GpuCameraKey::LAYOUT,
+    GpuMesh::LAYOUT,
+    GpuInput::LAYOUT,
+    GpuCutout::LAYOUT,
+    GpuMaterial::LAYOUT,
+    GpuPrim::LAYOUT,
+    GpuAttribute::LAYOUT,
+    GpuSurfaceMaterial::LAYOUT,
+    GpuAssembly::LAYOUT,
+    Lighting::LAYOUT,
+    GpuLightKey::LAYOUT,
+    GpuMeshLight::LAYOUT,
+    GpuLightMesh::LAYOUT,
+    GpuLightLeaf::LAYOUT,
+    GpuLightTriangle::LAYOUT,
+    GpuLightValue::LAYOUT,
+    GpuLocalLight::LAYOUT,
+    GpuInfiniteLight::LAYOUT,
+    GpuLightNode::LAYOUT,
+    GpuLightShaping::LAYOUT,
+    GpuLightMap::LAYOUT,
+    GpuCdf::LAYOUT,
+    GpuChunk::LAYOUT,
+    GpuTexture::LAYOUT,
+    GpuChunkInstance::LAYOUT,
+    Ray::LAYOUT,
+    PathState::LAYOUT,
+    ShadowRay::LAYOUT,
+    IndirectArgs::LAYOUT,
+    Counters::LAYOUT,
+    FilmPixel::LAYOUT,
+    ErrorSums::LAYOUT,
+];

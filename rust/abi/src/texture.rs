@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Textures: one record each, and a page table of all their tiles together.
+//!
+//! `Frame::texture_pages` is u64 per tile of the scene: its device address, 0 = absent, with [`PAGE_BROKEN`] when it
+//! could not be read. Texels of a tile are tightly packed, row by row from the bottom. Guarantees: plain data with the
+//! offsets of the shaders' structs. Any thread.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Bits of [`GpuTexture::flags`] that hold the channels: 1, 2 or 4.
+pub const TEXTURE_CHANNELS: u32 = 7;
+/// Where the flags hold the format of a channel, two bits.
+pub const TEXTURE_FORMAT_SHIFT: u32 = 4;
+/// Format: bytes, 0 to 255 for 0 to 1.
+pub const TEXTURE_U8: u32 = 0;
+/// Format: half floats.
+pub const TEXTURE_F16: u32 = 1;
+/// Format: floats.
+pub const TEXTURE_F32: u32 = 2;
+/// Red, green and blue go through the sRGB curve.
+pub const TEXTURE_SRGB: u32 = 1 << 6;
+/// A set of up to 100 textures, side by side in the table from number `first_page` on; those without levels are
+/// missing.
+pub const TEXTURE_UDIM: u32 = 1 << 7;
+/// Texels by face: `width` is the number of faces, `directory` says where they are.
+pub const TEXTURE_PTEX: u32 = 1 << 12;
+/// The fallback is a texel as others are: it lies where [`WRAP_BLACK`] has black, and scale and bias apply to it.
+pub const TEXTURE_BORDER: u32 = 1 << 13;
+/// Where the flags hold the wrap mode along s, two bits.
+pub const TEXTURE_WRAP_S_SHIFT: u32 = 8;
+/// Where the flags hold the wrap mode along t, two bits.
+pub const TEXTURE_WRAP_T_SHIFT: u32 = 10;
+/// Wrap mode: transparent black outside.
+pub const WRAP_BLACK: u32 = 0;
+/// Wrap mode: the texels at the border.
+pub const WRAP_CLAMP: u32 = 1;
+/// Wrap mode: the image again.
+pub const WRAP_REPEAT: u32 = 2;
+/// Wrap mode: the image again, every other time mirrored.
+pub const WRAP_MIRROR: u32 = 3;
+/// Bit of a tile's entry in the page table: it could not be read, and lookups that need it give the fallback.
+pub const PAGE_BROKEN: u64 = 1;
+/// Members of a UDIM set, 1001 to 1100.
+pub const UDIM_PARTS: u32 = 100;
+
+shared! {
+    /// A texture, 56 B.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+    pub struct GpuTexture {
+        /// With `TEXTURE_SRGB` and bytes: 256 floats, what a byte stands for.
+        pub decode: u64,
+        /// With `TEXTURE_PTEX`: u32 for each face, log2 of its texels along u, and along v << 8; then, for each class
+        /// of sizes from 1 texel on and each face, the number of the first texel of its block
+        /// (`oocpt_core::texture::FaceLayout`).
+        pub directory: u64,
+        /// Number of the first tile among all tiles.
+        pub first_page: u32,
+        /// See the constants.
+        pub flags: u32,
+        /// Texels along s.
+        pub width: u32,
+        /// Texels along t.
+        pub height: u32,
+        /// Levels, down to 1 x 1; 0 = there is no image, and `fallback` is what a lookup gives.
+        pub levels: u32,
+        /// 0.
+        pub pad: u32,
+        /// See `levels`.
+        pub fallback: [f32; 4],
+    }
+}
+
+shared! {
+    /// Tiles that lookups did not find, in core; one in device memory, emptied by the host before a wave that is to go
+    /// on. A path that lacked a tile is traced again when the tile is there; until then the film does not take its
+    /// wave.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+    pub struct TextureFeedback {
+        /// u32 for each 32 tiles of the scene, a bit each: it is in `wanted`, or did not fit.
+        pub requested: u64,
+        /// u32 per path of the wave: not 0 if it lacked a tile.
+        pub incomplete_paths: u64,
+        /// u32 each: numbers of tiles, in no order.
+        pub wanted: u64,
+        /// Elements of `wanted`.
+        pub wanted_capacity: u32,
+        /// Tiles that were requested; `wanted` has no more than it holds.
+        pub wanted_count: u32,
+        /// Not 0 if a path lacked a tile.
+        pub is_incomplete: u32,
+        /// Nothing.
+        pub pad: u32,
+    }
+}
