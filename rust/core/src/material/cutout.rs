@@ -3,11 +3,10 @@
 //!
 //! Meshes know nothing of materials but this and [`super::Displacement`].
 
+use super::{Compiled, Input, PTEX_SET, TextureRef};
 use oocpt_abi::{MaterialFlags, MaterialInput};
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
-
-use super::{Compiled, Input, PTEX_SET, TextureRef};
 
 /// What is there of a surface.
 #[derive(Clone, Debug, PartialEq)]

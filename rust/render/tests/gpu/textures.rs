@@ -22,7 +22,7 @@ use oocpt_core::scene::{
     AssetRef, ConnectionDesc, Interpolation, MaterialDesc, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue,
     Primvar, SceneDb, TransformSample,
 };
-use oocpt_core::settings::Settings;
+use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_core::stats::StreamingStats;
 use oocpt_core::texture::linear_from_srgb;
 use oocpt_render::{AovKind, Faults, RenderRequest, Session, SessionOptions};
@@ -281,6 +281,30 @@ fn same_bits(build: fn(&mut SceneDb)) {
 #[test]
 fn texture_streaming_changes_no_bit() {
     same_bits(squares);
+}
+
+/// Tiles for which the device has no room are read in host memory where rays may, in this picture and the next one.
+#[test]
+fn tiles_beyond_the_budget_are_read_in_host_memory() {
+    let whole = render(squares, small_chunks(), options());
+    let geometry_budget_kib = smallest_budget(squares);
+    let pictures = |host_mapped, options: SessionOptions| {
+        let settings = Settings { geometry_budget_kib, host_mapped, ..small_chunks() };
+        let session = session(settings, options, squares);
+        let mut stats = Vec::new();
+        for _ in 0..2 {
+            support::render(&session, &close());
+            assert!(read_all(&session, &close()) == whole.images, "{host_mapped:?}: the picture differs");
+            stats.push(session.stats().streaming);
+            session.restart();
+        }
+        stats
+    };
+    let streams = SessionOptions { force_streaming: true, ..options() };
+    let (without, mapped) = (pictures(HostMapped::Off, streams.clone()), pictures(HostMapped::On, streams));
+    assert!(without.iter().all(|stats| stats.texture_reloads > stats.texture_loads / 2), "they go: {without:?}");
+    let few = without[0].texture_loads / 8;
+    assert!(mapped.iter().all(|stats| stats.texture_loads < few && stats.mapped_bytes > 0), "they stay: {mapped:?}");
 }
 
 /// Boards that shine with their textures, and little else: what lights emit waits for tiles as well.
