@@ -33,8 +33,8 @@ pub struct PlannerOptions {
     /// Steps that see a unit usable before it may be evicted, 0 = 2: with one submission in flight the first step
     /// after a load still sees the demand of before. More submissions in flight need as many more.
     pub pin_steps: u32,
-    /// Units from this one on are tiles of textures, of which no visits are counted. They stay while they take less than a third of the budget and leave room for the least budget. None =
-    /// there are none.
+    /// Units from this one on are tiles of textures, of which no visits are counted. They stay while they take less
+    /// than a third of the budget and leave room for the least budget. None = there are none.
     pub first_tile: Option<UnitId>,
 }
 

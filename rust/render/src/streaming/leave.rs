@@ -47,8 +47,8 @@ impl Leave {
         Self { is_possible, is_soon, has_tiles, nanos_a_path, compiles: Pending::default(), left_off: None }
     }
 
-    /// Whether to leave off now, after so many rays, with so many paths that have not begun and that were streamed; has the rest of the
-    /// scene brought where that pays, and geometry go where it leaves tiles no room.
+    /// Whether to leave off now, after so many rays, with so many paths that have not begun and that were streamed; has
+    /// the rest of the scene brought where that pays, and geometry go where it leaves tiles no room.
     pub(super) fn step(&self, residency: &mut Residency<'_>, rays: u64, (unbegun, streamed): (u64, u64)) -> bool {
         if !self.is_possible || self.left_off.is_some() {
             return false;

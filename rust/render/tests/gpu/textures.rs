@@ -301,7 +301,7 @@ fn tiles_beyond_the_budget_are_read_in_host_memory() {
         stats
     };
     let streams = SessionOptions { force_streaming: true, ..options() };
-    let (without, mapped) = (pictures(HostMapped::Off, streams.clone()), pictures(HostMapped::On, streams));
+    let (without, mapped) = (pictures(HostMapped::Off, streams), pictures(HostMapped::On, streams));
     assert!(without.iter().all(|stats| stats.texture_reloads > stats.texture_loads / 2), "they go: {without:?}");
     let few = without[0].texture_loads / 8;
     assert!(mapped.iter().all(|stats| stats.texture_loads < few && stats.mapped_bytes > 0), "they stay: {mapped:?}");
