@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The structs that host and shaders share: what declares them, and the list of them.
 //!
-//! Guarantees: a struct of [`shared!`] is declared once. The build writes its twin for the shaders
+//! Guarantees: a struct of `shared!` is declared once. The build writes its twin for the shaders
 //! (`generated/structs.glsl`), and compares offsets and sizes in the SPIR-V with those that the Rust compiler gives.
 
 use super::*;

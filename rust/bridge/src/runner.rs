@@ -9,7 +9,7 @@
 //! Any thread; the calls of a command line come from one, [`interrupt`] from another.
 
 use crate::guard::{BridgeError, guard};
-use oocpt_render::{Early, Session};
+use oocpt_render::{EarlyEnd, Session};
 use std::io::{IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
@@ -46,7 +46,7 @@ fn state() -> MutexGuard<'static, State> {
 
 impl State {
     /// The first answer of a session that has rendered for the picture under way.
-    fn of_picture(&self, ask: impl Fn(&Session, u64) -> Option<Early>) -> Option<Early> {
+    fn of_picture(&self, ask: impl Fn(&Session, u64) -> Option<EarlyEnd>) -> Option<EarlyEnd> {
         self.sessions.iter().find_map(|(session, after)| ask(&*session.upgrade()?, *after))
     }
 
@@ -112,10 +112,10 @@ pub(crate) fn interrupt() -> Result<bool, BridgeError> {
 }
 
 /// Whether the command line was interrupted, and how far the picture under way is.
-pub(crate) fn interrupted() -> Result<(bool, Early), BridgeError> {
+pub(crate) fn interrupted() -> Result<(bool, EarlyEnd), BridgeError> {
     guard("interrupted", || {
         let state = state();
-        let early = state.of_picture(Session::reached).unwrap_or(Early { samples: 0, target: 0 });
+        let early = state.of_picture(Session::reached).unwrap_or(EarlyEnd { samples: 0, target: 0 });
         Ok((state.is_interrupted, early))
     })
 }

@@ -5,7 +5,7 @@
 //! `percentDone`…); those under `oocpt:` are ours. Pure; any thread.
 
 use crate::ffi::{NamedValue, ScalarTag, ScalarValue};
-use oocpt_core::adaptive::Spent;
+use oocpt_core::adaptive::AdaptiveUsage;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::{ErrorRow, Stats, StreamingStats};
 
@@ -80,7 +80,7 @@ fn inventory(inventory: &Inventory) -> [NamedValue; 15] {
 }
 
 /// How samples were spent at that look.
-fn adaptive(spent: &Spent) -> [NamedValue; 4] {
+fn adaptive(spent: &AdaptiveUsage) -> [NamedValue; 4] {
     [
         integer("oocpt:adaptiveEpochs", u64::from(spent.epochs)),
         integer("oocpt:adaptiveFewestSamples", u64::from(spent.fewest)),

@@ -115,7 +115,7 @@ pub struct Epoch {
 
 /// What a render has spent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Spent {
+pub struct AdaptiveUsage {
     /// Epochs that were decided, the first among them.
     pub epochs: u32,
     /// Fewest samples of a pixel, both streams together.
@@ -128,7 +128,7 @@ pub struct Spent {
 
 /// The way of one render through its epochs.
 #[derive(Clone, Debug)]
-pub struct Course {
+pub struct AdaptiveSchedule {
     size: [u32; 2],
     /// Pixel `y * width + x` of each number in trace order.
     trace: Vec<u32>,
@@ -154,7 +154,7 @@ pub fn pixel_position(index: u32, [width, height]: [u32; 2]) -> [u32; 2] {
     [8 * tile + in_tile % columns, 8 * strip + in_tile / columns]
 }
 
-impl Course {
+impl AdaptiveSchedule {
     /// A render of so many pixels with so many samples each, on average; its first epoch.
     #[must_use]
     pub fn new(size: [u32; 2], samples: u32) -> Self {
@@ -209,7 +209,8 @@ impl Course {
         self.advance_by([other, one])
     }
 
-    /// As [`Course::advance`], where `deciding[s]` decides about stream `s`: biased if it shares samples with it.
+    /// As [`AdaptiveSchedule::advance`], where `deciding[s]` decides about stream `s`: biased if it shares samples with
+    /// it.
     pub fn advance_by(&mut self, deciding: [&[VarianceEstimate]; STREAMS]) -> bool {
         let number = self.number + 1;
         let budget = self.budget(number);
@@ -274,13 +275,13 @@ impl Course {
 
     /// What has been spent when this epoch is done.
     #[must_use]
-    pub fn spent(&self) -> Spent {
+    pub fn spent(&self) -> AdaptiveUsage {
         let counts = || self.levels[0].par_iter().zip(&self.levels[1]).map(|(a, b)| (1_u32 << a) + (1_u32 << b));
         let all: u64 = counts().map(u64::from).sum();
         let uniform = (self.trace.len() as u64) << (self.least(self.number) + 1);
         #[expect(clippy::cast_precision_loss, reason = "shown, not computed with")]
         let decided = all.saturating_sub(uniform) as f64 / all.max(1) as f64;
-        Spent {
+        AdaptiveUsage {
             epochs: self.number + 1,
             fewest: counts().min().unwrap_or(0),
             most: counts().max().unwrap_or(0),

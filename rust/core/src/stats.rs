@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::adaptive::Spent;
+use crate::adaptive::AdaptiveUsage;
 use crate::convergence::Estimate;
 use crate::desc::DroppedData;
 use crate::inventory::Inventory;
@@ -64,7 +64,7 @@ pub struct Stats {
     pub error: Option<ErrorRow>,
     /// With adaptive sampling: how the samples so far were spent.
     #[serde(default)]
-    pub adaptive: Option<Spent>,
+    pub adaptive: Option<AdaptiveUsage>,
 }
 
 /// The picture's error at one moment; also a line of the report that `oocpt:report` names.

@@ -10,7 +10,7 @@ use crate::error::RenderError;
 use crate::sync::lock;
 use crate::wave::{Piece, Wave};
 use oocpt_abi::{Adaptive as Block, Push};
-use oocpt_core::adaptive::{Course, RING, STREAMS, Spent, VarianceEstimate};
+use oocpt_core::adaptive::{AdaptiveSchedule, AdaptiveUsage, RING, STREAMS, VarianceEstimate};
 use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
@@ -26,7 +26,7 @@ pub(crate) struct Adaptive {
     block: Buffer,
     entries: Buffer,
     estimates: Buffer,
-    course: Mutex<Option<Course>>,
+    course: Mutex<Option<AdaptiveSchedule>>,
     /// Planted: each stream decides for itself.
     #[cfg(feature = "faults")]
     pub(crate) is_naive: bool,
@@ -60,7 +60,7 @@ impl Adaptive {
 
     /// Begins a render with its first epoch.
     pub(crate) fn begin(&mut self, size: [u32; 2], samples: u32) -> Result<(), RenderError> {
-        let course = Course::new(size, samples);
+        let course = AdaptiveSchedule::new(size, samples);
         self.send(&course)?;
         *lock(&self.course) = Some(course);
         Ok(())
@@ -104,7 +104,7 @@ impl Adaptive {
     }
 
     /// Sends the list of an epoch.
-    fn send(&self, course: &Course) -> Result<(), RenderError> {
+    fn send(&self, course: &AdaptiveSchedule) -> Result<(), RenderError> {
         let epoch = course.epoch();
         let bytes: &[u8] = bytemuck::cast_slice(&epoch.entries);
         let mut block =
@@ -143,8 +143,8 @@ impl Adaptive {
     }
 
     /// What has been spent when the epoch under way is done.
-    pub(crate) fn spent(&self) -> Option<Spent> {
-        lock(&self.course).as_ref().map(Course::spent)
+    pub(crate) fn spent(&self) -> Option<AdaptiveUsage> {
+        lock(&self.course).as_ref().map(AdaptiveSchedule::spent)
     }
 
     /// The push constants of a wave, which is in one band; and the entries of that.

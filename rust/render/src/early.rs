@@ -9,7 +9,7 @@ use crate::sync::lock;
 
 /// How far a render is that ends early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Early {
+pub struct EarlyEnd {
     /// Samples of each pixel that are done.
     pub samples: u32,
     /// Samples that were asked for.
@@ -26,7 +26,7 @@ impl Session {
     /// Has the newest job end with the samples that it has, as soon as the part of a wave under way is done;
     /// [`Session::is_converged`] says when. `None`, and nothing is changed, while there is no job newer than `after`,
     /// or not a sample of each of its pixels is done.
-    pub fn finish_early(&self, after: u64) -> Option<Early> {
+    pub fn finish_early(&self, after: u64) -> Option<EarlyEnd> {
         let mut control = self.shared.control();
         let early = self.early(control.generation, after, control.job.as_ref()?.settings.samples_per_pixel)?;
         control.ends_early = control.generation;
@@ -36,13 +36,13 @@ impl Session {
     }
 
     /// What [`Session::finish_early`] says, without an effect.
-    pub fn reached(&self, after: u64) -> Option<Early> {
+    pub fn reached(&self, after: u64) -> Option<EarlyEnd> {
         let control = self.shared.control();
         self.early(control.generation, after, control.job.as_ref()?.settings.samples_per_pixel)
     }
 
-    fn early(&self, newest: u64, after: u64, target: u32) -> Option<Early> {
+    fn early(&self, newest: u64, after: u64, target: u32) -> Option<EarlyEnd> {
         let (generation, samples) = *lock(&self.shared.reached);
-        (newest > after && generation == newest && samples > 0).then_some(Early { samples, target })
+        (newest > after && generation == newest && samples > 0).then_some(EarlyEnd { samples, target })
     }
 }

@@ -18,11 +18,11 @@ use crate::progress::Progress;
 use crate::request::Severity;
 use crate::setting::{Setting, geometry_cap, in_flight, is_cpu, paths, shrinking};
 use crate::shared::Gate;
-use crate::specialise::Carry;
+use crate::specialise::ForcedFeatures;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::upload::Upload;
-use crate::wavefront::{Ahead, PathBuffers};
+use crate::wavefront::{BackgroundCompile, PathBuffers};
 use oocpt_abi::{Features, Frame};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::Snapshot;
@@ -44,7 +44,7 @@ pub(crate) struct Renderer {
     scene: SceneCache,
     waves: Option<PathBuffers>,
     stream: Option<StreamBuffers>,
-    ahead: Ahead,
+    ahead: BackgroundCompile,
     film: Option<Film>,
     light_files: FileCache,
     mesh_lights: MeshLightCache,
@@ -157,7 +157,7 @@ impl Renderer {
             warnings.extend(meshes.warning.clone());
         }
         warnings.extend(self.mesh_lights.warning());
-        let (carry, unknown) = Carry::parse(&job.settings.carry);
+        let (carry, unknown) = ForcedFeatures::parse(&job.settings.carry);
         warnings.extend(unknown.iter().map(|name| format!("oocpt:carry: {name:?} is no feature")));
         for warning in warnings {
             gate.shared().report(Severity::Warning, warning);

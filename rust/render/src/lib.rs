@@ -64,7 +64,7 @@ mod wave;
 mod wavefront;
 
 pub use aov::{AovKind, AovRequest};
-pub use early::Early;
+pub use early::EarlyEnd;
 pub use error::RenderError;
 #[cfg(feature = "faults")]
 pub use faults::{Faults, Witness};

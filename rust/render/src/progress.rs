@@ -20,7 +20,7 @@ use crate::sync::lock;
 use crate::timings::Timings;
 use crate::wave::{LAST_SLOT, Wave, next_boundary};
 use oocpt_abi::Counters;
-use oocpt_core::adaptive::Spent;
+use oocpt_core::adaptive::AdaptiveUsage;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::{Stats, StreamingStats, Usage};
 use oocpt_gpu::Gpu;
@@ -328,7 +328,7 @@ impl<'a> Progress<'a> {
         };
         if let Some(spent) = film.adaptive().and_then(Adaptive::spent) {
             let Measured { fewest, most, .. } = measured;
-            lock(&self.shared.stats).adaptive = Some(Spent { fewest, most, ..spent });
+            lock(&self.shared.stats).adaptive = Some(AdaptiveUsage { fewest, most, ..spent });
         }
         let began = Instant::now();
         self.log.row(self.shared, measured, octave, moment);

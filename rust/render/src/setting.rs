@@ -7,7 +7,7 @@ use crate::film::Film;
 use crate::in_flight::InFlight;
 use crate::job::Job;
 use crate::lights::{LightTable, LightTables};
-use crate::specialise::Carry;
+use crate::specialise::ForcedFeatures;
 use oocpt_abi::{ClipPlane, Features};
 use oocpt_core::CameraMotion;
 use oocpt_core::camera::CameraRays;
@@ -32,7 +32,7 @@ pub(crate) struct Setting<'a> {
     pub(crate) film: &'a Film,
     pub(crate) tables: &'a LightTables,
     /// What is carried although the scene does not need it.
-    pub(crate) carry: &'a Carry,
+    pub(crate) carry: &'a ForcedFeatures,
     /// Of that, what these lights allow.
     pub(crate) light_carry: Features,
     /// Memory is short.

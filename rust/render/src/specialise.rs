@@ -3,7 +3,7 @@
 //!
 //! Pure. The answer becomes specialisation constants: pipelines are compiled without the absent parts, and the host
 //! does not make their buffers. To measure what that saves, `oocpt:carry` compiles parts in that the scene does not
-//! need ([`Carry`]): the same picture, bit for bit.
+//! need ([`ForcedFeatures`]): the same picture, bit for bit.
 
 use crate::assets::SceneView;
 use crate::device::Specialisation;
@@ -60,13 +60,13 @@ pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialis
 /// Features compiled in by `oocpt:carry` although the scene does not use them, as far as the picture stays the same.
 /// Materials are shaded another way, so they are never carried. In core only, but for parts that need no memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Carry {
+pub(crate) struct ForcedFeatures {
     pub(crate) features: Features,
     /// Passes and memory for the deepest nesting.
     pub(crate) levels: bool,
 }
 
-impl Carry {
+impl ForcedFeatures {
     const NOTHING: Self = Self { features: Features::empty(), levels: false };
 
     /// What a setting names: features as the shaders call them, `LEVELS`, or `all`, separated by commas. Also
@@ -158,17 +158,17 @@ mod tests {
 
     #[test]
     fn features_that_change_the_picture_are_not_carried() {
-        let (all, unknown) = Carry::parse("all");
+        let (all, unknown) = ForcedFeatures::parse("all");
         assert!(unknown.is_empty() && all.levels);
         let never = Features::DOME_SHADOW_RAYS | Features::MATERIALS | Features::STREAMING;
         for needed in [Features::empty(), Features::DOME, Features::MATERIALS] {
             let carried = all.possible(needed, Features::LOCAL_LIGHTS);
             assert!(!carried.intersects(never | needed), "{needed:?}: {carried:?}");
         }
-        let (some, unknown) = Carry::parse("lens, COAT levels,nonsense");
+        let (some, unknown) = ForcedFeatures::parse("lens, COAT levels,nonsense");
         assert_eq!(unknown, ["nonsense"]);
         assert!(some.levels && some.features == Features::LENS | Features::COAT, "{some:?}");
         assert_eq!(some.possible(Features::empty(), Features::empty()), Features::LENS, "no coat without materials");
-        assert!(Carry::parse("").0.is_empty());
+        assert!(ForcedFeatures::parse("").0.is_empty());
     }
 }

@@ -11,14 +11,14 @@ const QUESTION_WORDS: usize = size_of::<Question>() / 4;
 
 /// What a walk asks with streaming, and what it was told.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Asking {
+pub(crate) struct CutoutQuestions {
     /// The nearest cutout, in the item with the smallest key, that cannot be answered because a tile is absent.
     question: Option<(Item, Question)>,
     /// What the ray came back with.
     answer: Option<(Item, Question)>,
 }
 
-impl Asking {
+impl CutoutQuestions {
     /// Of a ray that comes with an answer or none.
     pub(crate) fn begin(&mut self, answer: Option<(Item, Question)>) {
         (self.question, self.answer) = (None, answer);

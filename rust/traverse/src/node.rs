@@ -32,7 +32,7 @@ impl BoxRay {
 
 /// What a walk does with a node: the children that it meets.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Met {
+pub(crate) struct EnteredChildren {
     /// Where the ray enters each child, or the node if that is farther.
     pub(crate) entries: [f32; 4],
     /// A bit for each child that is met.

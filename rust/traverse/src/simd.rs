@@ -9,7 +9,7 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx2::Avx2;
 
-use crate::node::{BoxRay, MeshChildren, Met};
+use crate::node::{BoxRay, EnteredChildren, MeshChildren};
 use crate::vector::{V3, dot3, safe_reciprocal};
 use bytemuck::cast;
 use oocpt_abi::{ABSENT, Bvh4Node, LevelNode, SLAB_PAD};
@@ -34,14 +34,14 @@ pub(crate) trait Simd: Copy + Debug + Send + Sync {
 
     /// The children of a box grid that the ray enters before `limit`, which is no NaN, as if all four were there;
     /// `entry` is where it enters the node.
-    fn meet(self, grid: &Grid, ray: &BoxRay, limit: f32, entry: f32) -> Met;
+    fn meet(self, grid: &Grid, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren;
 
     /// A bit for each child of a level's node that there is.
     fn there(self, children: &[u32; 4]) -> u32;
 
     /// The children of a node of the top level, a chunk or an assembly.
     #[inline(always)]
-    fn meet_level(self, node: &LevelNode, ray: &BoxRay, limit: f32, entry: f32) -> Met {
+    fn meet_level(self, node: &LevelNode, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren {
         let [grid @ .., _]: [[u32; 4]; 4] = cast(*node);
         let mut met = self.meet(&grid, ray, limit, entry);
         met.mask &= self.there(&node.child);
@@ -50,7 +50,7 @@ pub(crate) trait Simd: Copy + Debug + Send + Sync {
 
     /// The children of a node of a mesh.
     #[inline(always)]
-    fn meet_mesh(self, node: &Bvh4Node, ray: &BoxRay, limit: f32, entry: f32) -> Met {
+    fn meet_mesh(self, node: &Bvh4Node, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren {
         let mut met = self.meet(&cast(*node), ray, limit, entry);
         met.mask &= MeshChildren::new(node).there();
         met
@@ -84,7 +84,7 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn meet(self, grid: &Grid, ray: &BoxRay, limit: f32, entry: f32) -> Met {
+    fn meet(self, grid: &Grid, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren {
         let [x, y, z, cell, planes @ ..]: [u32; 12] = cast(*grid);
         let (origin, cell) = ([x, y, z], cell.to_le_bytes());
         // Comparisons that keep what is there where the other is NaN: what min and max of the shaders do.
@@ -111,7 +111,7 @@ impl Simd for Portable {
             let leave = if leave < limit { leave } else { limit };
             mask |= u32::from(entries[lane] <= leave) << lane;
         }
-        Met { entries: entries.map(|at| if at > entry { at } else { entry }), mask }
+        EnteredChildren { entries: entries.map(|at| if at > entry { at } else { entry }), mask }
     }
 
     #[inline(always)]

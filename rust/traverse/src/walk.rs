@@ -11,7 +11,7 @@ mod levels;
 mod mesh;
 mod stack;
 
-use crate::asking::Asking;
+use crate::asking::CutoutQuestions;
 use crate::leaf::triangle::Shear;
 use crate::node::{BoxRay, NUMBER};
 use crate::pending::{Item, Listed, Pending};
@@ -81,7 +81,7 @@ const NO_LEVEL: Level<'static> =
 
 /// The buffers in which trees, instance records, mesh nodes and items were found last.
 #[derive(Debug)]
-pub(crate) struct Near<'v> {
+pub(crate) struct RecentBuffers<'v> {
     nodes: HostSpan<'v>,
     instances: HostSpan<'v>,
     mesh_nodes: HostSpan<'v>,
@@ -95,7 +95,7 @@ pub(crate) struct Walk<'s, 'v, const ANY_HIT: bool> {
     pub(crate) world: WorldRay,
     pub(crate) found: Found,
     pub(crate) pending: Pending,
-    pub(crate) asking: Asking,
+    pub(crate) asking: CutoutQuestions,
     pub(crate) hit: bool,
     pub(crate) hit_before: bool,
     /// Of resident chunks; streaming.
@@ -129,7 +129,7 @@ pub(crate) struct Walk<'s, 'v, const ANY_HIT: bool> {
     pub(crate) instance: GpuInstance,
     /// The top level, and those below.
     levels: [Level<'v>; MOST_LEVELS + 1],
-    near: Near<'v>,
+    near: RecentBuffers<'v>,
     stack: Stack,
 }
 
@@ -140,7 +140,7 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
             world: WorldRay::default(),
             found: Found::default(),
             pending: Pending::default(),
-            asking: Asking::default(),
+            asking: CutoutQuestions::default(),
             hit: false,
             hit_before: false,
             visits: 0,
@@ -164,7 +164,7 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
             chain: [0; MOST_LEVELS],
             instance: bytemuck::Zeroable::zeroed(),
             levels: [NO_LEVEL; MOST_LEVELS + 1],
-            near: Near {
+            near: RecentBuffers {
                 nodes: HostSpan::NONE,
                 instances: HostSpan::NONE,
                 mesh_nodes: HostSpan::NONE,

@@ -16,14 +16,14 @@ const MOST_TURN: f64 = 1.6;
 
 /// Where instances have got to after some time by their velocities.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Drift<'a> {
+pub(crate) struct VelocityMotion<'a> {
     velocities: Option<ArrayView<'a>>,
     accelerations: Option<ArrayView<'a>>,
     angular: Option<ArrayView<'a>>,
     seconds: f64,
 }
 
-impl Drift<'_> {
+impl VelocityMotion<'_> {
     /// `v t + a t^2 / 2`; `None` when an array is too short.
     pub(crate) fn offset(&self, number: usize) -> Option<DVec3> {
         let Some(velocities) = &self.velocities else { return Some(DVec3::ZERO) };
@@ -165,7 +165,7 @@ impl ArrayMotion {
                 (0..*keys)
                     .map(|key| {
                         let time = key as f64 / (*keys as f64 - 1.0);
-                        let drift = Drift {
+                        let drift = VelocityMotion {
                             velocities: view(&motion.velocities),
                             accelerations: view(&motion.accelerations),
                             angular: view(&motion.angular_velocities),

@@ -3,7 +3,7 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::array_motion::Drift;
+use super::array_motion::VelocityMotion;
 use super::motion::{KEY_ERROR, Keys, MotionKey};
 use super::placement::{Footprint, MATRIX_ERROR, MAX_MAGNITUDE, Placer};
 use crate::array::TypedArray;
@@ -17,7 +17,7 @@ pub(crate) struct KeyPlacer<'a> {
 
 impl<'a> Placer<'a> {
     /// The same at another time, when the arrays are these and `drift` has gone on.
-    pub(crate) fn at_time(&self, arrays: [Option<&'a TypedArray>; 4], drift: Option<Drift<'a>>) -> Self {
+    pub(crate) fn at_time(&self, arrays: [Option<&'a TypedArray>; 4], drift: Option<VelocityMotion<'a>>) -> Self {
         let [translations, rotations, scales, transforms] = arrays.map(|array| array.map(TypedArray::view));
         Self { translations, rotations, scales, transforms, drift, keys: None, ..self.clone() }
     }

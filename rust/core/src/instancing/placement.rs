@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock, Weak};
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
 
-use super::array_motion::{ArrayMotion, Drift};
+use super::array_motion::{ArrayMotion, VelocityMotion};
 use super::assembly::InstanceFlags;
 use super::diff::ChangedNumbers;
 use super::moving::KeyPlacer;
@@ -165,7 +165,7 @@ pub(crate) struct Placer<'a> {
     pub(super) rotations: Option<ArrayView<'a>>,
     pub(super) scales: Option<ArrayView<'a>>,
     pub(super) transforms: Option<ArrayView<'a>>,
-    pub(super) drift: Option<Drift<'a>>,
+    pub(super) drift: Option<VelocityMotion<'a>>,
     /// Of what moves: the same at two or more times.
     pub(super) keys: Option<Arc<[KeyPlacer<'a>]>>,
 }

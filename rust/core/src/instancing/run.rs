@@ -9,7 +9,7 @@ use glam::{DAffine3, DVec3};
 use super::moving::KeyPlacer;
 use super::placement::{InstanceArrays, Placed, Placer};
 use super::reader::{Numbers, Reader};
-use super::scan::{Keep, Kept};
+use super::scan::{ScanOutput, ScannedRanks};
 use crate::array::TypedArray;
 use crate::desc::DroppedData;
 use crate::mesh::Aabb;
@@ -124,7 +124,7 @@ pub(crate) struct Run {
     /// The run that this one was made from, and the ranks that may differ from it.
     pub(super) edits: Option<(Weak<Self>, Arc<Vec<u32>>)>,
     /// What the scan kept for the partition.
-    pub(super) kept: Mutex<Kept>,
+    pub(super) kept: Mutex<ScannedRanks>,
 }
 
 impl Run {
@@ -136,7 +136,7 @@ impl Run {
     }
 
     /// A run looked at as a whole. `keep`: what the partition will ask for.
-    pub(crate) fn scan(spec: RunSpec, keep: Keep<'_>) -> Self {
+    pub(crate) fn scan(spec: RunSpec, keep: ScanOutput<'_>) -> Self {
         let mut run = Self {
             spec,
             unmasked: None,

@@ -33,7 +33,7 @@ pub(crate) const UNUSABLE: u8 = u8::MAX;
 
 /// What a scan is to keep.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Keep<'a> {
+pub(crate) enum ScanOutput<'a> {
     /// Nothing.
     Nothing,
     /// The items, 24 bytes each.
@@ -44,7 +44,7 @@ pub(crate) enum Keep<'a> {
 
 /// What a scan kept, until somebody takes it.
 #[derive(Debug, Default)]
-pub(super) enum Kept {
+pub(super) enum ScannedRanks {
     #[default]
     Nothing,
     /// Of all usable ranks.
@@ -116,7 +116,7 @@ impl RunSpec {
 }
 
 impl Run {
-    pub(super) fn scan_instances(&mut self, instances: &Instances, keep: Keep<'_>) {
+    pub(super) fn scan_instances(&mut self, instances: &Instances, keep: ScanOutput<'_>) {
         let indices = instances.indices.view();
         if !indices.is_empty() && indices.element() != ElementType::I32 {
             self.dropped.wrong_array_types += 1;
@@ -139,12 +139,12 @@ impl Run {
         self.ranks = count;
         let (mut items, mut buckets) = (Vec::new(), Vec::new());
         let scans = match keep {
-            Keep::Nothing => self.scan_tasks((0..ranks.div_ceil(TASK)).into_par_iter().map(|_| Slots::Nothing)),
-            Keep::Items => {
+            ScanOutput::Nothing => self.scan_tasks((0..ranks.div_ceil(TASK)).into_par_iter().map(|_| Slots::Nothing)),
+            ScanOutput::Items => {
                 items = bytemuck::zeroed_vec(ranks);
                 self.scan_tasks(items.par_chunks_mut(TASK).map(Slots::Items))
             }
-            Keep::Buckets(by) => {
+            ScanOutput::Buckets(by) => {
                 buckets = vec![UNUSABLE; ranks];
                 self.scan_tasks(buckets.par_chunks_mut(TASK).map(|buckets| Slots::Buckets(buckets, by)))
             }
@@ -157,9 +157,9 @@ impl Run {
         self.dropped.instance_indices += out_of_range;
         self.dropped.instance_transforms += self.bad.len() as u64 - out_of_range;
         let kept = match keep {
-            Keep::Nothing => Kept::Nothing,
-            Keep::Items => Kept::Items(self.usable(items)),
-            Keep::Buckets(_) => Kept::Buckets(buckets),
+            ScanOutput::Nothing => ScannedRanks::Nothing,
+            ScanOutput::Items => ScannedRanks::Items(self.usable(items)),
+            ScanOutput::Buckets(_) => ScannedRanks::Buckets(buckets),
         };
         self.kept = kept.into();
     }
@@ -196,7 +196,7 @@ impl Run {
     /// The items of all usable ranks, in order: those kept by the scan, else measured now.
     pub(crate) fn take_items(&self) -> Vec<Item> {
         let kept = std::mem::take(&mut *self.kept.lock().unwrap_or_else(PoisonError::into_inner));
-        if let Kept::Items(items) = kept {
+        if let ScannedRanks::Items(items) = kept {
             return items;
         }
         let reader = self.reader(None);
@@ -206,7 +206,7 @@ impl Run {
     /// The bucket of each rank: those kept by the scan, else, and where `anew` says so, worked out now.
     pub(crate) fn take_buckets(&self, by: &dyn Bucketing, anew: bool) -> Vec<u8> {
         let kept = std::mem::take(&mut *self.kept.lock().unwrap_or_else(PoisonError::into_inner));
-        if let Kept::Buckets(buckets) = kept
+        if let ScannedRanks::Buckets(buckets) = kept
             && !anew
         {
             return buckets;
@@ -218,7 +218,7 @@ impl Run {
 
     /// Forgets what nobody took.
     pub(crate) fn drop_kept(&self) {
-        *self.kept.lock().unwrap_or_else(PoisonError::into_inner) = Kept::Nothing;
+        *self.kept.lock().unwrap_or_else(PoisonError::into_inner) = ScannedRanks::Nothing;
     }
 }
 

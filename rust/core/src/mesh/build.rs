@@ -117,7 +117,7 @@ pub(crate) fn build_mesh_into(
     if let Some(items) = read_items(desc, wanted, &dicing, &poses, dropped) {
         let zero_area_triangles = dropped.zero_area_triangles;
         let Items { topology, desc, kind, radii, poses: posed } = &items;
-        let loose = Loose { desc, wanted, key, topology, kind: *kind, radii, poses: posed };
+        let loose = UnsortedMesh { desc, wanted, key, topology, kind: *kind, radii, poses: posed };
         let loose = read_triangles(loose, dropped);
         // Ribbons may have no width somewhere.
         dropped.zero_area_triangles = zero_area_triangles;
@@ -129,14 +129,14 @@ pub(crate) fn build_mesh_into(
     let kind = LeafKind::Triangles;
     let loose = read_topology(desc, dropped).and_then(|topology| {
         let Some(refined) = refine(desc, demand, &topology, &poses, dropped) else {
-            let loose = Loose { desc, wanted, key, topology: &topology, kind, radii: &[], poses: &poses };
+            let loose = UnsortedMesh { desc, wanted, key, topology: &topology, kind, radii: &[], poses: &poses };
             return read_triangles(loose, dropped);
         };
         notes.extend_from_slice(&refined.notes);
         // A limit surface may close to a point, as at a pole: that is no bad data.
         let zero_area_triangles = dropped.zero_area_triangles;
         let Refined { topology, desc, poses, .. } = &refined;
-        let loose = read_triangles(Loose { desc, wanted, key, topology, kind, radii: &[], poses }, dropped);
+        let loose = read_triangles(UnsortedMesh { desc, wanted, key, topology, kind, radii: &[], poses }, dropped);
         dropped.zero_area_triangles = zero_area_triangles;
         loose
     });
@@ -179,7 +179,7 @@ fn arrange_or_split(
 
 /// What becomes a mesh in authored order, without a hierarchy.
 #[derive(Clone, Copy)]
-pub(super) struct Loose<'a> {
+pub(super) struct UnsortedMesh<'a> {
     pub(super) desc: &'a MeshDesc,
     wanted: &'a [WantedPrimvar],
     key: u128,
@@ -193,8 +193,8 @@ pub(super) struct Loose<'a> {
 }
 
 /// The mesh in authored order, without a hierarchy.
-fn read_triangles(loose: Loose<'_>, dropped: &mut DroppedData) -> Option<MeshAsset> {
-    let Loose { desc, wanted, key, topology, kind, radii, poses } = loose;
+fn read_triangles(loose: UnsortedMesh<'_>, dropped: &mut DroppedData) -> Option<MeshAsset> {
+    let UnsortedMesh { desc, wanted, key, topology, kind, radii, poses } = loose;
     let mut numbers =
         wanted.iter().any(|w| w.id == NAME_PTEX).then(|| PtexNumbers::new(&desc.face_vertex_counts.view()));
     let Faces { mut triangles, sources, ptex } = match kind {

@@ -8,7 +8,7 @@
 use glam::DVec3;
 use oocpt_abi::AttributeRate;
 
-use super::build::{Loose, build_normals};
+use super::build::{UnsortedMesh, build_normals};
 use super::leaf::round::is_width;
 use super::primvar::{Layout, Source, extend_points};
 use super::topology::{Topology, read_point};
@@ -220,12 +220,12 @@ fn scalars_between(a: &TypedArray, b: &TypedArray, part: f64) -> Vec<f32> {
 
 /// The keys of items that come from `layout.sources`; `triangles` and `normals` become those of the first one.
 pub(super) fn read_keys(
-    loose: Loose<'_>,
+    loose: UnsortedMesh<'_>,
     layout: Layout<'_>,
     triangles: &mut [Triangle],
     normals: &mut Option<Attribute<[f32; 3]>>,
 ) -> MeshKeys {
-    let Loose { desc, topology, kind, radii, poses, .. } = loose;
+    let UnsortedMesh { desc, topology, kind, radii, poses, .. } = loose;
     let vertices =
         |pose: &Pose| vertices_at(layout, layout.sources, kind, &pose.points, pose.radii.as_deref().unwrap_or(radii));
     let posed: Vec<Vec<[[f32; 3]; 3]>> = poses.iter().map(vertices).collect();

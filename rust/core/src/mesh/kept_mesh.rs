@@ -78,14 +78,14 @@ fn cluster_key(key: u128, number: usize) -> u128 {
 }
 
 /// The files that a mesh is found in again, and what tells its entry there; none where it is not.
-fn lasting<'a>(recipe: &Recipe, shelf: &'a Shelf) -> Option<(&'a Arc<dyn MeshFiles>, u128)> {
+fn lasting<'a>(recipe: &Recipe, shelf: &'a MeshStorage) -> Option<(&'a Arc<dyn MeshFiles>, u128)> {
     let files = shelf.files.as_ref().filter(|files| files.lasts())?;
     Some((files, recipe.entry_key()?))
 }
 
 /// Where assets are put.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Shelf {
+pub(crate) struct MeshStorage {
     pub(crate) memory: Arc<HostMemory>,
     pub(crate) files: Option<Arc<dyn MeshFiles>>,
     /// The last read failed, all tries of it.
@@ -94,7 +94,7 @@ pub(crate) struct Shelf {
 
 /// What a build may take.
 #[derive(Debug)]
-pub(crate) struct Grant {
+pub(crate) struct BuildGrant {
     /// Host memory; none where there is no budget.
     pub(crate) reserved: Option<Reserved>,
     /// Clusters that it may make side by side.
@@ -123,7 +123,7 @@ pub(crate) struct KeptMesh {
 
 impl KeptMesh {
     /// The mesh as files have it from before.
-    pub(crate) fn find(recipe: &Arc<Recipe>, shelf: &Shelf) -> Option<Self> {
+    pub(crate) fn find(recipe: &Arc<Recipe>, shelf: &MeshStorage) -> Option<Self> {
         let (files, key) = lasting(recipe, shelf)?;
         match Self::found(&**files, recipe, shelf, key) {
             Ok(found) => found,
@@ -135,11 +135,11 @@ impl KeptMesh {
     }
 
     /// Builds a mesh and puts it away.
-    pub(crate) fn make(recipe: &Arc<Recipe>, heights: &Heights, shelf: &Shelf, grant: Grant) -> Self {
+    pub(crate) fn make(recipe: &Arc<Recipe>, heights: &Heights, shelf: &MeshStorage, grant: BuildGrant) -> Self {
         let lasting = lasting(recipe, shelf);
         let key = lasting.map(|(_, key)| key);
-        let Grant { mut reserved, at_once } = grant;
-        let putting = Putting { recipe, shelf };
+        let BuildGrant { mut reserved, at_once } = grant;
+        let putting = AssetWriter { recipe, shelf };
         let mut clusters = Vec::new();
         let mut put = |cluster: MeshAsset| {
             let number = clusters.len();
@@ -176,7 +176,7 @@ impl KeptMesh {
     fn found(
         files: &dyn MeshFiles,
         recipe: &Arc<Recipe>,
-        shelf: &Shelf,
+        shelf: &MeshStorage,
         key: u128,
     ) -> Result<Option<Self>, PayloadError> {
         let Some(entry) = files.find(key) else { return Ok(None) };
@@ -207,12 +207,12 @@ impl KeptMesh {
 }
 
 /// Puts assets of a recipe away.
-struct Putting<'a> {
+struct AssetWriter<'a> {
     recipe: &'a Arc<Recipe>,
-    shelf: &'a Shelf,
+    shelf: &'a MeshStorage,
 }
 
-impl Putting<'_> {
+impl AssetWriter<'_> {
     /// Keeps an asset in memory if there is some for it, else in a file; without a file it stays in memory. With a key
     /// it goes to a file in any case.
     fn put(

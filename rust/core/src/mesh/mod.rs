@@ -62,7 +62,7 @@ pub use dicing::{Dicing, Eye};
 pub(crate) use footprint::Footprint;
 pub use host_memory::HostMemory;
 pub(crate) use host_memory::too_large;
-pub(crate) use kept_mesh::{Grant, KeptMesh, Recipe, Shelf};
+pub(crate) use kept_mesh::{BuildGrant, KeptMesh, MeshStorage, Recipe};
 pub use key::mesh_key;
 pub(crate) use key::{is_same_mesh, mesh_key_with};
 pub use leaf::LeafKind;
@@ -164,7 +164,7 @@ pub struct MeshAsset {
     pub kind: LeafKind,
     /// Triangles, or what [`Self::kind`] says, in BVH order.
     pub triangles: Vec<Triangle>,
-    /// Point index of each corner, per triangle; empty unless an attribute has [`AttributeRate::Vertex`].
+    /// Point index of each corner, per triangle; empty unless an attribute has `AttributeRate::Vertex`.
     pub corner_indices: Vec<[u32; 3]>,
     /// Unit shading normals in object space, on the outer side (orientation already applied); `None` = flat.
     pub normals: Option<Attribute<[f32; 3]>>,

@@ -17,7 +17,7 @@ enum Rate {
 
 /// A primvar that the surface evaluates.
 struct Evaluated {
-    what: What,
+    what: RefinedPrimvar,
     rate: Rate,
     /// Floats before it in a value of that rate.
     offset: usize,
@@ -25,7 +25,7 @@ struct Evaluated {
 }
 
 /// A primvar of a description.
-enum What {
+enum RefinedPrimvar {
     Normals,
     Color,
     Opacity,
@@ -50,7 +50,7 @@ pub(crate) struct ControlValues {
     varying_width: usize,
     face_varying: Vec<FaceVarying>,
     /// Primvars that stay as they are.
-    kept: Vec<What>,
+    kept: Vec<RefinedPrimvar>,
 }
 
 /// Floats of an element, and how to read them.
@@ -82,12 +82,12 @@ impl ControlValues {
         dropped: &mut DroppedData,
     ) -> Self {
         let mut all = Vec::new();
-        all.extend(normals.map(|primvar| (What::Normals, primvar)));
-        all.extend(desc.display_color.as_ref().map(|primvar| (What::Color, primvar)));
-        all.extend(desc.display_opacity.as_ref().map(|primvar| (What::Opacity, primvar)));
+        all.extend(normals.map(|primvar| (RefinedPrimvar::Normals, primvar)));
+        all.extend(desc.display_color.as_ref().map(|primvar| (RefinedPrimvar::Color, primvar)));
+        all.extend(desc.display_opacity.as_ref().map(|primvar| (RefinedPrimvar::Opacity, primvar)));
         for named in &desc.primvars {
             if reads(&named.name) {
-                all.push((What::Named(named.clone()), &named.primvar));
+                all.push((RefinedPrimvar::Named(named.clone()), &named.primvar));
             }
         }
         let mut values = Self::default();
@@ -123,7 +123,7 @@ impl ControlValues {
 
     fn add_face_varying(
         &mut self,
-        what: What,
+        what: RefinedPrimvar,
         primvar: &Primvar,
         corner_count: usize,
         corners: &[u32],
@@ -201,14 +201,16 @@ impl ControlValues {
         });
         for (what, values) in kept.chain(evaluated) {
             match (what, values) {
-                (What::Normals, None) => out.normals.clone_from(&desc.normals),
-                (What::Color, None) => out.display_color.clone_from(&desc.display_color),
-                (What::Opacity, None) => out.display_opacity.clone_from(&desc.display_opacity),
-                (What::Named(named), None) => out.primvars.push(named),
-                (What::Normals, values) => out.normals = values,
-                (What::Color, values) => out.display_color = values,
-                (What::Opacity, values) => out.display_opacity = values,
-                (What::Named(named), Some(primvar)) => out.primvars.push(NamedPrimvar { name: named.name, primvar }),
+                (RefinedPrimvar::Normals, None) => out.normals.clone_from(&desc.normals),
+                (RefinedPrimvar::Color, None) => out.display_color.clone_from(&desc.display_color),
+                (RefinedPrimvar::Opacity, None) => out.display_opacity.clone_from(&desc.display_opacity),
+                (RefinedPrimvar::Named(named), None) => out.primvars.push(named),
+                (RefinedPrimvar::Normals, values) => out.normals = values,
+                (RefinedPrimvar::Color, values) => out.display_color = values,
+                (RefinedPrimvar::Opacity, values) => out.display_opacity = values,
+                (RefinedPrimvar::Named(named), Some(primvar)) => {
+                    out.primvars.push(NamedPrimvar { name: named.name, primvar })
+                }
             }
         }
         out

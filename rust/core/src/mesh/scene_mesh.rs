@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use super::MeshAsset;
 use super::host_memory::HeldMemory;
-use super::kept_mesh::{Recipe, Shelf};
+use super::kept_mesh::{MeshStorage, Recipe};
 use super::payload;
 use super::store::{Payload, PayloadError};
 use super::summary::MeshSummary;
@@ -38,7 +38,7 @@ pub(super) struct Stored {
     number: usize,
     key: Option<u128>,
     recipe: Arc<Recipe>,
-    shelf: Shelf,
+    shelf: MeshStorage,
 }
 
 impl Stored {
@@ -47,7 +47,7 @@ impl Stored {
         number: usize,
         key: Option<u128>,
         recipe: &Arc<Recipe>,
-        shelf: &Shelf,
+        shelf: &MeshStorage,
     ) -> Self {
         Self { payload, number, key, recipe: recipe.clone(), shelf: shelf.clone() }
     }

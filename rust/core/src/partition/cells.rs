@@ -11,7 +11,7 @@ use std::sync::Arc;
 use rustc_hash::FxHashMap;
 
 use super::blocks::{Block, Peaks};
-use super::chunk::{Chunk, Readers, Roster};
+use super::chunk::{AssemblyMembers, Chunk, Readers};
 use super::cost::CutRule;
 use super::lattice::Lattice;
 use crate::instancing::assembly::Target;
@@ -38,7 +38,7 @@ pub(crate) enum Piece<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cutter<'a> {
     pub(crate) rule: &'a CutRule<'a>,
-    pub(crate) roster: Roster<'a>,
+    pub(crate) roster: AssemblyMembers<'a>,
     pub(crate) lattice: &'a Lattice,
     /// Number of the member of each lasting id.
     pub(crate) member_of: &'a FxHashMap<u32, u32>,

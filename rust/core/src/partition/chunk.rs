@@ -12,7 +12,7 @@ use glam::DVec3;
 use super::blocks::{Block, Peaks};
 use super::cells::SCATTERED;
 use super::lattice::Lattice;
-use super::which::Which;
+use super::which::IndexSet;
 use crate::instancing::assembly::{InstanceRecord, Member, Target, Visit};
 use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};
 use crate::instancing::item::Item;
@@ -51,7 +51,7 @@ pub struct Chunk {
     /// Rank of each record.
     pub(crate) ranks: Vec<u32>,
     /// Which of `ids` each record is of; empty when there is one only.
-    pub(crate) which: Which,
+    pub(crate) which: IndexSet,
     /// Boxes of stretches of records.
     pub(crate) blocks: Vec<Block>,
 }
@@ -68,14 +68,14 @@ pub(crate) struct Content {
     /// As [`Chunk::ranks`].
     pub(crate) ranks: Vec<u32>,
     /// As [`Chunk::which`].
-    pub(crate) which: Which,
+    pub(crate) which: IndexSet,
     /// All of the records.
     pub(crate) blocks: Vec<Block>,
 }
 
 /// The members of an assembly while it is partitioned.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Roster<'a> {
+pub(crate) struct AssemblyMembers<'a> {
     /// In the order of the assembly.
     pub(crate) members: &'a [Member],
     /// The lasting id of each.
@@ -86,7 +86,7 @@ pub(crate) struct Roster<'a> {
 
 impl Chunk {
     /// Makes a chunk of sorted items; its key is set later.
-    pub(crate) fn new(items: &[&[Item]], roster: Roster<'_>, lattice: &Lattice) -> Self {
+    pub(crate) fn new(items: &[&[Item]], roster: AssemblyMembers<'_>, lattice: &Lattice) -> Self {
         let all = || items.iter().copied().flatten();
         let mut present: Vec<u32> = Vec::new();
         for item in all() {
@@ -98,11 +98,11 @@ impl Chunk {
         present.dedup();
         let mut counts = vec![0_u32; present.len()];
         let len: usize = items.iter().map(|items| items.len()).sum();
-        let mut which = Which::NONE;
+        let mut which = IndexSet::NONE;
         if let [_] = present[..] {
             counts[0] = u32::try_from(len).unwrap_or(u32::MAX);
         } else {
-            which = Which::of(all().map(|item| local(&present, item.member())), present.len());
+            which = IndexSet::of(all().map(|item| local(&present, item.member())), present.len());
             for w in which.range(0..len) {
                 if let Some(count) = counts.get_mut(w as usize) {
                     *count += 1;
@@ -124,7 +124,7 @@ impl Chunk {
     }
 
     /// Makes a chunk; its key is set later.
-    pub(crate) fn of(content: Content, roster: Roster<'_>, lattice: &Lattice) -> Self {
+    pub(crate) fn of(content: Content, roster: AssemblyMembers<'_>, lattice: &Lattice) -> Self {
         let Content { codes, present, counts, ranks, which, blocks } = content;
         let members: Arc<[Member]> = present.iter().filter_map(|&m| roster.members.get(m as usize).cloned()).collect();
         let measured = if roster.keeps_frame { None } else { measured_box(&members, &ranks, &which) };
@@ -386,7 +386,7 @@ fn local(present: &[u32], member: u32) -> u32 {
 /// Box of a few records in the assembly's frame, and the largest
 /// [`Footprint::spread`](crate::instancing::placement::Footprint), measured exactly: what is much smaller than a step
 /// of the lattice gets a frame about its own middle. `None` for many.
-fn measured_box(members: &[Member], ranks: &[u32], which: &Which) -> Option<([DVec3; 2], f64)> {
+fn measured_box(members: &[Member], ranks: &[u32], which: &IndexSet) -> Option<([DVec3; 2], f64)> {
     if ranks.len() > SCATTERED {
         return None;
     }

@@ -137,7 +137,7 @@ pub struct ChunkInstance {
     /// Instance id so far: from 0, over the opened placements from the outermost in, `id * prototype_count + index`,
     /// wrapping.
     pub instance_id: u32,
-    /// Values of primvars of the opened placements: row of [`World::placed`], or [`NO_ROW`].
+    /// Values of primvars of the opened placements: row of [`World::placed`], or `NO_ROW`.
     pub row: u32,
     /// Box in the world's frame, minus the snapshot's origin. Holds all records as `chunk_from_world` and `origin`, in
     /// single precision and as the sum of two floats, put them.

@@ -13,7 +13,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::buckets::Buckets;
 use super::cells::{Cutter, Piece};
 use super::changes::Changes;
-use super::chunk::{Chunk, Roster};
+use super::chunk::{AssemblyMembers, Chunk};
 use super::cost::{AssetCosts, CutRule};
 use super::gather::sorted;
 use super::lattice::Lattice;
@@ -50,7 +50,7 @@ struct Known {
 
 /// What an update does to a chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Fate {
+enum ChunkUpdate {
     /// Nothing.
     Keep,
     /// A copy of other values.
@@ -115,8 +115,11 @@ impl Part {
         }
         let changes = self.changes(job);
         let rule = job.rule();
-        let roster =
-            Roster { members: job.assembly.members(), ids: &changes.ids, keeps_frame: job.assembly.is_split_mesh() };
+        let roster = AssemblyMembers {
+            members: job.assembly.members(),
+            ids: &changes.ids,
+            keeps_frame: job.assembly.is_split_mesh(),
+        };
         let cutter = Cutter { rule: &rule, roster, lattice: &lattice, member_of: &changes.member_of };
         let chunks =
             self.cut_anew(&cutter, &changes, job).unwrap_or_else(|| self.cut_again(&cutter, &changes, job.item_bytes));
@@ -174,7 +177,7 @@ impl Part {
         let lost = self.lost_items(changes, lattice);
         let edits = Edits::of_chunks(&self.chunks, &lost, &gained);
         let fates = self.fates(changes, &edits);
-        let changed = if fates.contains(&Fate::Melt) { changes.places() } else { FxHashSet::default() };
+        let changed = if fates.contains(&ChunkUpdate::Melt) { changes.places() } else { FxHashSet::default() };
         let melt = |chunk: &Chunk| {
             let mut items = cutter.melt(chunk);
             items.retain(|i| !changed.contains(&(i.member(), i.rank())));
@@ -184,18 +187,18 @@ impl Part {
             .into_par_iter()
             .with_max_len(1)
             .map(|(chunk, edits, fate)| match fate {
-                Fate::Keep => {
+                ChunkUpdate::Keep => {
                     rebind(chunk, changes, roster.members);
                     Done::Kept(chunk.clone())
                 }
-                Fate::Revalue => Done::Kept(Arc::new(cutter.revalued(chunk))),
-                Fate::Patch => {
+                ChunkUpdate::Revalue => Done::Kept(Arc::new(cutter.revalued(chunk))),
+                ChunkUpdate::Patch => {
                     let lost = lost.get(edits.lost.clone()).unwrap_or_default();
                     let gained = gained.get(edits.gained.clone()).unwrap_or_default();
                     let patched = cutter.patch(chunk, lost, gained);
                     patched.map_or_else(|| melt(chunk), |chunk| Done::Patched(Arc::new(chunk)))
                 }
-                Fate::Melt => melt(chunk),
+                ChunkUpdate::Melt => melt(chunk),
             })
             .collect();
         let items = loose(gained, &edits, &done);
@@ -226,21 +229,21 @@ impl Part {
     }
 
     /// What becomes of the chunks. Chunks of equal codes share their fate.
-    fn fates(&self, changes: &Changes, edits: &[Edits]) -> Vec<Fate> {
+    fn fates(&self, changes: &Changes, edits: &[Edits]) -> Vec<ChunkUpdate> {
         let is_gone = |id: &u32| !changes.member_of.contains_key(id);
         let fate = |(chunk, edits): (&Arc<Chunk>, &Edits)| match edits.len() {
-            _ if !changes.takes_gone_records && chunk.ids.iter().any(is_gone) => Fate::Melt,
-            0 if changes.revalues(chunk) => Fate::Revalue,
-            0 => Fate::Keep,
-            _ if edits.are_few(chunk) => Fate::Patch,
-            _ => Fate::Melt,
+            _ if !changes.takes_gone_records && chunk.ids.iter().any(is_gone) => ChunkUpdate::Melt,
+            0 if changes.revalues(chunk) => ChunkUpdate::Revalue,
+            0 => ChunkUpdate::Keep,
+            _ if edits.are_few(chunk) => ChunkUpdate::Patch,
+            _ => ChunkUpdate::Melt,
         };
-        let mut fates: Vec<Fate> = self.chunks.par_iter().zip(edits).map(fate).collect();
+        let mut fates: Vec<ChunkUpdate> = self.chunks.par_iter().zip(edits).map(fate).collect();
         let mut start = 0;
         for stretch in self.chunks.chunk_by(|a, b| a.codes[1] == b.codes[0]) {
             let part = fates.get_mut(start..start + stretch.len()).unwrap_or_default();
-            if part.len() > 1 && part.iter().any(|fate| matches!(fate, Fate::Patch | Fate::Melt)) {
-                part.fill(Fate::Melt);
+            if part.len() > 1 && part.iter().any(|fate| matches!(fate, ChunkUpdate::Patch | ChunkUpdate::Melt)) {
+                part.fill(ChunkUpdate::Melt);
             }
             start += stretch.len();
         }

@@ -9,7 +9,7 @@ use rustc_hash::FxHashMap;
 use super::blocks::{BLOCK, Block};
 use super::cells::Cutter;
 use super::chunk::{Chunk, Content, Readers};
-use super::which::Which;
+use super::which::IndexSet;
 use crate::instancing::item::Item;
 
 /// Chunks with fewer records are made anew. Enough for patched ones to have more than [`super::cells::SCATTERED`].
@@ -347,7 +347,7 @@ impl Patch<'_> {
             at = gone + 1;
         }
         copy(&mut ranks, &mut which, at..chunk.len());
-        let which = Which::of(which.into_iter(), present.len());
+        let which = IndexSet::of(which.into_iter(), present.len());
         (ranks.len() == len).then_some(Content { codes, present, counts, ranks, which, blocks })
     }
 }

@@ -6,13 +6,13 @@ use std::ops::Range;
 
 /// Numbers below a limit that is known beforehand.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Which {
+pub(crate) enum IndexSet {
     Bytes(Vec<u8>),
     Shorts(Vec<u16>),
     Words(Vec<u32>),
 }
 
-impl Which {
+impl IndexSet {
     /// Of none.
     pub(crate) const NONE: Self = Self::Bytes(Vec::new());
 
@@ -64,11 +64,11 @@ mod tests {
     #[test]
     fn packed_numbers_round_trip_at_every_width() {
         for (limit, bytes) in [(256_u32, 1), (257, 2), (65_536, 2), (65_537, 4)] {
-            let which = Which::of(0..limit, limit as usize);
+            let which = IndexSet::of(0..limit, limit as usize);
             assert!(which.range(0..limit as usize + 1).eq(0..limit), "numbers below {limit}");
             let held = which.host_bytes();
             assert!((bytes * limit as usize..2 * bytes * limit as usize).contains(&held), "{held} for {limit}");
         }
-        assert!(Which::NONE.is_empty() && !Which::of([0].into_iter(), 2).is_empty(), "none is empty");
+        assert!(IndexSet::NONE.is_empty() && !IndexSet::of([0].into_iter(), 2).is_empty(), "none is empty");
     }
 }

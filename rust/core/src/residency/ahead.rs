@@ -5,7 +5,7 @@
 use super::entry::UnitState;
 use super::planner::{LoadKind, Planner};
 use super::policy::top;
-use super::step::{PREFETCH_SHARE, Plan, Press, Try, for_each_nonzero};
+use super::step::{LoadOutcome, LoadPriority, PREFETCH_SHARE, Plan, for_each_nonzero};
 use super::{UnitId, at};
 
 /// Bytes in flight up to which units come that hardly any ray waits for: some for each thread that loads, and no more,
@@ -32,8 +32,8 @@ impl Planner {
         let rays = |unit: &UnitId| (f64::from(at(plan.demand.waiting, *unit)), *unit);
         for (_, unit) in top(wanted.iter().map(rays).collect(), ROOMY) {
             // Worth nothing, so that nothing goes for it.
-            let tried = self.try_load(plan, unit, Press::Worth(0.0));
-            if tried == Try::Full || self.in_flight[LoadKind::Demanded as usize] >= limit {
+            let tried = self.try_load(plan, unit, LoadPriority::Worth(0.0));
+            if tried == LoadOutcome::Full || self.in_flight[LoadKind::Demanded as usize] >= limit {
                 break;
             }
         }
@@ -55,7 +55,7 @@ impl Planner {
         let value = |(_, unit)| self.policy.prefetch(&view, unit).map(|value| (value, unit));
         let values = top(wanted, PREFETCHES).into_iter().filter_map(value).collect();
         for (value, unit) in top(values, PREFETCHES) {
-            if self.try_load(plan, unit, Press::Ahead(value)) == Try::Full {
+            if self.try_load(plan, unit, LoadPriority::Ahead(value)) == LoadOutcome::Full {
                 break;
             }
         }

@@ -4,7 +4,7 @@
 
 use super::entry::UnitState;
 use super::planner::Planner;
-use super::step::{Plan, Press, Try};
+use super::step::{LoadOutcome, LoadPriority, Plan};
 use super::{Demand, UnitId, at};
 
 impl Planner {
@@ -30,13 +30,13 @@ impl Planner {
     }
 
     /// Begins to load a unit, beside what rays need with it.
-    pub(super) fn try_load(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: Press) -> Try {
+    pub(super) fn try_load(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: LoadPriority) -> LoadOutcome {
         let partner = self.partner(&plan.demand, unit).filter(|partner| self.is_held(*partner));
-        let partner = partner.filter(|_| !matches!(press, Press::Ahead(_)));
+        let partner = partner.filter(|_| !matches!(press, LoadPriority::Ahead(_)));
         partner.into_iter().for_each(|partner| self.hold(partner));
         let tried = self.try_load_beside(plan, unit, partner, press);
         match partner {
-            Some(partner) if tried == Try::Issued => {
+            Some(partner) if tried == LoadOutcome::Issued => {
                 self.hold(unit);
                 self.pairs.push([unit, partner]);
             }
@@ -68,7 +68,7 @@ impl Planner {
         let is_mapped = |unit: &UnitId| plan.demand.mapped.get(*unit as usize) == Some(&true);
         let partner = self.partner(&plan.demand, unit).filter(|unit| !self.is_held(*unit) && !is_mapped(unit));
         let Some(partner) = partner else {
-            return matches!(self.try_load(plan, unit, Press::Must), Try::Issued | Try::Refused);
+            return matches!(self.try_load(plan, unit, LoadPriority::Must), LoadOutcome::Issued | LoadOutcome::Refused);
         };
         [unit, partner].into_iter().for_each(|unit| self.hold(unit));
         self.owed = Some([unit, partner]);
@@ -87,10 +87,10 @@ impl Planner {
                 return self.forgive(pair);
             }
             // Of partners only this one stays: with another one there might never be room.
-            match self.try_load_beside(plan, unit, Some(other), Press::Must) {
-                Try::Issued => {}
-                Try::Refused => return self.forgive(pair),
-                Try::NoRoom | Try::Full | Try::Shared => return false,
+            match self.try_load_beside(plan, unit, Some(other), LoadPriority::Must) {
+                LoadOutcome::Issued => {}
+                LoadOutcome::Refused => return self.forgive(pair),
+                LoadOutcome::NoRoom | LoadOutcome::Full | LoadOutcome::Shared => return false,
             }
         }
         self.owed = None;

@@ -34,7 +34,7 @@ const VICTIMS: usize = 4096;
 
 /// What became of a try to load.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Try {
+pub(super) enum LoadOutcome {
     Issued,
     /// Nothing may go for it now.
     NoRoom,
@@ -59,7 +59,7 @@ pub struct Proposal {
 
 /// How hard a load may press.
 #[derive(Clone, Copy)]
-pub(super) enum Press {
+pub(super) enum LoadPriority {
     /// Whatever is not pinned may go.
     Must,
     /// What the policy lets go for this value.
@@ -193,7 +193,7 @@ impl Planner {
         // Rays wait, none can be traced, nothing comes: whatever the policy thinks of the swap, it is progress.
         if plan.issued == 0 && self.loading.is_empty() && plan.is_idle() {
             for &(_, unit) in candidates.iter().take(REFUSALS) {
-                if self.try_load(plan, unit, Press::Must) == Try::Issued {
+                if self.try_load(plan, unit, LoadPriority::Must) == LoadOutcome::Issued {
                     break;
                 }
             }
@@ -209,10 +209,10 @@ impl Planner {
     pub(super) fn try_each(&mut self, plan: &mut Plan<'_>, candidates: &[(f64, UnitId)]) -> usize {
         let mut refusals = 0;
         for &(value, unit) in candidates {
-            match self.try_load(plan, unit, Press::Worth(value)) {
-                Try::Issued | Try::Shared | Try::Refused => {}
-                Try::NoRoom => refusals += 1,
-                Try::Full => break,
+            match self.try_load(plan, unit, LoadPriority::Worth(value)) {
+                LoadOutcome::Issued | LoadOutcome::Shared | LoadOutcome::Refused => {}
+                LoadOutcome::NoRoom => refusals += 1,
+                LoadOutcome::Full => break,
             }
             if refusals == REFUSALS {
                 break;
@@ -228,46 +228,51 @@ impl Planner {
         plan: &mut Plan<'_>,
         unit: UnitId,
         other: Option<UnitId>,
-        press: Press,
-    ) -> Try {
-        let Some(missing) = self.holdings.missing(&self.catalog, unit) else { return Try::Shared };
+        press: LoadPriority,
+    ) -> LoadOutcome {
+        let Some(missing) = self.holdings.missing(&self.catalog, unit) else { return LoadOutcome::Shared };
         let (kind, limit) = match press {
-            Press::Must | Press::Worth(_) => (LoadKind::Demanded, self.in_flight_limit(plan)),
-            Press::Ahead(_) => (LoadKind::Prefetch, self.in_flight_limit(plan) / PREFETCH_SHARE),
+            LoadPriority::Must | LoadPriority::Worth(_) => (LoadKind::Demanded, self.in_flight_limit(plan)),
+            LoadPriority::Ahead(_) => (LoadKind::Prefetch, self.in_flight_limit(plan) / PREFETCH_SHARE),
         };
         let in_flight = self.in_flight[kind as usize];
         if in_flight > 0 && in_flight.saturating_add(missing) > limit {
-            return Try::Full;
+            return LoadOutcome::Full;
         }
         let of_both = [Some(unit), other].into_iter().flatten().map(|unit| self.catalog.closure_bytes(unit));
         let allowance = of_both.fold(0, u64::saturating_add).max(self.allowance).min(self.budget);
         if self.holdings.held() + missing > allowance {
             let first = self.first_victim(plan);
             if !first.is_some_and(|first| self.may_displace(plan, press, first)) {
-                return Try::NoRoom;
+                return LoadOutcome::NoRoom;
             }
         }
         let proposal = Proposal { unit, bytes: missing, is_idle: plan.is_idle() };
         if kind == LoadKind::Demanded && !(plan.agrees)(&proposal) {
-            return Try::Refused;
+            return LoadOutcome::Refused;
         }
         let mut assets = Vec::new();
         self.holdings.acquire(&self.catalog, unit, &mut assets);
         let room = kind == LoadKind::Demanded || self.leaves_room(plan);
         let Some(victims) = room.then(|| self.make_room(plan, press, allowance)).flatten() else {
             self.holdings.release(&self.catalog, unit, &mut Vec::new());
-            return Try::NoRoom;
+            return LoadOutcome::NoRoom;
         };
         for (victim, freed) in victims {
             self.forget(victim.unit);
             plan.commands.push(Command::Evict { unit: victim.unit, assets: freed });
         }
         self.issue(plan, Load { unit, assets, bytes: missing, kind });
-        Try::Issued
+        LoadOutcome::Issued
     }
 
     /// Releases victims until no more is held than `allowance`; releases nothing when that cannot be.
-    fn make_room(&mut self, plan: &mut Plan<'_>, press: Press, allowance: u64) -> Option<Vec<(Victim, Vec<AssetId>)>> {
+    fn make_room(
+        &mut self,
+        plan: &mut Plan<'_>,
+        press: LoadPriority,
+        allowance: u64,
+    ) -> Option<Vec<(Victim, Vec<AssetId>)>> {
         let mut gone: Vec<(Victim, Vec<AssetId>)> = Vec::new();
         while self.holdings.held() > allowance {
             let next = self.first_victim(plan);
@@ -289,11 +294,11 @@ impl Planner {
         Some(gone)
     }
 
-    fn may_displace(&self, plan: &Plan<'_>, press: Press, victim: Victim) -> bool {
+    fn may_displace(&self, plan: &Plan<'_>, press: LoadPriority, victim: Victim) -> bool {
         match press {
-            Press::Must => true,
-            Press::Worth(value) => self.policy.displaces(value, victim.loss),
-            Press::Ahead(value) => {
+            LoadPriority::Must => true,
+            LoadPriority::Worth(value) => self.policy.displaces(value, victim.loss),
+            LoadPriority::Ahead(value) => {
                 at(plan.demand.waiting, victim.unit) == 0 && self.policy.displaces(value, victim.loss)
             }
         }

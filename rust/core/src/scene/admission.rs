@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rayon::Scope;
 
-use crate::mesh::{Footprint, Grant, HostMemory};
+use crate::mesh::{BuildGrant, Footprint, HostMemory};
 
 /// Builds that are to be done.
 struct Queue<'q, R, F> {
@@ -34,7 +34,7 @@ struct State<R> {
 pub(crate) fn run_within<R: Send>(
     memory: &Arc<HostMemory>,
     footprints: &[Footprint],
-    build: impl Fn(usize, Grant) -> R + Sync,
+    build: impl Fn(usize, BuildGrant) -> R + Sync,
 ) -> Vec<Option<R>> {
     let waiting = footprints.iter().zip(0..).map(|(footprint, at)| (footprint.least(), Reverse(at))).collect();
     let results = footprints.iter().map(|_| None).collect();
@@ -44,7 +44,7 @@ pub(crate) fn run_within<R: Send>(
     queue.state.into_inner().unwrap_or_else(PoisonError::into_inner).results
 }
 
-impl<R: Send, F: Fn(usize, Grant) -> R + Sync> Queue<'_, R, F> {
+impl<R: Send, F: Fn(usize, BuildGrant) -> R + Sync> Queue<'_, R, F> {
     fn state(&self) -> MutexGuard<'_, State<R>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -67,7 +67,7 @@ impl<R: Send, F: Fn(usize, Grant) -> R + Sync> Queue<'_, R, F> {
     }
 
     /// The next build, with memory reserved for it.
-    fn next(&self) -> Option<(usize, Grant)> {
+    fn next(&self) -> Option<(usize, BuildGrant)> {
         let mut state = self.state();
         if state.running >= self.most {
             return None;
@@ -85,7 +85,7 @@ impl<R: Send, F: Fn(usize, Grant) -> R + Sync> Queue<'_, R, F> {
         };
         state.waiting.remove(&(needed, number));
         state.running += 1;
-        Some((at, Grant { reserved: Some(reserved), at_once }))
+        Some((at, BuildGrant { reserved: Some(reserved), at_once }))
     }
 }
 
@@ -102,7 +102,7 @@ mod tests {
         let footprints: Vec<Footprint> = sizes.iter().map(|size| Footprint::plain(*size)).collect();
         let (running, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let order = Mutex::new(Vec::new());
-        let build = |at: usize, grant: Grant| {
+        let build = |at: usize, grant: BuildGrant| {
             assert!(grant.reserved.is_some() && grant.at_once == 1);
             order.lock().expect("not poisoned").push(at);
             most.fetch_max(running.fetch_add(1, Ordering::Relaxed) + 1, Ordering::Relaxed);
@@ -139,7 +139,7 @@ mod tests {
         let footprints = [90, 10, 10].map(Footprint::plain);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
         let others = AtomicU64::new(0);
-        let build = |at: usize, _grant: Grant| {
+        let build = |at: usize, _grant: BuildGrant| {
             // The large one comes to its end only beside the others.
             while at == 0 && others.load(Ordering::Acquire) < 2 {
                 std::thread::yield_now();

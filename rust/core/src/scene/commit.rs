@@ -19,7 +19,7 @@ use crate::desc::{InstancedBy, LightDesc, LightKind, TransformSample};
 use crate::instancing::GroupId;
 use crate::instancing::assembly::{Assembly, Member, Target};
 use crate::instancing::run::{Run, RunSpec, TransformKey};
-use crate::instancing::scan::Keep;
+use crate::instancing::scan::ScanOutput;
 use crate::mesh::{Aabb, SceneMesh};
 use crate::partition::{Buckets, at_once, cuts_in_stretches};
 
@@ -103,10 +103,10 @@ impl AssemblyStore {
         let fresh = fresh.map(|((.., spec), _)| spec.most_ranks()).sum();
         let buckets = buckets(&specs, fresh, item_bytes);
         let keep = match &buckets {
-            Some(buckets) => Keep::Buckets(buckets),
+            Some(buckets) => ScanOutput::Buckets(buckets),
             // The root is always opened; others only if large. What is kept for nothing is forgotten soon.
-            None if group.id == GroupId::Root => Keep::Items,
-            None => Keep::Nothing,
+            None if group.id == GroupId::Root => ScanOutput::Items,
+            None => ScanOutput::Nothing,
         };
         let members: Vec<Member> = specs
             .into_par_iter()

@@ -83,7 +83,7 @@ pub struct MeshPlacements {
 type Wanted<'a> = &'a dyn Fn(i32) -> bool;
 
 /// The way from the world to a frame.
-struct Way {
+struct FramePath {
     /// What moves on it.
     motion: PlacementMotion,
     /// To the frame from the innermost that moves, or from the world.
@@ -131,7 +131,7 @@ impl Snapshot {
             let Some(chunk) = self.world.chunks.get(instance.chunk as usize) else { continue };
             let rows = instance.chunk_from_world.map(|row| DVec3::from(row.map(f64::from)));
             let matrix3 = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose();
-            let way = Way {
+            let way = FramePath {
                 motion: PlacementMotion::default(),
                 here_from_outer: DAffine3 { matrix3, translation: -(matrix3 * instance.origin) },
                 frames: vec![(0, instance.origin)],
@@ -169,7 +169,7 @@ impl Walk<'_> {
     }
 
     /// Notes a record's mesh, or those below it. As deep as assemblies are nested.
-    fn visit(&mut self, found: &Found, way: &Way) {
+    fn visit(&mut self, found: &Found, way: &FramePath) {
         if self.found.all.len() >= self.most {
             self.found.is_complete = false;
             return;
@@ -212,7 +212,7 @@ impl Walk<'_> {
             Target::Assembly(index) => {
                 let Some(assembly) = self.snapshot.assemblies.get(index as usize).map(Arc::clone) else { return };
                 let frames = way.frames.iter().copied().chain([here]).collect();
-                let inside = Way { motion, here_from_outer: object_from_outer, frames, instance_id };
+                let inside = FramePath { motion, here_from_outer: object_from_outer, frames, instance_id };
                 let mut records = Vec::new();
                 let room = self.most - self.found.all.len();
                 let is_wanted = |target, prim_id| self.leads_to(target, prim_id);

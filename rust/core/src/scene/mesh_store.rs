@@ -11,7 +11,8 @@ use super::admission::run_within;
 use super::cover_store::CoverStore;
 use super::entries::MeshEntry;
 use crate::mesh::{
-    Cover, Covers, Demand, Dicing, Footprint, Grant, KeptMesh, Recipe, SceneMesh, Shelf, mesh_key_with, too_large,
+    BuildGrant, Cover, Covers, Demand, Dicing, Footprint, KeptMesh, MeshStorage, Recipe, SceneMesh, mesh_key_with,
+    too_large,
 };
 use crate::partition::PartitionOptions;
 use crate::texture::Heights;
@@ -36,7 +37,7 @@ pub(crate) struct MeshStore {
     /// What `built` was made for.
     options: PartitionOptions,
     /// Where assets are put.
-    pub(crate) shelf: Shelf,
+    pub(crate) shelf: MeshStorage,
     /// Images that cut meshes out.
     pub(crate) covers: CoverStore,
 }
@@ -130,7 +131,7 @@ impl MeshStore {
             None => {
                 // Clusters are put away in batches: all of them together would take as much as the mesh itself.
                 let at_once = BATCHES * rayon::current_num_threads();
-                all.map(|new| find(new).unwrap_or_else(|| build(new, Grant { reserved: None, at_once }))).collect()
+                all.map(|new| find(new).unwrap_or_else(|| build(new, BuildGrant { reserved: None, at_once }))).collect()
             }
         };
         new.iter().zip(made).map(|(new, made)| (new.key, Arc::new(made))).collect()
@@ -142,7 +143,7 @@ impl MeshStore {
         budget: u64,
         footprints: &[Footprint],
         found: Vec<Option<KeptMesh>>,
-        build: impl Fn(usize, Grant) -> Option<KeptMesh> + Sync,
+        build: impl Fn(usize, BuildGrant) -> Option<KeptMesh> + Sync,
     ) -> Vec<KeptMesh> {
         let fits = |footprint: &Footprint| footprint.least() <= budget;
         let missing = found.iter().zip(footprints).zip(0_usize..);

@@ -119,12 +119,12 @@ impl OpacityMask {
 
 /// What is kept of an image.
 #[derive(Clone, Copy, Debug)]
-struct Kept {
+struct KeptLevel {
     level: u32,
     fine: u32,
 }
 
-impl Kept {
+impl KeptLevel {
     /// The first level of at most `most_side` texels a side.
     fn new(layout: &Layout, most_side: u32) -> Self {
         let is_small = |level: &u32| layout.level_size(*level).iter().all(|side| *side <= most_side);
@@ -148,7 +148,7 @@ impl Kept {
 #[must_use]
 pub fn mask_bytes(layout: &Layout, most_side: u32) -> usize {
     2 * size_of::<u32>()
-        + Kept::new(layout, most_side).cells(layout).map(|side| side as usize).iter().product::<usize>()
+        + KeptLevel::new(layout, most_side).cells(layout).map(|side| side as usize).iter().product::<usize>()
 }
 
 /// A mask that is made of the rows of level 0 as they come, from the bottom: what is held of them are four.
@@ -156,7 +156,7 @@ pub fn mask_bytes(layout: &Layout, most_side: u32) -> usize {
 pub struct OpacityMaskMaker {
     query: OpacityQuery,
     layout: Layout,
-    kept: Kept,
+    kept: KeptLevel,
     base: Reduction,
     /// Rows that came.
     rows: u32,
@@ -173,7 +173,7 @@ impl OpacityMaskMaker {
         if layout.is_flat() || size.iter().any(|side| *side > 0xffff) {
             return None;
         }
-        let kept = Kept::new(layout, most_side);
+        let kept = KeptLevel::new(layout, most_side);
         let base = Reduction::new(size.map(|side| side << kept.fine), kept.cells(layout));
         let rows = Vec::new();
         Some(Self { query: *query, layout: *layout, kept, base, rows: 0, opening: rows.clone(), recent: rows })
@@ -236,7 +236,7 @@ impl OpacityMaskMaker {
     }
 
     fn packed(self) -> OpacityMask {
-        let Self { query, layout, kept: Kept { level, fine }, base, .. } = self;
+        let Self { query, layout, kept: KeptLevel { level, fine }, base, .. } = self;
         let cells = base.grid.cells;
         let is_opaque = cells.iter().all(|cell| !cell.may_miss);
         let around = cells::of_value(&query, query.outside).byte();

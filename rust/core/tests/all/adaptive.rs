@@ -2,12 +2,12 @@
 //! Adaptive sampling: every sample once, no more than there may be, where they are worth most, and no bias.
 
 use oocpt_abi::sampler::{pixel_seed, sample_4d};
-use oocpt_core::adaptive::{Course, FIRST, SPAN, STREAMS, VarianceEstimate, pixel_position};
+use oocpt_core::adaptive::{AdaptiveSchedule, FIRST, SPAN, STREAMS, VarianceEstimate, pixel_position};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 
 /// Samples that an epoch gives: (pixel in trace order, stream) -> (first, how many), checked to be without gaps.
-fn given(course: &Course, begin: u64) -> BTreeMap<(u32, u32), (u32, u32)> {
+fn given(course: &AdaptiveSchedule, begin: u64) -> BTreeMap<(u32, u32), (u32, u32)> {
     let epoch = course.epoch();
     let mut given: BTreeMap<(u32, u32), (u32, u32)> = BTreeMap::new();
     let (mut path, mut row) = (begin, 0);
@@ -36,7 +36,7 @@ proptest! {
         words in prop::collection::vec((prop::num::f32::ANY, 0.0_f32..1e6), 2..60),
     ) {
         let pixels = (width * height) as usize;
-        let mut course = Course::new([width, height], samples);
+        let mut course = AdaptiveSchedule::new([width, height], samples);
         let mut have: BTreeMap<(u32, u32), u32> = BTreeMap::new();
         let (mut begin, mut turn) = (0, 0);
         loop {
@@ -83,7 +83,7 @@ fn each_half_stream_steers_only_the_other() {
             .collect()
     };
     let entries = |one: u32, other: u32, stream: u32| {
-        let mut course = Course::new(size, 256);
+        let mut course = AdaptiveSchedule::new(size, 256);
         assert!(course.advance([&said(one), &said(other)]), "there are samples left");
         let mut all: Vec<_> =
             given(&course, course.epoch().bands[0].first).into_iter().filter(|(key, _)| key.1 == stream).collect();
@@ -109,7 +109,7 @@ fn counts_follow_standard_deviations() {
             }
         })
         .collect();
-    let mut course = Course::new(size, 288);
+    let mut course = AdaptiveSchedule::new(size, 288);
     let mut have = BTreeMap::new();
     loop {
         for (key, (first, count)) in given(&course, if have.is_empty() { 0 } else { course.epoch().bands[0].first }) {
@@ -143,7 +143,7 @@ const MEAN: f64 = 1.0 + 0.025 * (29.0 / 30.0);
 fn adaptive_mean(seed: u32, naive: bool) -> f64 {
     let size = [16, 8];
     let pixels = 128_usize;
-    let mut course = Course::new(size, 64);
+    let mut course = AdaptiveSchedule::new(size, 64);
     // Sum, sum of squares, samples, what was said; by stream and pixel.
     let mut film = vec![(0.0_f64, 0.0_f64, 0_u32, VarianceEstimate::default()); pixels * STREAMS];
     loop {

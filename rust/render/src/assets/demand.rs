@@ -20,7 +20,7 @@ const COPY_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// What became of tiles that were asked for.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Brought {
+pub(crate) enum TilesOutcome {
     /// All are there; their entries are to be written.
     All(Vec<AssetId>),
     /// There is no memory for them.
@@ -38,12 +38,12 @@ impl Scene {
         cap: Option<u64>,
         gate: &Gate<'_>,
         timings: &mut Timings,
-    ) -> Result<Brought, RenderError> {
+    ) -> Result<TilesOutcome, RenderError> {
         let started = Instant::now();
         let wanted = self.missing_tiles(tiles);
         let bytes: u64 = wanted.iter().map(|asset| self.assets.catalog.bytes(*asset)).sum();
         if cap.is_some_and(|cap| self.store.bytes() + bytes > cap) {
-            return Ok(Brought::NoRoom);
+            return Ok(TilesOutcome::NoRoom);
         }
         let mut queue = wanted.iter().copied().peekable();
         let mut on_the_way = 0_u64;
@@ -51,7 +51,7 @@ impl Scene {
         while queue.peek().is_some() || self.store.in_flight() + self.store.mapping() > 0 {
             if !gate.proceed() {
                 self.store.forget_arriving();
-                return Ok(Brought::GivenUp);
+                return Ok(TilesOutcome::GivenUp);
             }
             while let Some(&asset) = queue.peek() {
                 let cost = self.assets.catalog.bytes(asset);
@@ -60,7 +60,7 @@ impl Scene {
                 }
                 if !(self.store.begin(device, &self.assets, asset, Patience::Now)? || self.maps_tile(device, asset)?) {
                     self.store.forget_arriving();
-                    return Ok(Brought::NoRoom);
+                    return Ok(TilesOutcome::NoRoom);
                 }
                 on_the_way += cost;
                 queue.next();
@@ -92,7 +92,7 @@ impl Scene {
         timings.tile_secs += started.elapsed().as_secs_f64();
         timings.tiles += shown.len() as u64;
         timings.tile_bytes += bytes;
-        Ok(Brought::All(shown))
+        Ok(TilesOutcome::All(shown))
     }
 
     /// Begins to bring a tile into host memory, where the scene has streamed and so there is a limit of it.

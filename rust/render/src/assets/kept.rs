@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex};
 
 /// See the module.
 #[derive(Debug, Default)]
-pub(crate) struct Kept {
+pub(crate) struct EncodedAssets {
     state: Mutex<State>,
 }
 
@@ -24,7 +24,7 @@ struct State {
     encoded: FxHashMap<AssetKey, Arc<Encoded>>,
 }
 
-impl Kept {
+impl EncodedAssets {
     /// From now on at most `most` bytes; lets go of everything if more are held.
     pub(crate) fn limit(&self, most: u64) {
         let mut state = lock(&self.state);
@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn kept_encodings_stay_within_the_limit_first_come_first_kept() {
-        let kept = Kept::default();
+        let kept = EncodedAssets::default();
         kept.offer(AssetKey::Chunk(0), encoded(1));
         assert!(kept.get(&AssetKey::Chunk(0)).is_none(), "nothing is kept without a limit");
         kept.limit(100);
@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn replaced_encodings_are_dropped() {
-        let kept = Kept::default();
+        let kept = EncodedAssets::default();
         kept.limit(100);
         (1..3).for_each(|key| kept.offer(AssetKey::Chunk(key), encoded(40)));
         kept.retain(|key| *key == AssetKey::Chunk(2));

@@ -4,7 +4,7 @@
 //! [`Inbox`]; what was asked for by an inbox that is gone is skipped.
 
 use super::encode::Writer;
-use super::kept::Kept;
+use super::kept::EncodedAssets;
 use super::level::{self, Encoded, Piece, Stretch};
 use super::source::{AssetKey, Source};
 use crate::error::RenderError;
@@ -38,7 +38,7 @@ pub(crate) struct Wanted {
 struct Load {
     wanted: Vec<Wanted>,
     /// Where what is encoded stays, and comes from again.
-    kept: Arc<Kept>,
+    kept: Arc<EncodedAssets>,
     reading: Arc<Reading>,
     reply: Sender<Loaded>,
     /// Gone when nobody waits for the result any more.
@@ -124,7 +124,12 @@ impl Inbox {
     }
 
     /// Asks for `wanted` to be written to the device; the result for all of them comes here.
-    pub(crate) fn load(&self, loader: &Loader, wanted: Vec<Wanted>, kept: &Arc<Kept>) -> Result<(), RenderError> {
+    pub(crate) fn load(
+        &self,
+        loader: &Loader,
+        wanted: Vec<Wanted>,
+        kept: &Arc<EncodedAssets>,
+    ) -> Result<(), RenderError> {
         if wanted.is_empty() {
             return Ok(());
         }
@@ -152,7 +157,7 @@ impl Inbox {
 }
 
 /// The parts that threads may write side by side, at least one; what is known of the assets from the start.
-fn parts(wanted: &[Wanted], kept: &Kept) -> (Vec<Part>, Progress) {
+fn parts(wanted: &[Wanted], kept: &EncodedAssets) -> (Vec<Part>, Progress) {
     let mut parts = Vec::new();
     let mut copied = Copied::default();
     let mut levels = FxHashMap::default();

@@ -23,7 +23,7 @@ mod values;
 
 pub(crate) use cache::{Scene, SceneCache, SceneView};
 pub(crate) use catalog::SceneAssets;
-pub(crate) use demand::Brought;
+pub(crate) use demand::TilesOutcome;
 pub(crate) use encode::Writer;
 pub(crate) use host_heap::{HostHeapFiller, bytes_with_holes};
 pub(crate) use level::motion_key;

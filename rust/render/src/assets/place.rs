@@ -2,7 +2,7 @@
 //! One memory in which assets may lie, the device's or the host's: what is there, and what the loader is bringing.
 //! Render thread only.
 
-use super::kept::Kept;
+use super::kept::EncodedAssets;
 use super::load::{Copied, Inbox, Wanted};
 use super::source::{AssetKey, Source};
 use crate::device::Device;
@@ -32,7 +32,7 @@ impl Resident {
 
 /// See the module.
 #[derive(Debug, Default)]
-pub(super) struct Place {
+pub(super) struct AssetMemory {
     pub(super) inbox: Inbox,
     pub(super) ready: FxHashMap<AssetKey, Resident>,
     /// The memory of assets on their way.
@@ -42,12 +42,12 @@ pub(super) struct Place {
     begun_bytes: u64,
 }
 
-impl Place {
-    /// Starts to bring an asset to `memory`, at the latest with [`Place::send`].
+impl AssetMemory {
+    /// Starts to bring an asset to `memory`, at the latest with [`AssetMemory::send`].
     pub(super) fn bring(
         &mut self,
         device: &Device,
-        kept: &Arc<Kept>,
+        kept: &Arc<EncodedAssets>,
         (asset, source): (AssetId, Source),
         memory: HeapRange,
     ) -> Result<(), RenderError> {
@@ -65,7 +65,7 @@ impl Place {
     }
 
     /// Has the loader begin with all that was asked for.
-    pub(super) fn send(&mut self, device: &Device, kept: &Arc<Kept>) -> Result<(), RenderError> {
+    pub(super) fn send(&mut self, device: &Device, kept: &Arc<EncodedAssets>) -> Result<(), RenderError> {
         self.begun_bytes = 0;
         self.inbox.load(device.loader()?, std::mem::take(&mut self.begun), kept)
     }

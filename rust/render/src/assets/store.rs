@@ -6,9 +6,9 @@
 //! is done by the loader's threads and the device.
 
 use super::catalog::SceneAssets;
-use super::kept::Kept;
+use super::kept::EncodedAssets;
 use super::load::{Copied, Loaded};
-use super::place::{Place, Resident};
+use super::place::{AssetMemory, Resident};
 use super::source::{ALIGN, AssetKey, Source};
 use crate::device::Device;
 use crate::error::RenderError;
@@ -57,15 +57,15 @@ struct Promotion {
 /// See the module.
 #[derive(Debug, Default)]
 pub(crate) struct Store {
-    device: Place,
-    host: Place,
+    device: AssetMemory,
+    host: AssetMemory,
     /// Copied into host memory, and not known to be done.
     mapping: VecDeque<(Vec<Arc<Submission>>, Copied)>,
     /// Copies into host memory that the next promotion waits for.
     mapped_by: Vec<Arc<Submission>>,
     promotion: Promotion,
     promoting: VecDeque<Promotion>,
-    kept: Arc<Kept>,
+    kept: Arc<EncodedAssets>,
     /// What could not be had since it was last asked: rays find nothing there.
     left_out: Vec<(AssetKey, String)>,
     /// Paths that were streamed since the last edit.
@@ -74,7 +74,7 @@ pub(crate) struct Store {
 
 impl Store {
     /// What is kept in host memory to come back.
-    pub(crate) fn kept(&self) -> &Kept {
+    pub(crate) fn kept(&self) -> &EncodedAssets {
         &self.kept
     }
 

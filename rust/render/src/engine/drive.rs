@@ -29,7 +29,7 @@ pub(super) enum Outcome {
 
 /// Where a feed left off.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LeftOff {
+pub(crate) struct StreamingEnd {
     /// The first path that is not in the film.
     pub(crate) first: u64,
     pub(crate) counters: Counters,
@@ -49,15 +49,15 @@ pub(crate) struct Work<T> {
 
 /// Work under way.
 #[derive(Debug)]
-pub(crate) struct Flight<T> {
+pub(crate) struct InFlightSubmission<T> {
     pub(crate) work: Work<T>,
     submitted: Instant,
 }
 
 /// Where the paths of a frame come from.
-pub(crate) trait Feed {
+pub(crate) trait PathSource {
     /// What is remembered of a submission.
-    type Of;
+    type StepData;
 
     fn tracer(&self) -> &Tracer<'_>;
 
@@ -68,12 +68,12 @@ pub(crate) trait Feed {
     fn kind(&self) -> Kind;
 
     /// Whether nothing is left to do, given what is under way.
-    fn is_done(&self, flights: &VecDeque<Flight<Self::Of>>) -> bool;
+    fn is_done(&self, flights: &VecDeque<InFlightSubmission<Self::StepData>>) -> bool;
 
     /// Advances work that runs beside the device, such as loads.
     fn advance(
         &mut self,
-        _flights: &VecDeque<Flight<Self::Of>>,
+        _flights: &VecDeque<InFlightSubmission<Self::StepData>>,
         _progress: &mut Progress<'_>,
     ) -> Result<(), RenderError> {
         Ok(())
@@ -82,20 +82,20 @@ pub(crate) trait Feed {
     /// Hands the device its next submission; none when there is nothing to do before those under way have ended.
     fn launch(
         &mut self,
-        flights: &VecDeque<Flight<Self::Of>>,
+        flights: &VecDeque<InFlightSubmission<Self::StepData>>,
         progress: &mut Progress<'_>,
-    ) -> Result<Option<Work<Self::Of>>, RenderError>;
+    ) -> Result<Option<Work<Self::StepData>>, RenderError>;
 
     /// Learns from the oldest submission, `secs` long, which has ended; may take back what was launched behind it, and
     /// do it over. None: the gate said no in the middle of it, and it left no trace.
     fn land(
         &mut self,
-        work: Work<Self::Of>,
+        work: Work<Self::StepData>,
         secs: f64,
-        flights: &mut VecDeque<Flight<Self::Of>>,
+        flights: &mut VecDeque<InFlightSubmission<Self::StepData>>,
         gate: &Gate<'_>,
         progress: &mut Progress<'_>,
-    ) -> Result<Option<Work<Self::Of>>, RenderError>;
+    ) -> Result<Option<Work<Self::StepData>>, RenderError>;
 
     /// After the images and the error of a submission were taken.
     fn landed(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError>;
@@ -107,7 +107,7 @@ pub(crate) trait Feed {
     fn ended(&mut self, _progress: &mut Progress<'_>) {}
 
     /// Where another feed goes on: the film has all paths before it, and this one gives no more.
-    fn left_off(&self) -> Option<LeftOff> {
+    fn left_off(&self) -> Option<StreamingEnd> {
         None
     }
 
@@ -123,7 +123,11 @@ pub(crate) trait Feed {
 }
 
 /// Runs the stage that has begun.
-pub(super) fn run<F: Feed>(feed: &mut F, gate: &Gate<'_>, progress: &mut Progress<'_>) -> Result<Outcome, RenderError> {
+pub(super) fn run<F: PathSource>(
+    feed: &mut F,
+    gate: &Gate<'_>,
+    progress: &mut Progress<'_>,
+) -> Result<Outcome, RenderError> {
     let mut flights = VecDeque::with_capacity(IN_FLIGHT);
     let mut last_end = Instant::now();
     let mut outcome = Outcome::Done;
@@ -132,13 +136,13 @@ pub(super) fn run<F: Feed>(feed: &mut F, gate: &Gate<'_>, progress: &mut Progres
             outcome = Outcome::GivenUp;
             break;
         }
-        while flights.front().is_some_and(|flight: &Flight<F::Of>| flight.work.submission.is_done()) {
+        while flights.front().is_some_and(|flight: &InFlightSubmission<F::StepData>| flight.work.submission.is_done()) {
             land(feed, &mut flights, &mut last_end, gate, progress)?;
         }
         feed.advance(&flights, progress)?;
         let launched = if flights.len() < IN_FLIGHT { feed.launch(&flights, progress)? } else { None };
         if let Some(work) = launched {
-            flights.push_back(Flight { work, submitted: Instant::now() });
+            flights.push_back(InFlightSubmission { work, submitted: Instant::now() });
         } else if !flights.is_empty() {
             land(feed, &mut flights, &mut last_end, gate, progress)?;
         } else if !feed.wait(progress)? {
@@ -154,14 +158,14 @@ pub(super) fn run<F: Feed>(feed: &mut F, gate: &Gate<'_>, progress: &mut Progres
 }
 
 /// Waits for the oldest submission and takes what it left.
-fn land<F: Feed>(
+fn land<F: PathSource>(
     feed: &mut F,
-    flights: &mut VecDeque<Flight<F::Of>>,
+    flights: &mut VecDeque<InFlightSubmission<F::StepData>>,
     last_end: &mut Instant,
     gate: &Gate<'_>,
     progress: &mut Progress<'_>,
 ) -> Result<(), RenderError> {
-    let Some(Flight { work, submitted }) = flights.pop_front() else { return Ok(()) };
+    let Some(InFlightSubmission { work, submitted }) = flights.pop_front() else { return Ok(()) };
     finish(&work.submission, progress)?;
     let now = Instant::now();
     let secs = now.duration_since(submitted.max(*last_end)).as_secs_f64();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The path engine: one host loop for scenes that are resident as a whole and for those that stream.
 //!
-//! [`render`] runs the stages of a frame (first hits through pixel centres, then samples) over a [`Feed`]. The feed
+//! [`render`] runs the stages of a frame (first hits through pixel centres, then samples) over a [`PathSource`], which
 //! says which paths go to the device next: [`Waves`] cuts them into waves, `streaming::Stage` into segments whose rays
 //! may wait for chunks. Both record by one [`Recorder`], with the passes and the frame block of one [`Tracer`]. Render
 //! thread only.
@@ -10,7 +10,7 @@ mod drive;
 mod tiles;
 mod waves;
 
-pub(crate) use drive::{Feed, Flight, LeftOff, Work};
+pub(crate) use drive::{InFlightSubmission, PathSource, StreamingEnd, Work};
 pub(crate) use tiles::Tiles;
 pub(crate) use waves::Waves;
 
@@ -187,7 +187,7 @@ impl<'a> Tracer<'a> {
 
 /// Runs the stages of a frame until `gate` says no; publishes images and stats on the way. Gives where another feed is
 /// to go on, if this one left off.
-pub(crate) fn render<F: Feed>(
+pub(crate) fn render<F: PathSource>(
     feed: &mut F,
     gate: &Gate<'_>,
     progress: &mut Progress<'_>,
@@ -208,7 +208,7 @@ pub(crate) fn render<F: Feed>(
             progress.trace_started();
         }
         let outcome = run(feed, gate, progress)?;
-        if let Some(LeftOff { first, counters }) = feed.left_off().filter(|_| outcome == Outcome::Done) {
+        if let Some(StreamingEnd { first, counters }) = feed.left_off().filter(|_| outcome == Outcome::Done) {
             progress.left_off(&counters);
             return Ok(Some(first));
         }

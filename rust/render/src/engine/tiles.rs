@@ -3,7 +3,7 @@
 //! film takes the wave as if all tiles had been there. Render thread only.
 
 use super::Tracer;
-use crate::assets::{Brought, Scene};
+use crate::assets::{Scene, TilesOutcome};
 use crate::error::RenderError;
 use crate::feedback::{Copy, Feedback};
 use crate::progress::Progress;
@@ -38,9 +38,9 @@ impl Tiles<'_> {
     ) -> Result<bool, RenderError> {
         tracing::debug!(tiles = tiles.len(), "tiles are wanted");
         let shown = match self.scene.bring_tiles(tracer.setting.device, tiles, self.cap, gate, &mut progress.timings)? {
-            Brought::NoRoom => return Err(RenderError::TexturesOutgrow),
-            Brought::GivenUp => return Ok(false),
-            Brought::All(shown) => shown,
+            TilesOutcome::NoRoom => return Err(RenderError::TexturesOutgrow),
+            TilesOutcome::GivenUp => return Ok(false),
+            TilesOutcome::All(shown) => shown,
         };
         let mut commands = tracer.commands("tiles")?;
         let held = self.scene.tile_bytes_held();

@@ -5,7 +5,7 @@
 //! given up in the middle leaves no trace in the film. A wave that lacks tiles of textures is completed before the next
 //! one (`tiles`).
 
-use super::{Feed, Flight, Tiles, Tracer, Work, finish};
+use super::{InFlightSubmission, PathSource, Tiles, Tracer, Work, finish};
 use crate::error::RenderError;
 use crate::feedback::{Copy, Feedback};
 use crate::progress::Progress;
@@ -154,8 +154,8 @@ impl<'e> Waves<'e> {
     }
 }
 
-impl Feed for Waves<'_> {
-    type Of = Part;
+impl PathSource for Waves<'_> {
+    type StepData = Part;
 
     fn tracer(&self) -> &Tracer<'_> {
         &self.tracer
@@ -198,13 +198,13 @@ impl Feed for Waves<'_> {
         self.first.is_some()
     }
 
-    fn is_done(&self, _flights: &VecDeque<Flight<Part>>) -> bool {
+    fn is_done(&self, _flights: &VecDeque<InFlightSubmission<Part>>) -> bool {
         false // The schedule knows when it is asked.
     }
 
     fn launch(
         &mut self,
-        _flights: &VecDeque<Flight<Part>>,
+        _flights: &VecDeque<InFlightSubmission<Part>>,
         progress: &mut Progress<'_>,
     ) -> Result<Option<Work<Part>>, RenderError> {
         if self.parts.is_empty() {
@@ -221,7 +221,7 @@ impl Feed for Waves<'_> {
         &mut self,
         mut work: Work<Part>,
         secs: f64,
-        flights: &mut VecDeque<Flight<Part>>,
+        flights: &mut VecDeque<InFlightSubmission<Part>>,
         gate: &Gate<'_>,
         progress: &mut Progress<'_>,
     ) -> Result<Option<Work<Part>>, RenderError> {

@@ -6,7 +6,7 @@
 //! of scenes in core say which ones they lack.
 
 use super::residency::Residency;
-use crate::engine::LeftOff;
+use crate::engine::StreamingEnd;
 use crate::wavefront::Pending;
 
 /// Nanoseconds that a path saves, without and with tiles of textures, where the device is busy (decisions/0050).
@@ -25,7 +25,7 @@ const ROOM_FOR_TILES: u64 = 8 << 20;
 
 /// Whether and when to leave off.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Leave {
+pub(super) struct LeaveDecision {
     /// It may be: the memory of host and device holds the scene.
     is_possible: bool,
     /// Whatever is left, and however little room tiles have.
@@ -35,10 +35,10 @@ pub(super) struct Leave {
     nanos_a_path: u64,
     /// The other passes.
     pub(super) compiles: Pending,
-    pub(super) left_off: Option<LeftOff>,
+    pub(super) left_off: Option<StreamingEnd>,
 }
 
-impl Leave {
+impl LeaveDecision {
     /// For a scene that can be all there, or cannot, without or with tiles of textures, and at most so many paths in
     /// flight; `is_soon`: whatever is left to trace.
     pub(super) fn new(is_possible: bool, has_tiles: bool, in_flight: u32, is_soon: bool) -> Self {
@@ -105,35 +105,38 @@ mod tests {
     #[test]
     fn long_renders_leave_streaming() {
         for (has_tiles, fewest) in [(false, 20_000_000), (true, 7_058_823)] {
-            let leave = Leave::new(true, has_tiles, 1 << 22, false);
+            let leave = LeaveDecision::new(true, has_tiles, 1 << 22, false);
             assert!(leave.pays(fewest + 1) && !leave.pays(fewest), "short ones do not");
-            let soon = Leave::new(true, has_tiles, 1 << 22, true);
+            let soon = LeaveDecision::new(true, has_tiles, 1 << 22, true);
             assert!(soon.pays(1) && !soon.pays(0), "a test wants it soon");
         }
     }
 
     #[test]
     fn short_renders_leave_streaming_when_few_paths_are_in_flight() {
-        let leave = Leave::new(true, false, 1 << 18, false);
+        let leave = LeaveDecision::new(true, false, 1 << 18, false);
         assert!(leave.pays(2_400_000) && !leave.pays(2_300_000));
-        assert!(Leave::new(true, false, 0, false).pays(1 << 20), "none is as few as there may be");
+        assert!(LeaveDecision::new(true, false, 0, false).pays(1 << 20), "none is as few as there may be");
     }
 
     #[test]
     fn leaving_streaming_requires_room_for_tiles() {
-        let leave = Leave::new(true, true, 1 << 20, false);
+        let leave = LeaveDecision::new(true, true, 1 << 20, false);
         assert!(leave.is_roomy(ROOM_FOR_TILES) && !leave.is_roomy(ROOM_FOR_TILES - 1));
-        assert!(Leave::new(true, false, 1 << 20, false).is_roomy(0), "there are none");
+        assert!(LeaveDecision::new(true, false, 1 << 20, false).is_roomy(0), "there are none");
     }
 
     #[test]
     fn more_remaining_paths_justify_a_larger_upload() {
-        let leave = Leave::new(true, false, 1 << 22, false);
+        let leave = LeaveDecision::new(true, false, 1 << 22, false);
         assert!(leave.brings(3 << 30, 28_000_000), "64 samples");
         assert!(!leave.brings(30 << 30, 56_000_000) && leave.brings(30 << 30, 450_000_000), "1024 samples");
         assert!(leave.brings(0, 0), "nothing is missing");
-        let few = Leave::new(true, false, 1 << 16, false);
+        let few = LeaveDecision::new(true, false, 1 << 16, false);
         assert!(few.brings(30 << 30, 28_000_000), "few in flight save more");
-        assert!(Leave::new(true, true, 1 << 22, false).brings(30 << 30, 56_000_000), "with tiles a path saves more");
+        assert!(
+            LeaveDecision::new(true, true, 1 << 22, false).brings(30 << 30, 56_000_000),
+            "with tiles a path saves more"
+        );
     }
 }

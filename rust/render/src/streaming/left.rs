@@ -11,7 +11,7 @@ const SHARES: [f64; 6] = [0.5, 0.1, 0.01, 0.001, 0.0001, 0.0];
 
 /// Moments at growing intervals, and when shares were passed.
 #[derive(Debug, Default)]
-pub(crate) struct Left {
+pub(crate) struct PathsLeftLog {
     pub(crate) moments: Vec<LeftMoment>,
     /// Paths of the render.
     total: u64,
@@ -19,7 +19,7 @@ pub(crate) struct Left {
     passed: usize,
 }
 
-impl Left {
+impl PathsLeftLog {
     /// Of so many paths.
     pub(crate) fn of(total: u64) -> Self {
         Self { total, ..Self::default() }
@@ -44,7 +44,7 @@ mod tests {
 
     #[test]
     fn progress_moments_are_recorded_at_each_share() {
-        let mut left = Left::of(1000);
+        let mut left = PathsLeftLog::of(1000);
         for (step, paths_left) in [1000, 999, 998, 501, 500, 499, 120, 90, 11, 10, 9, 1, 0, 0].into_iter().enumerate() {
             let seconds = 0.001 * f64::from(u32::try_from(step).expect("few"));
             left.note(LeftMoment { seconds, paths_left, ..LeftMoment::default() });

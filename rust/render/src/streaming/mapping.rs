@@ -2,7 +2,7 @@
 //! Brings chunks, meshes and tiles into host memory where rays read them (`reach`): those that rays wait for and the
 //! device has no room for. Render thread only.
 
-use super::reach::Reach;
+use super::reach::MappedUnits;
 use super::residency::Residency;
 use crate::assets::HostHeapFiller;
 use crate::error::RenderError;
@@ -61,7 +61,7 @@ impl Residency<'_> {
         begun
     }
 
-    fn map_most_wanted(&mut self, reach: &mut Reach, demand: &Demand<'_>) -> Result<(), RenderError> {
+    fn map_most_wanted(&mut self, reach: &mut MappedUnits, demand: &Demand<'_>) -> Result<(), RenderError> {
         let waiting = |unit: UnitId| demand.waiting.get(unit as usize).copied().unwrap_or(0);
         let asked = demand.asked.unwrap_or_default().iter().copied();
         let mut wanted: Vec<UnitId> = asked.filter(|unit| waiting(*unit) > 0 && reach.is_absent(*unit)).collect();
@@ -109,7 +109,7 @@ impl Residency<'_> {
 
     /// Begins to bring what no ray has asked for. Few rays may wait for something in every step, so this goes on beside
     /// them.
-    fn map_rest(&mut self, reach: &mut Reach, nothing_wanted: bool) -> Result<(), RenderError> {
+    fn map_rest(&mut self, reach: &mut MappedUnits, nothing_wanted: bool) -> Result<(), RenderError> {
         if self.store.mapping() >= REST_ON_THE_WAY {
             return Ok(());
         }
@@ -127,7 +127,7 @@ impl Residency<'_> {
     }
 
     /// Begins to bring a unit into host memory; false when no memory is made for it yet.
-    fn map(&mut self, unit: UnitId, reach: &mut Reach) -> Result<bool, RenderError> {
+    fn map(&mut self, unit: UnitId, reach: &mut MappedUnits) -> Result<bool, RenderError> {
         let missing = self.unmapped(unit);
         for &asset in &missing {
             if !self.store.is_mapping(asset) && !self.store.map(self.device, &self.assets, asset)? {
@@ -143,7 +143,7 @@ impl Residency<'_> {
     }
 
     /// Chunks and meshes that rays can use neither on the device nor in host memory.
-    fn rest(&self, reach: &Reach) -> impl Iterator<Item = UnitId> {
+    fn rest(&self, reach: &MappedUnits) -> impl Iterator<Item = UnitId> {
         self.assets.geometry_units().filter(|unit| !reach.is_there(*unit) && !self.planner.is_resident(*unit))
     }
 

@@ -42,10 +42,10 @@ use crate::setting::{Setting, geometry_cap, has_light_paths, has_shadow_rays, is
 use crate::shared::Gate;
 use crate::specialise;
 use crate::timings::LeftMoment;
-use crate::wavefront::Ahead;
+use crate::wavefront::BackgroundCompile;
 use clock::Clock;
-use leave::Leave;
-use left::Left;
+use leave::LeaveDecision;
+use left::PathsLeftLog;
 use observe::Observation;
 use oocpt_abi::{Features, Frame, MAX_PENDING};
 use oocpt_core::inventory::Inventory;
@@ -82,7 +82,7 @@ pub(crate) struct Streamer<'a, 'r> {
     pub(crate) stack_entries: u32,
     view: SceneView,
     /// How the paths ran out.
-    pub(crate) left: Left,
+    pub(crate) left: PathsLeftLog,
     /// Only with `oocpt:stragglerRoulette`.
     pub(crate) stragglers: Option<Stragglers>,
 }
@@ -92,7 +92,7 @@ pub(crate) struct Streamer<'a, 'r> {
 pub(crate) fn render(
     setting: &Setting<'_>,
     scene: &mut Scene,
-    (kept, ahead): (&mut Option<StreamBuffers>, &mut Ahead),
+    (kept, ahead): (&mut Option<StreamBuffers>, &mut BackgroundCompile),
     gate: &Gate<'_>,
     progress: &mut Progress<'_>,
 ) -> Result<Option<u64>, RenderError> {
@@ -117,7 +117,7 @@ pub(crate) fn render(
     let assets = scene.assets.clone();
     let filler = host_share(setting, scene, maps)?;
     let may_leave = filler.is_some() && may_split(setting, scene) && holds(device, &assets, budget)?;
-    let mut leave = Leave::new(may_leave, assets.tile_bytes > 0, buffers.paths.capacity, leaves_soon(job));
+    let mut leave = LeaveDecision::new(may_leave, assets.tile_bytes > 0, buffers.paths.capacity, leaves_soon(job));
     let (_, store, tables) = scene.parts()?;
     let mut residency = Residency::new(Start { device, assets: &assets, store, tables, budget, policy, filler })?;
     leave.bring_rest(&mut residency, progress.total_paths());
@@ -152,7 +152,7 @@ pub(crate) fn render(
         clock: Clock::new(Instant::now()),
         stack_entries,
         view,
-        left: Left::of(progress.total_paths()),
+        left: PathsLeftLog::of(progress.total_paths()),
         stragglers: job.settings.straggler_roulette.then(|| stragglers(setting)),
     };
     engine::render(&mut Stage::new(streamer, leave, gate.patience()), gate, progress)

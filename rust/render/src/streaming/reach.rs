@@ -19,7 +19,7 @@ enum State {
 
 /// See the module.
 #[derive(Debug, Default)]
-pub(super) struct Reach {
+pub(super) struct MappedUnits {
     states: Vec<State>,
     /// Units that wait for an asset.
     dependents: FxHashMap<AssetId, Vec<UnitId>>,
@@ -35,7 +35,7 @@ pub(super) struct Reach {
     counted: Vec<u32>,
 }
 
-impl Reach {
+impl MappedUnits {
     /// Nothing is there of so many units, of which the first so many are chunks and meshes, whose visits are counted.
     pub(super) fn new(units: usize, geometry: usize) -> Self {
         Self {
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn a_unit_is_reachable_when_all_its_assets_are_resident() {
-        let mut reach = Reach::new(3, 3);
+        let mut reach = MappedUnits::new(3, 3);
         reach.expect(0, &[7, 8]);
         reach.expect(2, &[8]);
         assert_eq!([0, 1, 2].map(|unit| reach.is_absent(unit)), [false, true, false], "on their way");
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn units_in_flight_are_removed_from_demand() {
-        let mut reach = Reach::new(3, 3);
+        let mut reach = MappedUnits::new(3, 3);
         reach.expect(1, &[5]);
         let demand = Demand { waiting: &[1, 2, 3, 4], asked: Some(&[0, 1, 3]), active: 9, ..Demand::default() };
         let asked = reach.demand(&demand);
@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn visit_counts_come_from_the_last_step() {
-        let mut reach = Reach::new(2, 2);
+        let mut reach = MappedUnits::new(2, 2);
         reach.count(&[5, u32::MAX]);
         reach.count(&[7, 3]);
         assert_eq!(reach.visits, [2, 4], "counts wrap");

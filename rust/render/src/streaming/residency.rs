@@ -6,7 +6,7 @@
 //! nothing appears or disappears. Memory of evicted assets is free when the submissions made before have ended.
 //! Render thread only.
 
-use super::reach::Reach;
+use super::reach::MappedUnits;
 use crate::assets::{Entries, HostHeapFiller, Patience, SceneAssets, Store, Tables};
 use crate::device::Device;
 use crate::error::RenderError;
@@ -56,7 +56,7 @@ pub(crate) struct Residency<'a> {
     changed: Vec<AssetId>,
     copies: Vec<Arc<Submission>>,
     /// Where rays read chunks and meshes in host memory.
-    pub(super) reach: Option<Reach>,
+    pub(super) reach: Option<MappedUnits>,
     /// What no ray has asked for is brought into host memory too.
     pub(super) brings_rest: bool,
     /// All geometry is there and the passes that come next count on it: none goes any more.
@@ -117,7 +117,9 @@ impl<'a> Residency<'a> {
             orphans: FxHashSet::default(),
             changed: Vec::new(),
             copies: Vec::new(),
-            reach: filler.is_some().then(|| Reach::new(assets.catalog.unit_count(), assets.geometry_count() as usize)),
+            reach: filler
+                .is_some()
+                .then(|| MappedUnits::new(assets.catalog.unit_count(), assets.geometry_count() as usize)),
             brings_rest: false,
             stays: false,
             filler,

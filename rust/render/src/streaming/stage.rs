@@ -7,15 +7,15 @@
 
 use super::Streamer;
 use super::clock::Activity;
-use super::leave::Leave;
+use super::leave::LeaveDecision;
 use super::observe::Observation;
 use super::record::StepPlan;
 use super::rounds::{self, Done};
 use super::segments::Segments;
 use super::stall::Stall;
-use super::stragglers::{Moment, Spent, Stragglers};
+use super::stragglers::{RenderCost, StragglerMoment, Stragglers};
 use crate::adaptive::Adaptive;
-use crate::engine::{Feed, Flight, LeftOff, Tracer, Work};
+use crate::engine::{InFlightSubmission, PathSource, StreamingEnd, Tracer, Work};
 use crate::error::RenderError;
 use crate::patience::Patience;
 use crate::progress::Progress;
@@ -74,13 +74,13 @@ pub(crate) struct Stage<'a, 'r> {
     /// When something was last on its way.
     last_waited: Instant,
     patience: Patience,
-    leave: Leave,
+    leave: LeaveDecision,
     stall: Stall,
 }
 
 impl<'a, 'r> Stage<'a, 'r> {
     /// Nothing to do yet.
-    pub(super) fn new(streamer: Streamer<'a, 'r>, leave: Leave, patience: Patience) -> Self {
+    pub(super) fn new(streamer: Streamer<'a, 'r>, leave: LeaveDecision, patience: Patience) -> Self {
         let now = Instant::now();
         Self {
             most_paths: 0,
@@ -130,7 +130,7 @@ impl<'a, 'r> Stage<'a, 'r> {
     }
 
     /// Whether a step is better launched when more chunks have come: few rays are at hand now, and more are to be.
-    fn holds_back(&self, flights: &VecDeque<Flight<Step>>) -> bool {
+    fn holds_back(&self, flights: &VecDeque<InFlightSubmission<Step>>) -> bool {
         let is_loading = self.streamer.residency.is_loading();
         // On a processor short steps cost little, and loads wait for the same cores.
         if self.is_cpu || self.seen.step == 0 || !is_loading || self.last_event.elapsed() > HOLD {
@@ -162,7 +162,7 @@ impl<'a, 'r> Stage<'a, 'r> {
                 let &ResidencyStats { loads, bytes_loaded, .. } = residency.planner.stats();
                 let secs = self.started.elapsed().as_secs_f64();
                 let waits = are_few && Stragglers::is_idle(seen) && residency.is_loading();
-                stragglers.note(Moment { secs, loads, bytes_loaded, waits });
+                stragglers.note(StragglerMoment { secs, loads, bytes_loaded, waits });
                 stragglers.observe(seen, |chunk| residency.planner.is_resident(chunk));
                 residency.plan(&demand, &mut |proposal| {
                     let proposal = Proposal { is_idle: proposal.is_idle && are_few, ..*proposal };
@@ -176,7 +176,7 @@ impl<'a, 'r> Stage<'a, 'r> {
     /// What loads and paths cost, for roulette on loads.
     fn prices(&self, progress: &Progress<'_>) -> Option<Prices> {
         let stragglers = self.streamer.stragglers.as_ref()?;
-        let spent = Spent {
+        let spent = RenderCost {
             secs: self.started.elapsed().as_secs_f64(),
             paths: self.ended,
             all_paths: self.ended + self.segments.unbegun() + self.seen.paths_alive(),
@@ -213,15 +213,15 @@ impl<'a, 'r> Stage<'a, 'r> {
         tracing::trace!(active, waiting, alive, loads, evictions, bytes_held, bytes_in_flight, mapped, "state");
     }
 
-    fn tick(&mut self, flights: &VecDeque<Flight<Step>>) {
+    fn tick(&mut self, flights: &VecDeque<InFlightSubmission<Step>>) {
         let tracing = !flights.is_empty();
         let loading = self.streamer.residency.is_loading();
         self.streamer.clock.change(Instant::now(), Activity { tracing, loading });
     }
 }
 
-impl Feed for Stage<'_, '_> {
-    type Of = Step;
+impl PathSource for Stage<'_, '_> {
+    type StepData = Step;
 
     fn tracer(&self) -> &Tracer<'_> {
         &self.streamer.tracer
@@ -258,12 +258,16 @@ impl Feed for Stage<'_, '_> {
         Ok(())
     }
 
-    fn is_done(&self, flights: &VecDeque<Flight<Step>>) -> bool {
+    fn is_done(&self, flights: &VecDeque<InFlightSubmission<Step>>) -> bool {
         // An octave that is under way may open more.
         self.segments.is_done() && flights.iter().all(|flight| flight.work.octaves.is_empty())
     }
 
-    fn advance(&mut self, flights: &VecDeque<Flight<Step>>, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+    fn advance(
+        &mut self,
+        flights: &VecDeque<InFlightSubmission<Step>>,
+        progress: &mut Progress<'_>,
+    ) -> Result<(), RenderError> {
         self.streamer.residency.advance(Duration::ZERO)?;
         self.streamer.deepen(progress)?;
         self.tick(flights);
@@ -272,7 +276,7 @@ impl Feed for Stage<'_, '_> {
 
     fn launch(
         &mut self,
-        flights: &VecDeque<Flight<Step>>,
+        flights: &VecDeque<InFlightSubmission<Step>>,
         progress: &mut Progress<'_>,
     ) -> Result<Option<Work<Step>>, RenderError> {
         if !self.has_work() || self.holds_back(flights) {
@@ -326,7 +330,7 @@ impl Feed for Stage<'_, '_> {
         &mut self,
         work: Work<Step>,
         secs: f64,
-        _flights: &mut VecDeque<Flight<Step>>,
+        _flights: &mut VecDeque<InFlightSubmission<Step>>,
         _gate: &Gate<'_>,
         progress: &mut Progress<'_>,
     ) -> Result<Option<Work<Step>>, RenderError> {
@@ -358,7 +362,7 @@ impl Feed for Stage<'_, '_> {
             let Counters { closest_rays, shadow_rays, .. } = self.seen.counters;
             if self.leave.step(residency, closest_rays + shadow_rays, paths) {
                 let first = self.segments.close();
-                self.leave.left_off = Some(LeftOff { first, counters: self.seen.counters });
+                self.leave.left_off = Some(StreamingEnd { first, counters: self.seen.counters });
             }
         }
         self.report(progress);
@@ -400,8 +404,8 @@ impl Feed for Stage<'_, '_> {
         Ok(true)
     }
 
-    fn left_off(&self) -> Option<LeftOff> {
-        self.leave.left_off.map(|left| LeftOff { counters: self.seen.counters, ..left })
+    fn left_off(&self) -> Option<StreamingEnd> {
+        self.leave.left_off.map(|left| StreamingEnd { counters: self.seen.counters, ..left })
     }
 
     fn ended(&mut self, progress: &mut Progress<'_>) {

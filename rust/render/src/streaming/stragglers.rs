@@ -31,7 +31,7 @@ const WINDOW_LOADS: f64 = 64.0;
 
 /// What paths have cost so far.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Spent {
+pub(super) struct RenderCost {
     pub(super) secs: f64,
     /// Paths that have ended, and all of the picture.
     pub(super) paths: u64,
@@ -42,7 +42,7 @@ pub(super) struct Spent {
 
 /// What the host knows at a moment.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Moment {
+pub(super) struct StragglerMoment {
     /// Since the stage began.
     pub(super) secs: f64,
     pub(super) loads: u64,
@@ -54,7 +54,7 @@ pub(super) struct Moment {
 /// Seconds by byte of the loads that the picture waits for, the latest ones most.
 #[derive(Clone, Copy, Debug, Default)]
 struct Price {
-    last: Moment,
+    last: StragglerMoment,
     secs: f64,
     bytes: f64,
     loads: f64,
@@ -62,7 +62,7 @@ struct Price {
 
 impl Price {
     #[expect(clippy::cast_precision_loss, reason = "estimates")]
-    fn note(&mut self, now: Moment) {
+    fn note(&mut self, now: StragglerMoment) {
         if self.last.waits {
             self.secs += (now.secs - self.last.secs).max(0.0);
             self.bytes += now.bytes_loaded.saturating_sub(self.last.bytes_loaded) as f64;
@@ -142,7 +142,7 @@ impl Stragglers {
     }
 
     /// Takes note of the time.
-    pub(super) fn note(&mut self, now: Moment) {
+    pub(super) fn note(&mut self, now: StragglerMoment) {
         self.price.note(now);
     }
 
@@ -175,7 +175,7 @@ impl Stragglers {
 
     /// What is known of costs; what is not, is no number. Of two variances the smaller one.
     #[expect(clippy::cast_precision_loss, reason = "estimates")]
-    pub(super) fn prices(&self, spent: &Spent, seen: &Observation) -> Prices {
+    pub(super) fn prices(&self, spent: &RenderCost, seen: &Observation) -> Prices {
         let of_paths = f64::from(seen.roulette.variance);
         let known = spent.variance.into_iter().chain([of_paths]).filter(|variance| *variance > 0.0);
         let secs_per_byte = self.price.secs_per_byte();
@@ -256,7 +256,7 @@ mod tests {
     #[test]
     fn the_price_of_a_byte_is_measured_waiting_time() {
         let mut price = Price::default();
-        let at = |secs, loads, waits| Moment { secs, loads, bytes_loaded: 10 * loads, waits };
+        let at = |secs, loads, waits| StragglerMoment { secs, loads, bytes_loaded: 10 * loads, waits };
         price.note(at(5.0, 100, true));
         assert!(price.secs_per_byte().is_none(), "what was loaded while the device had work costs nothing");
         price.note(at(6.0, 107, false));
@@ -275,7 +275,7 @@ mod tests {
     #[test]
     fn unknown_prices_are_none() {
         let stragglers = Stragglers::new(1, 2);
-        let spent = |variance| Spent { secs: 1.0, paths: 10, all_paths: 20, variance };
+        let spent = |variance| RenderCost { secs: 1.0, paths: 10, all_paths: 20, variance };
         let of_paths = |variance| Observation {
             roulette: oocpt_abi::Roulette { variance, ..Default::default() },
             ..Observation::default()

@@ -11,7 +11,7 @@ use super::convert::{Decoding, TileSink, convert};
 use super::disk::DiskCache;
 use super::image::{ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
 use super::memory::{Droppable, Levels, MemoryStore};
-use super::ptex::{Meaning, PtexSource};
+use super::ptex::{PtexSource, TexelConversion};
 use super::texels::Texels;
 use super::tx::{Description, TxFile};
 use crate::sync::lock;
@@ -246,7 +246,7 @@ impl Prepared {
             Opened::Ptex(ptex) => {
                 let from = transform.map_or(&*self.texels, |(from, _)| from);
                 let transform = transform.map(|(_, transform)| transform);
-                ptex.convert(Meaning { from, to: &self.texels, transform }, sink)
+                ptex.convert(TexelConversion { from, to: &self.texels, transform }, sink)
             }
         };
         if let Some((disk, key)) = &self.disk

@@ -29,14 +29,14 @@ impl Pending {
 /// The passes that were compiled last and the threads that do it. Dropping it waits for these: none may be in the
 /// driver when the process ends.
 #[derive(Debug, Default)]
-pub(crate) struct Ahead {
+pub(crate) struct BackgroundCompile {
     special: Option<Specialisation>,
     passes: u32,
     threads: Vec<JoinHandle<()>>,
     pending: Pending,
 }
 
-impl Ahead {
+impl BackgroundCompile {
     /// Begins to compile what a frame of this kind needs; not while others are under way. What cannot be compiled is
     /// told when the frame asks for it.
     pub(crate) fn begin(&mut self, device: &Arc<Device>, (special, backend): (Specialisation, Backend), film: &Film) {
@@ -89,7 +89,7 @@ impl Ahead {
     }
 }
 
-impl Drop for Ahead {
+impl Drop for BackgroundCompile {
     fn drop(&mut self) {
         self.wait();
     }

@@ -9,7 +9,7 @@ mod passes;
 mod paths;
 mod record;
 
-pub(crate) use ahead::{Ahead, Pending};
+pub(crate) use ahead::{BackgroundCompile, Pending};
 pub(crate) use native::{Backend, Native};
 pub(crate) use passes::Passes;
 pub(crate) use paths::{PathBuffers, PathNeeds};

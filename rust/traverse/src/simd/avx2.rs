@@ -3,7 +3,7 @@
 //! which the last two are the same.
 
 use super::{Edges, Grid, SLAB_PAD, Simd};
-use crate::node::{BoxRay, Met};
+use crate::node::{BoxRay, EnteredChildren};
 use crate::vector::{V3, tiny_component};
 use bytemuck::cast;
 use oocpt_abi::ABSENT;
@@ -47,7 +47,7 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn meet(self, grid: &Grid, ray: &BoxRay, limit: f32, entry: f32) -> Met {
+    fn meet(self, grid: &Grid, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren {
         let pulp::x86::V3 { sse, sse2, sse4_1, ssse3, avx, avx2, .. } = self.0;
         let [head, lower, rest]: [__m128i; 3] = cast(*grid);
         let [o, reciprocal, around]: [__m128; 3] = [cast(ray.o), cast(ray.reciprocal), cast(ray.around)];
@@ -82,7 +82,7 @@ impl Simd for Avx2 {
         let leaves = sse._mm_min_ps(leaves, sse._mm_set1_ps(limit));
         let met = sse._mm_movemask_ps(avx._mm_cmp_ps::<_CMP_LE_OQ>(entries, leaves));
         let entries = sse._mm_max_ps(entries, sse._mm_set1_ps(entry));
-        Met { entries: cast(entries), mask: met.cast_unsigned() }
+        EnteredChildren { entries: cast(entries), mask: met.cast_unsigned() }
     }
 
     #[inline(always)]

@@ -26,7 +26,7 @@ enum Taken {
     /// Its surface is not there for the ray, or that is not known yet.
     Absent,
     /// It is the hit so far.
-    Met,
+    EnteredChildren,
     /// It is the hit that ends the walk.
     Ends,
 }
@@ -160,7 +160,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             (self.found.triangle, self.found.chunk_instance) = (triangle, self.chunk_instance);
             self.limit = t * CULL_PAD;
         }
-        if ANY_HIT { Taken::Ends } else { Taken::Met }
+        if ANY_HIT { Taken::Ends } else { Taken::EnteredChildren }
     }
 
     /// Whether the candidate comes before the closest hit in the order of ids.

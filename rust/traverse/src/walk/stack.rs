@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What a ray comes back to: references with the distance at which the ray enters them. Pure, any thread.
 
-use crate::node::Met;
+use crate::node::EnteredChildren;
 use oocpt_abi::{DONE, RETURN};
 
 /// A reference, and above it where the ray enters it: bits of distances that are not negative are in their order.
@@ -81,7 +81,7 @@ impl Stack {
     /// Of the children that are met the nearest; the others are pushed, the farthest first. Without any, the next one
     /// of the stack.
     #[inline(always)]
-    pub(super) fn choose(&mut self, met: Met, limit: f32, child: impl Fn(u32) -> u32) -> Key {
+    pub(super) fn choose(&mut self, met: EnteredChildren, limit: f32, child: impl Fn(u32) -> u32) -> Key {
         let mut mask = met.mask;
         let mut next = || {
             let lane = mask.trailing_zeros();

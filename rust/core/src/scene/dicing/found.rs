@@ -13,7 +13,7 @@ const NEAREST_EDGE: f64 = 1e-3;
 
 /// A near placement, in the surface's own frame.
 #[derive(Debug)]
-struct Near {
+struct NearSurface {
     /// The camera's distance from the middle.
     distance: f64,
     eye: Eye,
@@ -26,7 +26,7 @@ struct Near {
 pub(super) struct Found {
     density: f64,
     /// Nearest first.
-    near: Vec<Near>,
+    near: Vec<NearSurface>,
 }
 
 impl Found {
@@ -50,7 +50,7 @@ impl Found {
         let snap = |v: f64| (v / step).round() * step;
         let position = inverse.transform_point3(camera.position);
         let position = DVec3::new(snap(position.x), snap(position.y), snap(position.z));
-        self.near.push(Near { distance, eye: Eye { position, nearest }, density });
+        self.near.push(NearSurface { distance, eye: Eye { position, nearest }, density });
         self.forget();
     }
 

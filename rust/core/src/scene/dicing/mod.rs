@@ -162,7 +162,7 @@ struct Walk<'a> {
 }
 
 /// A placement that is near.
-struct Near {
+struct NearPlacement {
     distance: f64,
     map: DAffine3,
 }
@@ -233,18 +233,18 @@ impl<'a> Walk<'a> {
         prototype: &InstancerPrototype,
         bounds: &Aabb,
         before: DAffine3,
-    ) -> (Vec<Near>, f64) {
+    ) -> (Vec<NearPlacement>, f64) {
         let ball = Ball::of(bounds);
-        let look = |(mut near, far): (Vec<Near>, f64), map: DAffine3| {
+        let look = |(mut near, far): (Vec<NearPlacement>, f64), map: DAffine3| {
             let placed = ball.placed(&map);
             if placed.is_near(self.camera.position) {
-                near.push(Near { distance: placed.center.distance(self.camera.position), map });
+                near.push(NearPlacement { distance: placed.center.distance(self.camera.position), map });
                 (near, far)
             } else {
                 (near, far.max(self.density(&ball, &map)))
             }
         };
-        let join = |(mut near, far): (Vec<Near>, f64), (more, other): (Vec<Near>, f64)| {
+        let join = |(mut near, far): (Vec<NearPlacement>, f64), (more, other): (Vec<NearPlacement>, f64)| {
             near.extend(more);
             (near, far.max(other))
         };

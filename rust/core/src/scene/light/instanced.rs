@@ -48,7 +48,7 @@ pub(crate) fn placements(
     let mut places = Places { instancers, times: &times, most, steps: 0, is_cut: false };
     let mut worlds = Vec::new();
     places.of(prim, 0, &mut worlds);
-    let placed = |ways: &Ways| PlacedLight { world: ways[0], samples: samples(&ways[1..], &times, &own) };
+    let placed = |ways: &TimedTransforms| PlacedLight { world: ways[0], samples: samples(&ways[1..], &times, &own) };
     (worlds.iter().map(placed).collect(), places.is_cut)
 }
 
@@ -109,11 +109,11 @@ fn samples(maps: &[DAffine3], times: &[f64], own: &[f64]) -> Vec<TransformSample
 }
 
 /// The world transform of a place at the frame's own time, then at each of the times.
-type Ways = Vec<DAffine3>;
+type TimedTransforms = Vec<DAffine3>;
 
 /// The transform of a prim in its parent.
-struct Local {
-    ways: Ways,
+struct LocalTransform {
+    ways: TimedTransforms,
     moves: bool,
 }
 
@@ -132,7 +132,7 @@ const MAX_STEPS: usize = 1 << 16;
 impl Places<'_> {
     /// Appends the world transforms of `prim`. Depth is bounded, so the recursion is; so is what an instancer inside
     /// itself gives.
-    fn of(&mut self, prim: &PrimDesc, depth: u32, out: &mut Vec<Ways>) {
+    fn of(&mut self, prim: &PrimDesc, depth: u32, out: &mut Vec<TimedTransforms>) {
         let Some(local) = self.local(prim) else { return };
         if prim.instanced_by.is_empty() {
             self.push(local.ways, out);
@@ -180,7 +180,7 @@ impl Places<'_> {
                             (Some(keys), Some(time)) => parent[k] * keys.at(*time),
                             _ => parent[k] * own * local.ways[k],
                         };
-                        let ways: Ways = (0..parent.len()).map(at).collect();
+                        let ways: TimedTransforms = (0..parent.len()).map(at).collect();
                         if ways.iter().all(DAffine3::is_finite) {
                             self.push(ways, out);
                         }
@@ -191,7 +191,7 @@ impl Places<'_> {
     }
 
     /// The transform of a prim; what cannot move stays.
-    fn local(&self, prim: &PrimDesc) -> Option<Local> {
+    fn local(&self, prim: &PrimDesc) -> Option<LocalTransform> {
         let own = affine(&prim.transform)?;
         let keys = transform_motion(&prim.motion).ok().flatten().and_then(|samples| {
             let maps: Vec<_> = samples.iter().map(|s| (s.time, DAffine3::from_mat4(s.transform))).collect();
@@ -199,10 +199,10 @@ impl Places<'_> {
         });
         let at = |time: &f64| keys.as_ref().map_or(own, |keys| map_at(keys, *time));
         let ways = [own].into_iter().chain(self.times.iter().map(at)).collect();
-        Some(Local { ways, moves: keys.is_some() })
+        Some(LocalTransform { ways, moves: keys.is_some() })
     }
 
-    fn push(&mut self, ways: Ways, out: &mut Vec<Ways>) {
+    fn push(&mut self, ways: TimedTransforms, out: &mut Vec<TimedTransforms>) {
         if out.len() < self.most {
             out.push(ways);
         } else {

@@ -47,7 +47,7 @@ pub(super) struct PtexSource {
 
 /// How texels are stored, and what makes them linear.
 #[derive(Clone, Copy)]
-pub(super) struct Meaning<'a> {
+pub(super) struct TexelConversion<'a> {
     /// As they are in the file.
     pub(super) from: &'a Texels,
     /// As they are kept.
@@ -100,7 +100,7 @@ impl PtexSource {
 
     /// Gives `sink` every tile, in no order. Every face is decoded once, and those at the border of a batch a second
     /// time; a face that cannot be decoded is an error.
-    pub(super) fn convert(&self, meaning: Meaning<'_>, sink: &mut dyn TileSink) -> Result<(), ImageError> {
+    pub(super) fn convert(&self, meaning: TexelConversion<'_>, sink: &mut dyn TileSink) -> Result<(), ImageError> {
         let mut assembler = Assembler::new(&self.layout, meaning.to.file_bytes());
         let mut kept: FxHashMap<u32, Edges> = FxHashMap::default();
         let mut kept_bytes = 0;
@@ -166,7 +166,7 @@ impl PtexSource {
     }
 
     /// The levels of a face as linear values.
-    fn pyramid(&self, face: u32, meaning: Meaning<'_>) -> Result<FacePyramid, ImageError> {
+    fn pyramid(&self, face: u32, meaning: TexelConversion<'_>) -> Result<FacePyramid, ImageError> {
         let log2 = self.log2(face);
         let mut bytes = Vec::new();
         match self.file.constant(face) {
@@ -216,7 +216,7 @@ impl PtexSource {
         face: u32,
         pyramid: &FacePyramid,
         surroundings: &Surroundings<'_>,
-        meaning: Meaning<'_>,
+        meaning: TexelConversion<'_>,
     ) -> Result<Vec<(u32, u32, Vec<u8>)>, ImageError> {
         let wrong = || ImageError(format!("face {face} has no place"));
         let own = surroundings.edges.get(&face).ok_or_else(wrong)?;
