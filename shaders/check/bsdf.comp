@@ -14,7 +14,7 @@
 #extension GL_GOOGLE_include_directive : require
 #define BSDF_TABLES push[0]
 #define BSDF_SHEEN_TABLE push[7]
-#include "include/memory.glsl"
+#include "abi/memory.glsl"
 
 const uint CASE = 64u; // floats
 const uint CASES = 0u;
@@ -31,7 +31,7 @@ layout(push_constant, scalar) uniform PushBlock { uint64_t push[8]; };
 #define POINTS uint(push[5])
 #define SEED uint(push[6])
 
-#include "include/bsdf.glsl"
+#include "material/bsdf.glsl"
 
 float at(uint index) {
     return ConstFloats(CASES_AT).v[index];

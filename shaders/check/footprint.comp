@@ -6,8 +6,8 @@
 // for a triangle in the plane).
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/near_width.glsl"
+#include "wavefront/wavefront.glsl"
+#include "texture/near_width.glsl"
 
 float near_width(vec3 u, vec3 v, vec3 n, vec3 d, vec4 rows, vec2 size, float cone) {
     const vec3 a = abs(n);

@@ -2,7 +2,7 @@
 // No pass: puts structs into memory that the passes read as vec4s, so that the build can check their layout.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/memory.glsl"
+#include "abi/memory.glsl"
 
 layout(local_size_x = 64) in;
 

@@ -3,8 +3,8 @@
 // per case of 14 words: operation, immediate, a, b, c. Writes vec4 per case.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/memory.glsl"
-#include "include/pattern_ops.glsl"
+#include "abi/memory.glsl"
+#include "material/pattern_ops.glsl"
 
 layout(local_size_x = 64) in;
 // Cases, results, count.

@@ -5,7 +5,7 @@
 // value there.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/texture.glsl"
+#include "texture/texture.glsl"
 
 void main() {
     const uint at = thread_index();

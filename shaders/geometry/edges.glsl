@@ -5,8 +5,8 @@
 #define OOCPT_EDGES_GLSL
 
 #include "geometry/leaf.glsl"
-#include "include/attribute.glsl"
-#include "include/pose.glsl"
+#include "geometry/attribute.glsl"
+#include "geometry/pose.glsl"
 
 void item_edges(Pose pose, uint mesh, uint triangle, out vec3 e, out vec3 f) {
     vec3 v0, v1, v2;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a kind of leaf is: a file of geometry with a few functions, and a row of rust/abi/src/leaves.rs, from
 // which the build writes what goes through all kinds (generated/leaves.glsl). An item has three vertices v0, v1, v2, at
-// the time of the path (posed_item of include/pose.glsl), and what they mean is the kind's; all is in the mesh's frame.
-// Values by corner have weights 1 - uv.x - uv.y, uv.x, uv.y at a hit, whatever the kind. Of the kind NAME:
+// the time of the path (posed_item of geometry/pose.glsl), and what they mean is the kind's; all is in the mesh's
+// frame. Values by corner have weights 1 - uv.x - uv.y, uv.x, uv.y at a hit, whatever the kind. Of the kind NAME:
 //   bool NAME_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv)
 //                                  whether a ray meets the item in front of its origin, the distance in units of d, and
 //                                  the weights there. rust/traverse/src/leaf/NAME.rs does the same operations
@@ -34,7 +34,7 @@
 #ifndef OOCPT_LEAF_GLSL
 #define OOCPT_LEAF_GLSL
 
-#include "include/affine.glsl"
+#include "math/affine.glsl"
 #include "generated/leaves.glsl"
 
 #endif

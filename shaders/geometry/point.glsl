@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ray against a ball: a point. It is the hull of two balls that are the same (geometry/round.glsl), which is what the
 // functions get: v0 and v1 are the centre, v2.x and v2.y the radius. But an item in memory is the centre and a word, 16
-// bytes, with radii elsewhere (include/pose.glsl), and leaves have up to eight. geometry/leaf.glsl says what the
+// bytes, with radii elsewhere (geometry/pose.glsl), and leaves have up to eight. geometry/leaf.glsl says what the
 // functions are.
 #ifndef OOCPT_POINT_GLSL
 #define OOCPT_POINT_GLSL

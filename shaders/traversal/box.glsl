@@ -4,7 +4,7 @@
 #ifndef OOCPT_BOX_GLSL
 #define OOCPT_BOX_GLSL
 
-#include "include/constants.glsl"
+#include "abi/constants.glsl"
 
 const float LARGEST = 3.402823466e38;
 

@@ -5,7 +5,7 @@
 #define OOCPT_CLOSEST_RAYS_GLSL
 
 #include "traversal/rays.glsl"
-#include "include/opacity_seed.glsl"
+#include "traversal/opacity_seed.glsl"
 
 void store_hit(uint path) {
     uvec3 first = uvec3(found_chain[0], 0u, 0u);

@@ -42,7 +42,7 @@ vec4 cutout_lookup(uint texture, vec2 st, float, out uint unit) {
 }
 
 #define PATTERN_LOOKUP cutout_lookup
-#include "include/pattern.glsl"
+#include "material/pattern.glsl"
 
 // That of the candidate's record at a level.
 Affine candidate_record(uint level) {

@@ -5,7 +5,7 @@
 #ifndef OOCPT_DEFERRAL_GLSL
 #define OOCPT_DEFERRAL_GLSL
 
-#include "include/hit.glsl"
+#include "traversal/hit.glsl"
 
 // In Frame::settle_queue above the number of a path: that its candidate is in Frame::settle_hits, and that the closest
 // hit that is sure is in Frame::hits.

@@ -5,8 +5,8 @@
 #ifndef OOCPT_OPACITY_MASK_GLSL
 #define OOCPT_OPACITY_MASK_GLSL
 
-#include "include/near_width.glsl"
-#include "include/texture.glsl"
+#include "texture/near_width.glsl"
+#include "texture/texture.glsl"
 
 // In place of a share in 255 parts: the finest level of the texture says it.
 const uint COVERAGE_UNKNOWN = 256u;

@@ -10,7 +10,7 @@
 #ifndef OOCPT_PENDING_GLSL
 #define OOCPT_PENDING_GLSL
 
-#include "include/progress.glsl"
+#include "wavefront/progress.glsl"
 
 struct Item {
     float entry; // of the chunk instance

@@ -4,9 +4,9 @@
 #ifndef OOCPT_TRAVERSAL_PRESENCE_GLSL
 #define OOCPT_TRAVERSAL_PRESENCE_GLSL
 
-#include "include/cutout.glsl"
-#include "include/cone.glsl"
-#include "include/surface_material.glsl"
+#include "traversal/cutout.glsl"
+#include "texture/cone.glsl"
+#include "geometry/surface_material.glsl"
 #include "traversal/opacity_mask.glsl"
 
 const uint NO_TEXTURE = 0xffffffffu;

@@ -12,7 +12,7 @@
 #ifndef OOCPT_RAYS_GLSL
 #define OOCPT_RAYS_GLSL
 
-#include "include/queue.glsl"
+#include "wavefront/queue.glsl"
 #include "traversal/traverse.glsl"
 #include "traversal/sharing.glsl"
 

@@ -5,7 +5,7 @@
 #define OOCPT_SHADOW_RAYS_GLSL
 
 #include "traversal/rays.glsl"
-#include "include/opacity_seed.glsl"
+#include "traversal/opacity_seed.glsl"
 
 // Whether roulette has ended it.
 bool is_ray_ended(uint path) {

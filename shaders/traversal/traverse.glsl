@@ -11,7 +11,7 @@
 // out of stack or levels.
 //
 // Frames: the top level is walked with the high part of the world origin, boxes padded for the low part; a chunk is
-// entered with the whole (include/double.glsl), and all below it with single floats. Distances are in units of the
+// entered with the whole (math/double.glsl), and all below it with single floats. Distances are in units of the
 // world direction throughout. The world ray is read from memory when a walk comes back to the top level: registers are
 // dearer.
 //
@@ -21,12 +21,12 @@
 #ifndef OOCPT_TRAVERSE_GLSL
 #define OOCPT_TRAVERSE_GLSL
 
-#include "include/affine.glsl"
-#include "include/attribute.glsl"
-#include "include/light_links.glsl"
-#include "include/motion.glsl"
-#include "include/pose.glsl"
-#include "include/sampler.glsl"
+#include "math/affine.glsl"
+#include "geometry/attribute.glsl"
+#include "light/links.glsl"
+#include "geometry/motion.glsl"
+#include "geometry/pose.glsl"
+#include "math/sampler.glsl"
 #include "traversal/box.glsl"
 #include "traversal/node.glsl"
 #include "traversal/stack.glsl"
@@ -92,7 +92,7 @@ uint reference; // what the walk comes to next
 uint chain[MAX_LEVELS];       // instance records from the chunk to here
 #define INSTANCE_CHUNK walk.chunk_instance
 #define INSTANCE_CHAIN chain
-#include "include/instance_primvars.glsl"
+#include "geometry/instance_primvars.glsl"
 uint found_chain[MAX_LEVELS]; // those of the closest hit
 // Rays and arrays of the levels from the chunk's down, to come back to.
 vec3 level_o[MAX_LEVELS];

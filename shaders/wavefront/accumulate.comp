@@ -7,8 +7,8 @@
 // reads entries, writes estimates.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/texture_feedback.glsl"
+#include "wavefront/wavefront.glsl"
+#include "texture/feedback.glsl"
 
 const float LARGEST = 3.0e38;
 const float LARGEST_HALF = 6e4;

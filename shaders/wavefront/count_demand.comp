@@ -7,8 +7,8 @@
 // once.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/deferred.glsl"
+#include "wavefront/wavefront.glsl"
+#include "wavefront/deferred.glsl"
 
 void count(uint unit, bool is_first, bool wanted) {
     const uint word = unit + (is_first ? 0u : STREAMING.unit_count);

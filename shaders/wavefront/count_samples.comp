@@ -4,7 +4,7 @@
 // Reads: film. Writes: the plane Frame::aov.sample_count.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
+#include "wavefront/wavefront.glsl"
 
 void main() {
     const uint pixel = thread_index();

@@ -4,8 +4,8 @@
 // Reads: Frame. Writes: rays of every path, and what generate_camera_rays writes of queues and segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/camera.glsl"
+#include "wavefront/wavefront.glsl"
+#include "camera/camera.glsl"
 
 void main() {
     const uint thread = thread_index();

@@ -6,11 +6,11 @@
 // streaming: the segment, progress; pushes to ray_queue[round & 1].
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/texture_feedback.glsl"
-#include "include/sampler.glsl"
-#include "include/lambert.glsl"
-#include "include/camera.glsl"
+#include "wavefront/wavefront.glsl"
+#include "texture/feedback.glsl"
+#include "math/sampler.glsl"
+#include "material/lambert.glsl"
+#include "camera/camera.glsl"
 
 void start_path(uint thread, uint path) {
     uint pixel_index = pixel_from(push.first_pixel, thread);

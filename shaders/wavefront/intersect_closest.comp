@@ -7,7 +7,7 @@
 // cutout's texture to settle_queue[0] instead, with the candidate in settle_hits[0].
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
+#include "wavefront/wavefront.glsl"
 #define ANY_HIT 0
 #define NEXT ray_next
 #include "traversal/closest_rays.glsl"

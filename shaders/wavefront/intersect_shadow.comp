@@ -8,7 +8,7 @@
 // on a cutout's texture to settle_queue[1] instead, with the candidate in settle_hits[1].
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
+#include "wavefront/wavefront.glsl"
 #define ANY_HIT 1
 #define NEXT shadow_next
 #include "traversal/shadow_rays.glsl"

@@ -5,7 +5,7 @@
 // Reads: demanded, demand_counts. Pushes to: demand_list. Reads and zeroes: demand.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
+#include "wavefront/wavefront.glsl"
 
 void main() {
     if (!HAS_STREAMING) return;

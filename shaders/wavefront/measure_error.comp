@@ -10,7 +10,7 @@
 // Adaptive: what is said of the change since half as many samples is said of half the difference of the two streams.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
+#include "wavefront/wavefront.glsl"
 
 const float LARGEST = 1e15; // what one pixel may count: squares of it, and sums of those, are floats
 const float TRUST = 4.0; // squared standard errors by which a mean has to differ from its neighbours to be believed

@@ -8,7 +8,7 @@
 // Reads and writes: Counters. Totals of rays are counted here, those of AOVs left out.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
+#include "wavefront/wavefront.glsl"
 
 // Up to so many threads walk few rays, and so many one.
 const uint SPREAD_TO = 1u << 17;

@@ -5,10 +5,10 @@
 // MOTION_VECTORS, of rays through pixel centres, the plane Frame::aov.motion: later the chunk may be gone.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/progress.glsl"
-#include "include/path_surface.glsl"
-#include "include/motion_vector.glsl"
+#include "wavefront/wavefront.glsl"
+#include "wavefront/progress.glsl"
+#include "wavefront/path_surface.glsl"
+#include "camera/motion_vector.glsl"
 
 void main() {
     const uint at = thread_index();

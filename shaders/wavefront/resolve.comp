@@ -4,7 +4,7 @@
 // stream, however many samples they have.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
+#include "wavefront/wavefront.glsl"
 
 void main() {
     const uint pixel = thread_index();

@@ -4,9 +4,9 @@
 // Reads: deferred, rays and shadow_rays (flags), textures and tiles. Reads and writes: questions.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/deferred.glsl"
-#include "include/cutout.glsl"
+#include "wavefront/wavefront.glsl"
+#include "wavefront/deferred.glsl"
+#include "traversal/cutout.glsl"
 
 void main() {
     if (!HAS_STREAMING || !HAS_CUTOUTS || !HAS_TEXTURES) return;

@@ -7,12 +7,12 @@
 #extension GL_GOOGLE_include_directive : require
 #define NOTE_TILES
 #define RESOLVE_LIGHTS
-#include "include/wavefront.glsl"
-#include "include/progress.glsl"
-#include "include/path_surface.glsl"
-#include "include/material.glsl"
-#include "include/sampler.glsl"
-#include "include/bsdf.glsl"
-#include "include/light_sample.glsl"
-#include "include/light_sampling.glsl"
-#include "include/resolve.glsl"
+#include "wavefront/wavefront.glsl"
+#include "wavefront/progress.glsl"
+#include "wavefront/path_surface.glsl"
+#include "material/material.glsl"
+#include "math/sampler.glsl"
+#include "material/bsdf.glsl"
+#include "light/sample.glsl"
+#include "light/sampling.glsl"
+#include "material/resolve.glsl"

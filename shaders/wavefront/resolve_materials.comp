@@ -7,8 +7,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #define NOTE_TILES
-#include "include/wavefront.glsl"
-#include "include/progress.glsl"
-#include "include/path_surface.glsl"
-#include "include/material.glsl"
-#include "include/resolve.glsl"
+#include "wavefront/wavefront.glsl"
+#include "wavefront/progress.glsl"
+#include "wavefront/path_surface.glsl"
+#include "material/material.glsl"
+#include "material/resolve.glsl"

@@ -4,7 +4,7 @@
 // Reads: free_slots, places, radiance. Writes: ended_radiance.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
+#include "wavefront/wavefront.glsl"
 
 void main() {
     const uint at = thread_index();

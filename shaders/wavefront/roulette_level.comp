@@ -8,9 +8,9 @@
 // times 2^r - 1. Half of it is taken, r = 1.6: between r = 1 (no better than random points) and r = 2 (edges).
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/roulette.glsl"
-#include "include/sampler.glsl"
+#include "wavefront/wavefront.glsl"
+#include "wavefront/roulette.glsl"
+#include "math/sampler.glsl"
 
 const uint PIXELS = 4u;          // of a thread
 const int SAMPLES = 64;          // of a pixel, at most

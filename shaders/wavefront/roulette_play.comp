@@ -6,8 +6,8 @@
 // (throughput); adds to Roulette.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/roulette.glsl"
+#include "wavefront/wavefront.glsl"
+#include "wavefront/roulette.glsl"
 
 void end_ray(uint path, bool is_shadow) {
     set_ray_flags(is_shadow ? shadow_ray_address(path) : ray_address(path), RAY_ENDED);

@@ -14,9 +14,9 @@
 // the picture's mean where this is less.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/roulette.glsl"
-#include "include/sampler.glsl"
+#include "wavefront/wavefront.glsl"
+#include "wavefront/roulette.glsl"
+#include "math/sampler.glsl"
 
 const int OTHERS = 8;             // samples of a pixel before and behind
 const float PRIOR_SAMPLES = 4.0;  // of the picture's mean

@@ -5,7 +5,7 @@
 // surface_queue or escaped_queue; requests of texture tiles.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
+#include "wavefront/wavefront.glsl"
 #define ANY_HIT 0
 #define SETTLES 1
 #define NEXT settle_next[0]

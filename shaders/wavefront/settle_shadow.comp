@@ -5,7 +5,7 @@
 // texture tiles.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
+#include "wavefront/wavefront.glsl"
 #define ANY_HIT 1
 #define SETTLES 1
 #define NEXT settle_next[1]

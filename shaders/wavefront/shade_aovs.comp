@@ -5,13 +5,13 @@
 // Frame::aov that are not 0; with streaming, segments. Surfaces of opacity 0 are not seen, all others are.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/progress.glsl"
-#include "include/light_links.glsl"
+#include "wavefront/wavefront.glsl"
+#include "wavefront/progress.glsl"
+#include "light/links.glsl"
 #define SURFACES_ARE_SHADED HAS_SHADED_AOVS
-#include "include/path_surface.glsl"
-#include "include/material.glsl"
-#include "include/motion_vector.glsl"
+#include "wavefront/path_surface.glsl"
+#include "material/material.glsl"
+#include "camera/motion_vector.glsl"
 
 // row . (p, 1). Of the world's rows, p from Frame::ray_o on: far from the world's origin nothing cancels.
 float row_at(vec4 row, vec3 p) {

@@ -4,11 +4,11 @@
 // Reads: escaped_queue, rays, paths, lights. Writes: radiance of the ray's path; with streaming, segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/progress.glsl"
-#include "include/path_surface.glsl"
-#include "include/bsdf_lambert.glsl"
-#include "include/light_sample.glsl"
+#include "wavefront/wavefront.glsl"
+#include "wavefront/progress.glsl"
+#include "wavefront/path_surface.glsl"
+#include "material/bsdf_lambert.glsl"
+#include "light/sample.glsl"
 
 void shade(uint path) {
     const Ray ray = load_ray(ray_address(path));

@@ -8,20 +8,20 @@
 // that it has met.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/progress.glsl"
-#include "include/sampler.glsl"
-#include "include/path_surface.glsl"
-#include "include/material.glsl"
-#include "include/bsdf.glsl"
-#include "include/light_sample.glsl"
-#include "include/light_sampling.glsl"
+#include "wavefront/wavefront.glsl"
+#include "wavefront/progress.glsl"
+#include "math/sampler.glsl"
+#include "wavefront/path_surface.glsl"
+#include "material/material.glsl"
+#include "material/bsdf.glsl"
+#include "light/sample.glsl"
+#include "light/sampling.glsl"
 
 // Russian roulette (Arvo and Kirk 1990) from this bounce on, by the throughput; a path of full throughput always goes
 // on, so that no weight exceeds 1 by it.
 const uint ROULETTE_FROM = 3u;
 
-#include "include/shade.glsl"
+#include "wavefront/shade.glsl"
 
 void main() {
     const uint at = thread_index();

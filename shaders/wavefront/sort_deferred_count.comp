@@ -5,8 +5,8 @@
 // has zeroed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/deferred.glsl"
+#include "wavefront/wavefront.glsl"
+#include "wavefront/deferred.glsl"
 
 void main() {
     const uint at = thread_index();

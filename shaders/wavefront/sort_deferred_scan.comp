@@ -7,7 +7,7 @@
 // Reads and writes: sort_counts, sort_sums, Counters.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
+#include "wavefront/wavefront.glsl"
 
 const uint PER_THREAD = SCAN_BLOCK / WORKGROUP_SIZE;
 

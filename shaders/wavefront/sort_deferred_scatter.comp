@@ -5,8 +5,8 @@
 // ray_queue[round & 1] and shadow_queue from where there is room, with textures resolve_queue too; pushes to deferred.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "include/wavefront.glsl"
-#include "include/deferred.glsl"
+#include "wavefront/wavefront.glsl"
+#include "wavefront/deferred.glsl"
 
 void main() {
     const uint at = thread_index();

@@ -2,8 +2,8 @@
 //! The table of shapes of lights. The build writes from it what goes through all of them
 //! (`generated/light_shapes.glsl`).
 //!
-//! A row is all there is to declare; the shape itself is `shaders/include/light_shapes/NAME.glsl`, and
-//! `shaders/include/light_shape.glsl` says which functions it has. `oocpt_core::scene::LocalShape` has the same names.
+//! A row is all there is to declare; the shape itself is `shaders/light/shapes/NAME.glsl`, and
+//! `shaders/light/shape.glsl` says which functions it has. `oocpt_core::scene::LocalShape` has the same names.
 //! Pure, any thread.
 
 /// A row of [`LIGHT_SHAPES`].

@@ -2,8 +2,8 @@
 //! The table of BSDF lobes. The build writes from it what goes through all of them: chances, sampling and evaluation
 //! (`generated/lobes.glsl`, `generated/lobe_functions.glsl`).
 //!
-//! A row is all there is to declare; the lobe itself is `shaders/include/bsdf/lobes/NAME.glsl`, and
-//! `shaders/include/bsdf/lobe.glsl` says which functions it has. Pure, any thread.
+//! A row is all there is to declare; the lobe itself is `shaders/material/bsdf/lobes/NAME.glsl`, and
+//! `shaders/material/bsdf/lobe.glsl` says which functions it has. Pure, any thread.
 
 use super::Features;
 

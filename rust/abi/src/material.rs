@@ -153,7 +153,7 @@ shared! {
         pub tangent: [f32; 3],
         /// Number of the material, or [`NO_MATERIAL`].
         pub material: u32,
-        /// What a cone of width 1 covers of the sets, packed (`shaders/include/footprint.glsl`).
+        /// What a cone of width 1 covers of the sets, packed (`shaders/texture/footprint.glsl`).
         pub footprints: [[u32; 2]; 2] = "uvec2[2]",
         /// 1 or -1: v grows along `cross(normal, tangent)` or against it; 0: no tangent.
         pub handedness: f32,

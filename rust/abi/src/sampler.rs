@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Owen-scrambled Sobol numbers in padded sets of four dimensions: Burley, "Practical Hash-based Owen Scrambling",
-//! JCGT 9(4), 2020. Pure and deterministic; `shaders/include/sampler.glsl` gives the same bits. All arithmetic wraps at
+//! JCGT 9(4), 2020. Pure and deterministic; `shaders/math/sampler.glsl` gives the same bits. All arithmetic wraps at
 //! 32 bits.
 
 /// Direction numbers `v[d][k]` of Sobol dimensions 0 to 3: bit `k` of the index contributes `v[d][k]`.

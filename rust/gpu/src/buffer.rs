@@ -6,14 +6,14 @@
 
 use std::sync::{Arc, PoisonError, RwLock};
 
-use crate::block::Block;
+use crate::device::mapped::Mapped;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::kept::Kept;
-use crate::mapped::Mapped;
-use crate::memory_type::Usage;
+use crate::instance::memory_type::Usage;
+use crate::memory::block::Block;
 use crate::range::DeviceRange;
 use crate::range::sealed::{Parts, RangeParts};
+use crate::submit::kept::Kept;
 
 /// Device or host memory with a device address. Put it in an [`Arc`] to share it.
 ///

@@ -13,15 +13,15 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::device::Device;
+use crate::device::logical::Device;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::kept::Kept;
-use crate::lane::{Lane, Points};
-use crate::queue::{CommandSlot, InFlight};
+use crate::instance::lane::{Lane, Points};
 use crate::range::DeviceRange;
-use crate::recorder::Recorder;
 use crate::submission::Submission;
+use crate::submit::kept::Kept;
+use crate::submit::queue::{CommandSlot, InFlight};
+use crate::submit::recorder::Recorder;
 
 /// A command list. Dropping it without [`Commands::submit`] discards it.
 #[derive(Debug)]

@@ -7,22 +7,22 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::budget::MemoryUse;
-use crate::device::Device;
+use crate::device::budget::MemoryUse;
+use crate::device::logical::Device;
+use crate::device::markers::{MARKER_BYTES, Markers};
+use crate::device::options::OpenOptions;
+use crate::device::pipeline_cache::{CacheFile, PipelineCache};
 use crate::error::GpuError;
-use crate::instance::{Instance, Validation};
-use crate::lane::Lane;
-use crate::limits::Limits;
-use crate::markers::{MARKER_BYTES, Markers};
-use crate::memory::NewBuffer;
-use crate::memory_type::Usage;
-use crate::open_device::OpenDevice;
-use crate::options::OpenOptions;
-use crate::pipeline_cache::{CacheFile, PipelineCache};
-use crate::probe::{device_usage, probe_all};
-use crate::report::DeviceReport;
-use crate::select;
-use crate::validation::ValidationLog;
+use crate::instance::lane::Lane;
+use crate::instance::limits::Limits;
+use crate::instance::memory_type::Usage;
+use crate::instance::probe::{device_usage, probe_all};
+use crate::instance::report::DeviceReport;
+use crate::instance::select;
+use crate::instance::validation::ValidationLog;
+use crate::instance::vulkan::{Instance, Validation};
+use crate::memory::allocate::NewBuffer;
+use crate::submit::open_device::OpenDevice;
 
 /// An open device. Dropping the last `Arc` waits for the GPU; buffers and pipelines that still live stay valid.
 #[derive(Debug)]

@@ -9,15 +9,15 @@
 
 use std::sync::Arc;
 
-use crate::arena::{Arenas, GRANULE, Place, size_class_below};
-use crate::block::Block;
+use crate::device::heap_counters::HeapCounters;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::heap_counters::HeapCounters;
 use crate::heap_range::HeapRange;
-use crate::memory_type::Usage;
-use crate::open_device::{OpenDevice, Patience};
-use crate::range_memory::RangeMemory;
+use crate::instance::memory_type::Usage;
+use crate::memory::arena::{Arenas, GRANULE, Place, size_class_below};
+use crate::memory::block::Block;
+use crate::memory::range_memory::RangeMemory;
+use crate::submit::open_device::{OpenDevice, Patience};
 
 /// Smallest arena that is worth having when the budget is short.
 const SMALLEST_ARENA: u64 = 64 << 10;
@@ -215,7 +215,7 @@ impl Heap {
     fn alloc_with(&self, name: &str, bytes: u64, align: u64, patience: Patience) -> Result<HeapRange, GpuError> {
         self.opened.device.check_alive()?;
         #[cfg(feature = "faults")]
-        self.opened.device.planted(crate::watch::Call::Range, name, bytes)?;
+        self.opened.device.planted(crate::device::watch::Call::Range, name, bytes)?;
         if !align.is_power_of_two() {
             let message = format!("alignment {align} is not a power of two");
             return Err(GpuError::Usage { name: name.to_owned(), message });

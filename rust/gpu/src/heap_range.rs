@@ -4,10 +4,10 @@
 use std::sync::Arc;
 
 use crate::error::GpuError;
-use crate::kept::Kept;
+use crate::memory::range_memory::RangeMemory;
 use crate::range::DeviceRange;
 use crate::range::sealed::{Parts, RangeParts};
-use crate::range_memory::RangeMemory;
+use crate::submit::kept::Kept;
 
 /// A stretch of device memory. Dropping it does not wait; see [`Buffer`](crate::Buffer).
 #[derive(Debug)]

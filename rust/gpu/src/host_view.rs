@@ -15,9 +15,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use bytemuck::AnyBitPattern;
 
 use crate::buffer::Buffer;
+use crate::device::mapped::Mapped;
 use crate::gpu::Gpu;
-use crate::mapped::Mapped;
-use crate::open_device::OpenDevice;
+use crate::submit::open_device::OpenDevice;
 
 #[derive(Clone, Copy, Debug)]
 struct Span {

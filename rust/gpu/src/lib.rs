@@ -15,96 +15,63 @@
 //!
 //! What it cannot promise: that shaders stay inside the memory they are given (see [`Pipeline`]).
 //!
-//! The way of a piece of work: `commands` (checks) -> `recorder` (barriers, markers, timestamps) -> `queue` (submits,
-//! keeps alive) -> `open_device` (collects) -> `device`, `arena` (let go).
+//! The way of a piece of work: `commands` (checks) -> `submit::recorder` (barriers, markers, timestamps) ->
+//! `submit::queue` (submits, keeps alive) -> `submit::open_device` (collects) -> `device::logical`, `memory::arena`
+//! (let go).
 //!
-//! Layers; a module uses none of a layer below it in this list, and no two use each other (`cargo xtask check`):
-//! - Bookkeeping, without Vulkan's functions: `error`, `budget`, `lane`, `retire`, `heap_counters`, `staging_space`,
-//!   `memory_type`, `options`.
-//! - What is there: `validation`, `instance`, `capabilities`, `report`, `select`, `probe`, `limits`, `enumerate`.
-//! - Parts of a device: `names`, `raw_buffer`, `timeline`, `markers`, `passes`, `host_memory`; with them the `device`.
-//! - What is made from it: `memory`, `block`, `arena`, `range_memory`, `staging_part`, `compute_pipeline`, `timer`,
-//!   `pipeline_cache`; `kept` is what command lists keep alive of it.
-//! - Submissions: `queue`, `recorder`; the `open_device` has the queues, and takes back what they are done with.
-//! - What callers hold: `gpu` first, then `range`, `buffer`, `heap_range`, `heap`, `pipeline`, `host_view`,
-//!   `submission`, last `commands` and `staging`.
+//! Layers; a module uses none of a layer below it in this list, and no two use each other (`cargo xtask check` sees to
+//! it for the folders and for the modules beside this file):
+//! - `error`, what every layer gives.
+//! - `instance`, what is there and what of it is chosen. `lane`, `memory_type` and `select` are pure.
+//! - `device`, the `logical` one and its parts; what is compiled for it. `budget`, `retire`, `heap_counters` and
+//!   `options` are bookkeeping, without Vulkan's functions.
+//! - `memory`, what is made from it: buffers, arenas with ranges, parts of staging rings.
+//! - `submit`: `kept` is what command lists keep alive; `recorder` and `queue`; the `open_device` has the queues, and
+//!   takes back what they are done with.
+//! - What callers hold, beside this file: `gpu` first, then `range`, `buffer`, `heap_range`, `heap`, `pipeline`,
+//!   `host_view`, `submission`, last `commands` and `staging`.
 #![allow(unsafe_code, reason = "this crate exists to contain it; one operation per block, each with its reason")]
 
-mod arena;
-mod block;
-mod budget;
 mod buffer;
-mod capabilities;
 mod commands;
-mod compute_pipeline;
 mod device;
-mod enumerate;
 mod error;
 mod gpu;
 mod heap;
-mod heap_counters;
 mod heap_range;
-mod host_memory;
-mod host_pages;
 mod host_view;
 mod instance;
-mod kept;
-mod lane;
-mod lending;
-mod limits;
-mod mapped;
-mod markers;
 mod memory;
-mod memory_type;
-mod names;
-mod open_device;
-mod options;
-mod passes;
 mod pipeline;
-mod pipeline_cache;
 #[cfg(feature = "faults")]
 mod planted;
-mod probe;
-mod queue;
 mod range;
-mod range_memory;
-mod raw_buffer;
-mod recorder;
-mod report;
-mod retire;
-mod select;
 mod staging;
-mod staging_part;
-mod staging_space;
 mod submission;
+mod submit;
 #[cfg(test)]
 mod tests;
-mod timeline;
-mod timer;
-mod validation;
-#[cfg(feature = "faults")]
-mod watch;
 
-pub use budget::MemoryUse;
 pub use buffer::Buffer;
-pub use capabilities::Capabilities;
-#[cfg(feature = "faults")]
-pub use capabilities::hide_capabilities;
 pub use commands::{Commands, MAX_UPDATE_BYTES};
-pub use enumerate::{enumerate, enumerate_for};
+pub use device::budget::MemoryUse;
+pub use device::options::OpenOptions;
+#[cfg(feature = "faults")]
+pub use device::watch::{Call, DriverMemory, Failure};
 pub use error::GpuError;
 pub use gpu::Gpu;
 pub use heap::{Heap, HeapOptions, HeapStats};
 pub use heap_range::HeapRange;
 pub use host_view::{HostBytes, HostSpan, HostView, HostWords};
-pub use limits::Limits;
-pub use memory_type::Usage;
-pub use options::OpenOptions;
+pub use instance::capabilities::Capabilities;
+#[cfg(feature = "faults")]
+pub use instance::capabilities::hide_capabilities;
+pub use instance::enumerate::{enumerate, enumerate_for};
+pub use instance::limits::Limits;
+pub use instance::memory_type::Usage;
+pub use instance::report::{DeviceKind, DeviceReport, HeapReport};
+pub use instance::validation::ValidationLog;
 pub use pipeline::Pipeline;
 pub use range::DeviceRange;
-pub use report::{DeviceKind, DeviceReport, HeapReport};
 pub use staging::{StagingRing, StagingSlice};
 pub use submission::Submission;
-pub use validation::ValidationLog;
-#[cfg(feature = "faults")]
-pub use watch::{Call, DriverMemory, Failure};

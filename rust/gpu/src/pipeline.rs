@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::compute_pipeline::ComputePipeline;
+use crate::device::compute_pipeline::ComputePipeline;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What tests plant in an open device, and what they ask of its watch ([`crate::watch`]). Compiled with the feature
-//! `faults` alone.
+//! What tests plant in an open device, and what they ask of its watch ([`crate::device::watch`]). Compiled with the
+//! feature `faults` alone.
 
+use crate::device::watch::{DriverMemory, Failure};
 use crate::gpu::Gpu;
-use crate::watch::{DriverMemory, Failure};
 
 impl Gpu {
     /// Makes calls fail, in place of what was planted before.

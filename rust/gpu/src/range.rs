@@ -32,8 +32,8 @@ pub(crate) mod sealed {
         pub(crate) buffer: ash::vk::Buffer,
         /// First byte of the range in `buffer`.
         pub(crate) offset: u64,
-        pub(crate) device: *const crate::device::Device,
-        pub(crate) kept: crate::kept::Kept,
+        pub(crate) device: *const crate::device::logical::Device,
+        pub(crate) kept: crate::submit::kept::Kept,
     }
 
     /// Implemented inside this crate only.

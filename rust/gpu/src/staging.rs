@@ -16,12 +16,12 @@ use std::time::Duration;
 use crate::commands::Commands;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::kept::Kept;
-use crate::memory_type::Usage;
-use crate::open_device::OpenDevice;
+use crate::instance::memory_type::Usage;
+use crate::memory::staging_part::{RingMemory, StagingPart, State, Turn};
 use crate::range::DeviceRange;
 use crate::range::sealed::{Parts, RangeParts};
-use crate::staging_part::{RingMemory, StagingPart, State, Turn};
+use crate::submit::kept::Kept;
+use crate::submit::open_device::OpenDevice;
 
 /// The name of the memory of every ring.
 const NAME: &str = "staging ring";

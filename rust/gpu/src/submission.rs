@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::lane::Lane;
-use crate::timer::Timer;
+use crate::instance::lane::Lane;
+use crate::submit::timer::Timer;
 
 /// One submitted command list. Dropping it does not wait and does not cancel.
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What the operations of programs give, in f32: for folding of constants, and as the twin of what the device runs
-//! (`shaders/include/pattern_ops.glsl`).
+//! (`shaders/material/pattern_ops.glsl`).
 //!
 //! Guarantees: results are normal numbers or +0; operands that are neither count as 0; no panic. Sums and products are
 //! in the order of the twin, so operations without a division, a root or a function of the device have its bits,

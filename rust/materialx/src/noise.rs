@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Noise as `MaterialX` 1.39 defines it: gradient noise (Perlin 2002, "Improving Noise"), cell noise and cellular
 //! noise (Worley 1996, "A Cellular Texture Basis Function") over a lattice hashed by lookup3 (Jenkins 2006). The twin
-//! is `shaders/include/pattern_noise.glsl`.
+//! is `shaders/material/pattern_noise.glsl`.
 //!
 //! Guarantees: the same bits as the twin, except for the square roots of distances; no panic. Coordinates beyond the
 //! range of i32 stay in its last cell and have no fraction. Any thread.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Programs: what patterns of a material are compiled to. The twin that runs them on the device is
-//! `shaders/include/pattern.glsl`.
+//! `shaders/material/pattern.glsl`.
 //!
 //! A program is a list of instructions without branches over [`REGISTERS`] registers of four f32 each. Integers and
 //! booleans are floats (0 and 1). An operand is a register or a constant of the program.

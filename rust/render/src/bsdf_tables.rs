@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Directional albedos of GGX for `shaders/include/bsdf/tables.glsl`, which says what is in the table.
+//! Directional albedos of GGX for `shaders/material/bsdf/tables.glsl`, which says what is in the table.
 //!
 //! Guarantees: [`bytes`] is 62 KB that are part of the program, made by `examples/bsdf_tables.rs` from [`compute`] in
 //! f64 and rounded to f32: no time is spent on them; all values are finite and in 0..=1. Pure; any thread.

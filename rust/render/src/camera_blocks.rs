@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What the frame block refers to of the camera: how it moves, and its clipping planes, as
-//! `shaders/include/camera.glsl` reads them. Render thread only.
+//! `shaders/camera/camera.glsl` reads them. Render thread only.
 
 use crate::assets::motion_key;
 use crate::error::RenderError;

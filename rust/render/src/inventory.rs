@@ -54,7 +54,7 @@ fn passes(device: &Device, passes: &Passes) -> Vec<PassUse> {
             compile_secs: pipeline.map_or(0.0, |p| device.compile_secs(p)),
         }
     };
-    // Shaders in `lights` are programs of tests.
-    let of_tests = |name: &str| name.starts_with("lights_");
+    // Shaders in `light` are programs of tests.
+    let of_tests = |name: &str| name.starts_with("light_");
     ALL.iter().filter(|module| !of_tests(module.name)).map(|module| entry(module.name)).collect()
 }

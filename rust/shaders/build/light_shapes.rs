@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! GLSL of the table of shapes of lights: what goes through all of them, written once.
 //!
-//! Pure. `shaders/include/light_shape.glsl` says which functions a shape has.
+//! Pure. `shaders/light/shape.glsl` says which functions a shape has.
 
 use oocpt_abi::{LIGHT_SHAPES, LightShape};
 use std::fmt::Write as _;
@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 pub(crate) fn functions() -> String {
     let mut text = String::from("// Written by rust/shaders/build.rs, from rust/abi/src/light_shapes.rs.\n\n");
     for LightShape { name, .. } in LIGHT_SHAPES {
-        let _infallible = writeln!(text, "#include \"include/light_shapes/{name}.glsl\"");
+        let _infallible = writeln!(text, "#include \"light/shapes/{name}.glsl\"");
     }
     text.push('\n');
     for shape in LIGHT_SHAPES {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! GLSL of the table of lobes: what goes through all of them, written once.
 //!
-//! Pure. `shaders/include/bsdf/lobe.glsl` says which functions a lobe has.
+//! Pure. `shaders/material/bsdf/lobe.glsl` says which functions a lobe has.
 
 use oocpt_abi::{self as abi, Lobe, LobeNormal, LobePart, LobeSides};
 use std::fmt::Write as _;
@@ -29,7 +29,7 @@ pub(crate) fn types() -> String {
 pub(crate) fn functions() -> String {
     let mut text = String::from(HEAD);
     for Lobe { name, .. } in abi::LOBES {
-        let _infallible = writeln!(text, "#include \"include/bsdf/lobes/{name}.glsl\"");
+        let _infallible = writeln!(text, "#include \"material/bsdf/lobes/{name}.glsl\"");
     }
     for function in [exists(), chances(), choose(), sample(), add()] {
         text.push('\n');

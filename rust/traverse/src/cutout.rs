@@ -8,7 +8,7 @@ use crate::walk::{Surface, Walk};
 use oocpt_abi::sampler::{combine, hash, unit_float};
 use oocpt_abi::{Question, RayFlags, SECOND_SURFACE};
 
-/// Bits of `Question::flags`, as in include/cutout.glsl.
+/// Bits of `Question::flags`, as in traversal/cutout.glsl.
 const CHANNEL_SHIFT: u32 = 4;
 const INCLUSIVE: u32 = 64;
 const PRESENT: u32 = 128;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Placements that move, at the time of a path (`include/motion.glsl`, in its operations). Pure, any thread.
+//! Placements that move, at the time of a path (`geometry/motion.glsl`, in its operations). Pure, any thread.
 
 use crate::scene::Scene;
 use crate::vector::{Rows, V3, apply_columns, dot3};
@@ -31,7 +31,7 @@ impl Scene<'_> {
         sample_1d(sample, TIME_SET, pixel_seed(x, y, seed))
     }
 
-    /// `pixel_position` of include/wavefront.glsl.
+    /// `pixel_position` of wavefront/wavefront.glsl.
     fn pixel_position(&self, index: u32) -> [u32; 2] {
         let (width, height) = (self.frame.width.max(1), self.frame.height);
         let strip_size = width.wrapping_mul(8).max(1);

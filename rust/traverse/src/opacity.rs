@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Whether a surface that a walk meets is there, by displayOpacity (traversal/opacity.glsl), and the seed that decides
-//! (`include/opacity_seed.glsl`). Any thread.
+//! (`traversal/opacity_seed.glsl`). Any thread.
 
 use crate::primvar::indices;
 use crate::scene::Scene;
@@ -22,7 +22,7 @@ impl Scene<'_> {
         combine(combine(combine(seed, pixel), sample), ray)
     }
 
-    /// Seed, pixel and sample of a path (`path_seed`, `path_pixel`, `path_sample` of include/wavefront.glsl).
+    /// Seed, pixel and sample of a path (`path_seed`, `path_pixel`, `path_sample` of wavefront/wavefront.glsl).
     pub(crate) fn sample_of(&self, path: u32) -> (u32, u32, u32) {
         let (mut first_pixel, mut first_sample, mut i) = (self.push.first_pixel, self.push.first_sample, path);
         if self.has(Features::STREAMING) {
@@ -55,7 +55,7 @@ impl Scene<'_> {
     }
 }
 
-/// `attribute_float` of include/attribute.glsl.
+/// `attribute_float` of geometry/attribute.glsl.
 fn attribute(values: HostBytes<'_>, corners: HostBytes<'_>, rate: u32, triangle: u32, uv: [f32; 2]) -> Option<f32> {
     let at = |index: u32| values.get::<f32>(index as usize);
     let [x, y, z] = indices(corners, rate, triangle)?;

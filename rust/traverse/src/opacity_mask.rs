@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! How much of a cutout is there around a place, without its texture: `traversal/opacity_mask.glsl` and
-//! `include/near_width.glsl`, operation by operation. The layout is that of `oocpt_core::texture::OpacityMask`. Pure,
+//! `texture/near_width.glsl`, operation by operation. The layout is that of `oocpt_core::texture::OpacityMask`. Pure,
 //! any thread.
 
 use crate::primvar::Corners;

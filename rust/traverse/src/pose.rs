@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The triangles of a mesh at a time of the shutter: include/pose.glsl, operation by operation. Pure, any thread.
+//! The triangles of a mesh at a time of the shutter: geometry/pose.glsl, operation by operation. Pure, any thread.
 
 use crate::scene::Scene;
 use crate::vector::V3;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Primvars of meshes and of instances: `include/attribute.glsl`, `surface_material.glsl`, `instance_primvars.glsl`.
+//! Primvars of meshes and of instances: `geometry/attribute.glsl`, `surface_material.glsl`, `instance_primvars.glsl`.
 //! Any thread.
 
 use crate::scene::Scene;

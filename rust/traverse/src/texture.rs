@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lookups of textures for cutouts: include/texture.glsl of one channel, operation by operation. No Ptex, and no float
+//! Lookups of textures for cutouts: texture/texture.glsl of one channel, operation by operation. No Ptex, and no float
 //! pictures whose channel goes through the sRGB curve, which is the device's own function: scenes with such cutouts are
 //! left to the shaders ([`crate::unsupported`]). Any thread.
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Vectors with the arithmetic of `shaders/include/affine.glsl` and `double.glsl`, as a device computes it that has no
+//! Vectors with the arithmetic of `shaders/math/affine.glsl` and `double.glsl`, as a device computes it that has no
 //! fused multiply-add: `fma(a, b, c)` rounds its product. Pure, any thread.
 
 use std::ops::{Add, Index, Mul, Sub};

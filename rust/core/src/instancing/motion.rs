@@ -4,7 +4,7 @@
 //!
 //! Times are parts of the shutter: it opens at 0 and closes at 1. Between keys translations and stretches are linear,
 //! rotations go along the shorter arc at a constant rate (Shoemake 1985, slerp); before the first key and after the
-//! last one nothing moves. `shaders/include/motion.glsl` does the same in single precision.
+//! last one nothing moves. `shaders/geometry/motion.glsl` does the same in single precision.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 

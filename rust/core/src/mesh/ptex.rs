@@ -9,7 +9,7 @@
 //!
 //! An n-gon is drawn as n triangles around the mean of its corners, so no edge gets a vertex that its neighbour lacks.
 //! Each triangle has half of two Ptex faces; the shader tells which from the weights of the corners
-//! (`shaders/include/ptex.glsl`).
+//! (`shaders/texture/ptex.glsl`).
 
 use glam::{DVec3, Vec3};
 

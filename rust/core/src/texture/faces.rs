@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Texels of a Ptex file in one row: blocks of faces and of their reductions. The shaders' twin is in
-//! `include/texture.glsl`.
+//! `texture/texture.glsl`.
 //!
 //! A face has `2^u` by `2^v` texels. Its reduction of class `c` halves both sides until the longer one has `2^c`
 //! texels, the shorter one at least 1. Each reduction is a block of (width + 2) x (height + 2) texels, row by row from

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `shaders/include/footprint.glsl` in f64, by the singular values of the map from a cone's cross section to texels,
+//! `shaders/texture/footprint.glsl` in f64, by the singular values of the map from a cone's cross section to texels,
 //! for tests.
 //!
 //! Vectors are in one frame, of any lengths; widths in texels of level 0.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Levels and tiles of an image. The shaders' twin is `include/texture.glsl`.
+//! Levels and tiles of an image. The shaders' twin is `texture/texture.glsl`.
 //!
 //! Level `l` has `max(1, size >> l)` texels a side, down to 1 x 1. A tile is up to 128 x 128 texels of one level,
 //! numbered row by row, level by level, the finest first; at the right and upper border it is cut to what there is. All

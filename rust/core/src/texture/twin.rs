@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The filter of `shaders/include/texture.glsl` in f64, for tests.
+//! The filter of `shaders/texture/texture.glsl` in f64, for tests.
 //!
 //! Widths of filters are in texels of level 0 (`footprint.rs`). Between widths of 2^l and 2^(l+1) texels the levels l
 //! and l + 1 are mixed linearly in the width (the usual choice is linear in its logarithm;
@@ -24,7 +24,7 @@ pub fn select_level(width: f64, levels: u32) -> (u32, f64) {
 /// Steps along u and v of a packed Ptex place.
 const PTEX_STEPS: f64 = oocpt_abi::PTEX_STEPS as f64;
 
-/// A place in a Ptex file as two floats, `pack_ptex` of `shaders/include/ptex.glsl`: 26 bits for the face, 17 each for
+/// A place in a Ptex file as two floats, `pack_ptex` of `shaders/texture/ptex.glsl`: 26 bits for the face, 17 each for
 /// u and v in 0 to 1.
 pub fn pack_ptex(face: u32, uv: [f64; 2]) -> [f32; 2] {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2^17 - 1")]

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::Commands;
-use crate::kept::Kept;
-use crate::lane::Lane;
+use crate::instance::lane::Lane;
 use crate::pipeline::Pipeline;
 use crate::range::DeviceRange;
+use crate::submit::kept::Kept;
 
 impl Commands {
     /// Runs `groups` workgroups. `push` has exactly the size that the pipeline was made with. No groups = no operation.

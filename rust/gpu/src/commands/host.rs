@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use super::Commands;
 use crate::error::GpuError;
-use crate::lane::Points;
-use crate::queue::InFlight;
-use crate::recorder::Recorder;
+use crate::instance::lane::Points;
+use crate::submit::queue::InFlight;
+use crate::submit::recorder::Recorder;
 
 impl Commands {
     /// Submits what is recorded so far, waits for it and for all that was submitted before, and runs `work` on this

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use ash::vk;
 
-use crate::lane::Lane;
+use crate::instance::lane::Lane;
 use crate::{Buffer, Commands, Gpu, Heap, OpenOptions, StagingRing, Submission, Usage};
 
 const SOON: Duration = Duration::from_millis(30);

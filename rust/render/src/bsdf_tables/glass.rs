@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What single scattering by rough glass loses, for `shaders/include/bsdf/glass.glsl`, which says what it is for.
+//! What single scattering by rough glass loses, for `shaders/material/bsdf/glass.glsl`, which says what it is for.
 //!
 //! Guarantees: [`bytes`] is 1.4 MB that are part of the program, made by `examples/bsdf_tables.rs` from what stands
 //! here: no time is spent on it. What is looked up in it is right to 1e-3 for any roughness, cosine and index of

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Directional albedo of sheen, for `shaders/include/bsdf/sheen.glsl`, which says what sheen is.
+//! Directional albedo of sheen, for `shaders/material/bsdf/sheen.glsl`, which says what sheen is.
 //!
 //! Guarantees: [`bytes`] is 23 KB that are part of the program, made by `examples/bsdf_tables.rs` from [`compute`] in
 //! f64; all values are finite and in 0..=1. Pure; any thread.

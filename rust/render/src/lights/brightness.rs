@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What groups of lights bring, roughly, as `local_share` of `shaders/include/light_sample.glsl` compares it
+//! What groups of lights bring, roughly, as `local_share` of `shaders/light/sample.glsl` compares it
 //! (decisions/0062). Pure.
 
 use super::narrow;

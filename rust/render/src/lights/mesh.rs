@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Meshes that emit light, as lights: which placements take part, the tree over them, and the tables that hits are
-//! looked up in (`shaders/include/light_mesh.glsl`).
+//! looked up in (`shaders/light/mesh.glsl`).
 //!
 //! A placement takes part if its prim has a material that emits and has no cutouts, and if the prim, instance and mesh
 //! of a hit tell it from all others. Not so where texture coordinates of what it emits come from an instancer. Memory

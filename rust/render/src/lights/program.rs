@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Emission that a program works out, as needed to weigh triangles of mesh lights by it: the host runs the program at a
 //! lattice of points. Only choices depend on it; what a chosen point emits is worked out on the device
-//! (`shaders/include/light_program.glsl`). Pure but for the maps of its textures.
+//! (`shaders/light/program.glsl`). Pure but for the maps of its textures.
 //!
 //! Left to reflected rays, at full weight, are programs that read the directions of the surface, the normal in the
 //! mesh's frame or Ptex, those with more lookups than a path has places for beside its own, what reads primvars of

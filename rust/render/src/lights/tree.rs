@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The light tree: which lights are near each other and look the same way (`shaders/include/light_tree.glsl` walks it).
+//! The light tree: which lights are near each other and look the same way (`shaders/light/tree.glsl` walks it).
 //!
 //! Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting" (surface area
 //! orientation heuristic, eq. 1); cones after Pharr et al. 2023, 3.8.4 and 12.6.3. Built top down in bins; below

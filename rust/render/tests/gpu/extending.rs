@@ -182,7 +182,7 @@ fn mentions(names: [&str; 2]) -> Vec<PathBuf> {
 #[test]
 fn a_lobe_takes_at_most_four_files() {
     let found = mentions(["toy_lobe", "toylobe"]);
-    let own = Path::new("shaders/include/bsdf/lobes/toy_lobe.glsl");
+    let own = Path::new("shaders/material/bsdf/lobes/toy_lobe.glsl");
     assert!(found.iter().any(|path| path.ends_with(own)), "the count sees the lobe's own file: {found:?}");
     assert!(found.len() <= 4, "{found:#?}");
 }
@@ -190,7 +190,7 @@ fn a_lobe_takes_at_most_four_files() {
 #[test]
 fn a_light_takes_at_most_four_files() {
     let found = mentions(["toy_light", "toylight"]);
-    let own = Path::new("shaders/include/light_shapes/toy_light.glsl");
+    let own = Path::new("shaders/light/shapes/toy_light.glsl");
     assert!(found.iter().any(|path| path.ends_with(own)), "the count sees the light's own file: {found:?}");
     assert!(found.len() <= 4, "{found:#?}");
 }

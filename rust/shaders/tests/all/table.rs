@@ -7,7 +7,7 @@ use std::path::Path;
 
 #[test]
 fn every_wavefront_shader_has_one_row() {
-    for module in ALL.iter().filter(|module| !module.name.starts_with("lights_")) {
+    for module in ALL.iter().filter(|module| !module.name.starts_with("light_")) {
         let rows = PASSES.iter().filter(|row| row.module.name == module.name).count();
         assert_eq!(rows, 1, "{}", module.name);
     }

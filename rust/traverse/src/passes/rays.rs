@@ -205,7 +205,7 @@ impl<'s, 'v> Rays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
     }
 }
 
-/// Writes a hit record (include/hit.glsl).
+/// Writes a hit record (traversal/hit.glsl).
 fn store_hit(hits: HostWords<'_>, at: usize, found: &Found, levels: usize) {
     let header =
         [found.uv[0].to_bits(), found.uv[1].to_bits(), found.triangle, found.chunk_instance, found.t.to_bits()];

@@ -196,7 +196,7 @@ mod tests {
     fn findings_of(file: &str, text: &str) -> Vec<String> {
         let sources = [
             ("rust/core/src/settings.rs", "row(\"oocpt:seed\", \"OOCPT_SEED\");\npub fn walk() {}\nstruct MeshDesc;\n"),
-            ("shaders/include/rays.glsl", "void trace_ray(uint n) {\n"),
+            ("shaders/traversal/rays.glsl", "void trace_ray(uint n) {\n"),
         ];
         let texts = sources.map(|(file, text)| (file.to_owned(), text.to_owned()));
         let files = sources.map(|(file, _)| file.to_owned());

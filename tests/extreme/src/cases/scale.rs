@@ -115,7 +115,7 @@ fn look(
     let near_eye = onlooker(scale, DVec3::ZERO, SIZE);
     // f64 itself rounds the places as they are authored: of the bodies, the eye and what it looks at.
     let authored = 4.0 * at.length() * 2.0_f64.powi(-52) / (scale * EXTENT);
-    // What two floats keep of a place (`shaders/include/double.glsl`).
+    // What two floats keep of a place (`shaders/math/double.glsl`).
     let stored = if anchor.is_some() { at.length() * 2.0_f64.powi(-46) / (scale * EXTENT) } else { 0.0 };
     lab.distances(case, &near, &near_eye, &shot, 4.0 + (authored + stored) / crate::lab::ULP, miss);
     lab.light(case, reference, &eye, &shot, &way(), miss);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Shapes of local lights: what descriptions make of them, their areas and sizes under affine maps. Pure.
 //!
-//! All that is said of a shape here; `shaders/include/light_shapes` has a file of the same name for each.
+//! All that is said of a shape here; `shaders/light/shapes` has a file of the same name for each.
 
 use std::f64::consts::{PI, TAU};
 
@@ -30,7 +30,7 @@ pub enum LocalShape {
 }
 
 impl LocalShape {
-    /// As its file in `shaders/include/light_shapes` is called.
+    /// As its file in `shaders/light/shapes` is called.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Rough diffuse reflection (`shaders/include/bsdf/eon.glsl`): values in f64 with albedos by quadrature, white furnace,
-//! reciprocity, sampling; roughness 0 is Lambert, bit for bit.
+//! Rough diffuse reflection (`shaders/material/bsdf/eon.glsl`): values in f64 with albedos by quadrature, white
+//! furnace, reciprocity, sampling; roughness 0 is Lambert, bit for bit.
 
 use super::cases::{Case, Random, SPECULAR_WORKFLOW, direction};
 use super::device::{ALL, Device, PLAIN};

@@ -91,7 +91,7 @@ fn average(alpha: f64, eta: f64) -> f64 {
 }
 
 /// Value of single and of multiple scattering, the density of single scattering, and the share of multiple scattering
-/// on that side, as the head of `shaders/include/bsdf/glass.glsl` defines them, with absolute indices as in Walter et
+/// on that side, as the head of `shaders/material/bsdf/glass.glsl` defines them, with absolute indices as in Walter et
 /// al. 2007.
 fn reference(case: &Case) -> [f64; 4] {
     let case = case.rounded();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Hair (`shaders/include/bsdf/hair.glsl`): values of a reference in f64 written from the papers' equations with angles
-//! in a fixed frame, white furnace, sampling, mirrors, reciprocity as far as it goes, strange input.
+//! Hair (`shaders/material/bsdf/hair.glsl`): values of a reference in f64 written from the papers' equations with
+//! angles in a fixed frame, white furnace, sampling, mirrors, reciprocity as far as it goes, strange input.
 
 use super::cases::{Case, Hair, Random, direction};
 use super::device::{Device, PLAIN};

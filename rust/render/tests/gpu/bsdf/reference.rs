@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The BSDF in f64, written from its definition (head of `shaders/include/bsdf.glsl`) without its code: albedos by
+//! The BSDF in f64, written from its definition (head of `shaders/material/bsdf.glsl`) without its code: albedos by
 //! quadrature over normals (not visible normals), half vectors normalised, cosines where the shader has sums of
 //! squares. Opaque surfaces.
 

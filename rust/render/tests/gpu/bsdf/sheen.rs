@@ -23,7 +23,7 @@ fn sheen(sheen_roughness: f64, wo: DVec3) -> Case {
     Case { sheen: DVec3::ONE, sheen_roughness, wo, diffuse: DVec3::ZERO, ior: 1.0, ..Case::default() }
 }
 
-/// The lobe as the head of `shaders/include/bsdf/sheen.glsl` defines it, but for its scale; half vectors normalised,
+/// The lobe as the head of `shaders/material/bsdf/sheen.glsl` defines it, but for its scale; half vectors normalised,
 /// angles.
 fn lobe(roughness: f64, o: DVec3, i: DVec3) -> f64 {
     let power = 1.0 / roughness.max(0.1);

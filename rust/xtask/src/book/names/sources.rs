@@ -249,8 +249,7 @@ mod tests {
 
     #[test]
     fn shaders_and_python_define_functions() {
-        let shader =
-            sources("shaders/include/a.glsl", "vec3 bend(vec3 v) {\n    return call(v);\n}\nconst uint N = 1;\n");
+        let shader = sources("shaders/math/a.glsl", "vec3 bend(vec3 v) {\n    return call(v);\n}\nconst uint N = 1;\n");
         assert!(shader.defines_call("bend") && shader.defines("N") && shader.defines("a"), "GLSL");
         assert!(!shader.defines_call("call"), "what is returned is a call");
         let python = sources("tests/a.py", "def draw(x):\n    pass  # old_draw()\n");

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What devices there are, which one is used and why. Opens none. Any thread.
+
+use crate::error::GpuError;
+use crate::instance::probe::probe_all;
+use crate::instance::report::DeviceReport;
+use crate::instance::select;
+use crate::instance::vulkan::{Instance, Validation};
+
+/// All devices, with `chosen` and `why` as if opened without a selector.
+///
+/// # Errors
+/// [`GpuError::NoDevice`] when there is no loader or no driver. An empty list of usable devices is not an error here.
+pub fn enumerate() -> Result<Vec<DeviceReport>, GpuError> {
+    enumerate_for(None)
+}
+
+/// All devices, with `chosen` and `why` as [`Gpu::open`](crate::Gpu::open) with this selector would decide.
+///
+/// # Errors
+/// As [`enumerate`]. A selector that names no device leaves all unchosen, and says so in each `why`.
+pub fn enumerate_for(selector: Option<&str>) -> Result<Vec<DeviceReport>, GpuError> {
+    let instance = Instance::get(Validation::Off)?;
+    let mut reports: Vec<_> = probe_all(&instance)?.into_iter().map(|probed| probed.report).collect();
+    match select::choose(&reports, selector) {
+        Ok(chosen) => select::explain(&mut reports, chosen, selector),
+        Err(error) => {
+            for report in &mut reports {
+                report.why = if report.missing.is_empty() {
+                    format!("not used: {error}")
+                } else {
+                    format!("cannot be used: it lacks {}", report.missing.join(", "))
+                };
+            }
+        }
+    }
+    Ok(reports)
+}

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What callers must keep to on the open device.
+
+use crate::instance::probe::Probed;
+
+/// Limits of the open device that callers plan with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Limits {
+    /// Largest buffer, arena or dedicated range in bytes.
+    pub max_allocation_bytes: u64,
+    /// Most workgroups of a dispatch in each dimension.
+    pub max_workgroups: [u32; 3],
+    /// Most bytes of push constants.
+    pub max_push_bytes: u32,
+    /// Bytes of shared memory of a workgroup.
+    pub max_shared_bytes: u32,
+    /// Invocations that run in lockstep.
+    pub subgroup_size: u32,
+    /// Nanoseconds of one timestamp tick.
+    pub timestamp_period_ns: f32,
+}
+
+impl Limits {
+    pub(crate) fn of(probed: &Probed) -> Self {
+        let limits = &probed.properties.limits;
+        Self {
+            max_allocation_bytes: probed.max_allocation_bytes,
+            max_workgroups: limits.max_compute_work_group_count,
+            max_push_bytes: limits.max_push_constants_size,
+            max_shared_bytes: limits.max_compute_shared_memory_size,
+            subgroup_size: probed.subgroup_size,
+            timestamp_period_ns: limits.timestamp_period,
+        }
+    }
+}

@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Makes buffers with memory of their own, under the budget.
+//!
+//! [`NewBuffer::take_memory`] is the only place that calls `vkAllocateMemory`; whoever can make room calls it again.
+//! Any thread.
+
+use std::ptr::NonNull;
+
+use ash::vk;
+
+use crate::device::budget::Account;
+use crate::device::host_pages::HostPages;
+use crate::device::lending::{self, Lending, Lent};
+use crate::device::logical::Device;
+use crate::device::mapped::Mapped;
+use crate::device::raw_buffer::RawBuffer;
+use crate::error::GpuError;
+use crate::instance::memory_type::{HOST_FLAGS, Usage, choose_type};
+use crate::instance::probe::read_heaps;
+
+/// Smallest buffer, and what sizes are rounded up to: Vulkan has no empty buffers, and addresses stay aligned for
+/// vectors.
+const SIZE_STEP: u64 = 16;
+
+/// A buffer that is being made: first without memory, then with it, then mapped. It is destroyed if dropped before.
+pub(crate) struct NewBuffer<'a> {
+    device: &'a Device,
+    name: &'a str,
+    usage: Usage,
+    raw: RawBuffer,
+    /// What the driver wants: bytes, and the type chosen for it.
+    needs: (u64, u32),
+    /// Types that it allows, a bit each.
+    types: u32,
+    is_finished: bool,
+}
+
+impl<'a> NewBuffer<'a> {
+    /// Makes a buffer of at least `bytes`.
+    ///
+    /// # Errors
+    /// `TooLarge`, `DeviceLost`, or another failed call.
+    pub(crate) fn new(device: &'a Device, name: &'a str, bytes: u64, usage: Usage) -> Result<Self, GpuError> {
+        device.check_alive()?;
+        let limit = device.limits.max_allocation_bytes;
+        let size = bytes.max(1).checked_next_multiple_of(SIZE_STEP).filter(|&size| size <= limit);
+        let size = size.ok_or_else(|| GpuError::TooLarge { name: name.to_owned(), bytes, limit })?;
+        let families = device.choices.map(|choice| choice.family);
+        let mut info = vk::BufferCreateInfo::default().size(size).sharing_mode(vk::SharingMode::EXCLUSIVE).usage(
+            vk::BufferUsageFlags::STORAGE_BUFFER
+                | vk::BufferUsageFlags::INDIRECT_BUFFER
+                | vk::BufferUsageFlags::TRANSFER_SRC
+                | vk::BufferUsageFlags::TRANSFER_DST
+                | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
+        );
+        if families[0] != families[1] {
+            // Shaders reach memory by address, so no command list knows all that it touches, and what it would have to
+            // hand over from family to family. Sharing changes how images are laid out; for buffers drivers do nothing
+            // with it.
+            info = info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(&families);
+        }
+        let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(lending::KIND);
+        if usage == Usage::Shared {
+            // It will be bound to no other memory.
+            info = info.push_next(&mut external);
+        }
+        // SAFETY: the device is alive, the size is not zero, the families differ and are the device's, and
+        // bufferDeviceAddress is enabled.
+        let buffer = device.check("vkCreateBuffer", unsafe { device.raw.create_buffer(&info, None) })?;
+        let raw = RawBuffer {
+            buffer,
+            memory: vk::DeviceMemory::null(),
+            reserved: 0,
+            account: Account::Device,
+            address: 0,
+            bytes: size,
+            mapped: None,
+            pages: None,
+            seen: None,
+        };
+        let mut new = Self { device, name, usage, raw, needs: (0, 0), types: 0, is_finished: false };
+        new.choose_memory()?;
+        Ok(new)
+    }
+
+    fn choose_memory(&mut self) -> Result<(), GpuError> {
+        let Self { device, name, usage, raw, types: allowed, .. } = self;
+        device.names.set(raw.buffer, name);
+        // SAFETY: the buffer was just created on this device.
+        let needs = unsafe { device.raw.get_buffer_memory_requirements(raw.buffer) };
+        let limit = device.limits.max_allocation_bytes;
+        if needs.size > limit {
+            return Err(GpuError::TooLarge { name: (*name).to_owned(), bytes: needs.size, limit });
+        }
+        let types = device.memory_types.memory_types_as_slice();
+        *allowed = needs.memory_type_bits;
+        let kind = choose_type(types, *allowed, *usage).ok_or_else(|| GpuError::MissingCapability {
+            device: device.report.name.clone(),
+            missing: format!("a memory type for {usage:?} buffers"),
+        })?;
+        self.needs = (needs.size, kind);
+        let local = self.memory_flags().contains(vk::MemoryPropertyFlags::DEVICE_LOCAL);
+        let counted = self.usage == Usage::Device || (local && !self.device.unified);
+        self.raw.account = if counted { Account::Device } else { Account::Host };
+        Ok(())
+    }
+
+    fn memory_flags(&self) -> vk::MemoryPropertyFlags {
+        self.device.memory_types.memory_types_as_slice()[self.needs.1 as usize].property_flags
+    }
+
+    /// Reserves in the budget and asks the driver.
+    ///
+    /// # Errors
+    /// `OutOfMemory`: nothing is held then, and it may be called again. `DeviceLost`, or another failed call.
+    pub(crate) fn take_memory(&mut self) -> Result<(), GpuError> {
+        let Self { device, name, raw, needs: (bytes, memory_type), .. } = self;
+        let (bytes, memory_type) = (*bytes, *memory_type);
+        let heap = device.memory_types.memory_types_as_slice()[memory_type as usize].heap_index as usize;
+        if raw.account == Account::Device && device.report.capabilities.memory_budget {
+            let free = read_heaps(&device.instance, device.physical, true).get(heap).and_then(|heap| heap.free);
+            if free.is_some_and(|free| free < bytes) {
+                return Err(device.budget.refused(name, bytes));
+            }
+        }
+        device.budget.reserve(name, bytes, raw.account)?;
+        match allocate(device, (bytes, memory_type), None) {
+            Ok(memory) => {
+                raw.memory = memory;
+                raw.reserved = bytes;
+                Ok(())
+            }
+            Err(code) => {
+                device.budget.release(bytes, raw.account);
+                match code {
+                    vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
+                        Err(device.budget.refused(name, bytes))
+                    }
+                    other => device.check("vkAllocateMemory", Err(other)),
+                }
+            }
+        }
+    }
+
+    /// Makes the memory of pages of this process. False when there are none, or the driver does not take them.
+    ///
+    /// # Errors
+    /// `DeviceLost`.
+    pub(crate) fn lend(&mut self, lending: &Lending) -> Result<bool, GpuError> {
+        let Self { device, name, raw, needs: (bytes, _), types, .. } = self;
+        let Some(Lent { pages, bytes, types: of_pages }) = lending.pages(*bytes) else { return Ok(false) };
+        // They go with the buffer, whatever becomes of it.
+        raw.pages = Some(pages);
+        let known = device.memory_types.memory_types_as_slice();
+        let Some(memory_type) = choose_type(known, *types & of_pages, Usage::Shared) else { return Ok(false) };
+        if bytes > device.limits.max_allocation_bytes {
+            return Ok(false);
+        }
+        raw.account = Account::Host;
+        device.budget.reserve(name, bytes, raw.account)?;
+        match allocate(device, (bytes, memory_type), Some(pages)) {
+            Ok(memory) => {
+                (raw.memory, raw.reserved, self.needs) = (memory, bytes, (bytes, memory_type));
+                Ok(true)
+            }
+            Err(vk::Result::ERROR_DEVICE_LOST) => {
+                device.budget.release(bytes, raw.account);
+                device.check("vkAllocateMemory", Err(vk::Result::ERROR_DEVICE_LOST))
+            }
+            Err(code) => {
+                device.budget.release(bytes, raw.account);
+                tracing::debug!(?code, bytes, "the driver takes no pages of the host");
+                Ok(false)
+            }
+        }
+    }
+
+    /// Binds the memory that was taken, and maps it unless the usage is `Device`.
+    ///
+    /// # Errors
+    /// A failed call; the buffer is destroyed then.
+    pub(crate) fn finish(mut self) -> Result<RawBuffer, GpuError> {
+        let device = self.device;
+        device.names.set(self.raw.memory, self.name);
+        // SAFETY: both were just created on this device; size, alignment and type come from the requirements.
+        let bound = unsafe { device.raw.bind_buffer_memory(self.raw.buffer, self.raw.memory, 0) };
+        device.check("vkBindBufferMemory", bound)?;
+        let info = vk::BufferDeviceAddressInfo::default().buffer(self.raw.buffer);
+        // SAFETY: the buffer has SHADER_DEVICE_ADDRESS usage and is bound to memory allocated with DEVICE_ADDRESS.
+        self.raw.address = unsafe { device.raw.get_buffer_device_address(&info) };
+        let is_seen = device.report.host_memory && self.memory_flags().contains(HOST_FLAGS);
+        if let Some(pages) = self.raw.pages {
+            self.raw.mapped = Some(pages.at);
+            self.raw.seen = is_seen.then_some(pages.at);
+        } else if self.usage != Usage::Device || is_seen {
+            let whole = (0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty());
+            // SAFETY: the type is HOST_VISIBLE, and this is the only mapping of this memory.
+            let mapped = unsafe { device.raw.map_memory(self.raw.memory, whole.0, whole.1, whole.2) };
+            let mapped = NonNull::new(device.check("vkMapMemory", mapped)?.cast()).map(Mapped);
+            self.raw.mapped = mapped.filter(|_| self.usage != Usage::Device);
+            self.raw.seen = mapped.filter(|_| is_seen);
+        }
+        device.host_memory.add(&self.raw);
+        self.is_finished = true;
+        Ok(self.raw)
+    }
+}
+
+/// Has the driver make memory of so many bytes, not none and within `maxMemoryAllocationSize`, and of this type of the
+/// device's list; of pages that the type allows, if there are any.
+fn allocate(
+    device: &Device,
+    (bytes, memory_type): (u64, u32),
+    pages: Option<HostPages>,
+) -> Result<vk::DeviceMemory, vk::Result> {
+    let mut flags = vk::MemoryAllocateFlagsInfo::default().flags(vk::MemoryAllocateFlags::DEVICE_ADDRESS);
+    let mut import = vk::ImportMemoryHostPointerInfoEXT::default().handle_type(lending::KIND);
+    let mut info =
+        vk::MemoryAllocateInfo::default().allocation_size(bytes).memory_type_index(memory_type).push_next(&mut flags);
+    if let Some(pages) = pages {
+        import.p_host_pointer = pages.at.as_ptr().cast();
+        info = info.push_next(&mut import);
+    }
+    // SAFETY: size and type are as the caller says; the pages are mapped until the memory is freed, at a place and of
+    // a size that the extension allows.
+    unsafe { device.raw.allocate_memory(&info, None) }
+}
+
+impl Drop for NewBuffer<'_> {
+    fn drop(&mut self) {
+        if !self.is_finished {
+            self.device.destroy(self.raw);
+        }
+    }
+}

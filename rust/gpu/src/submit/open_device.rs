@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: Apache-2.0
+//! An open device: the logical one with its queues and its heaps, whose memory can be had back when the GPU is done.
+//!
+//! Shared by [`Gpu`](crate::Gpu), heaps, staging rings and views; what command lists keep alive holds only the logical
+//! device, so nothing in flight points back here. Any thread.
+
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+
+use crate::device::logical::Device;
+use crate::device::raw_buffer::RawBuffer;
+use crate::error::GpuError;
+use crate::instance::lane::{LANES, Lane, Points};
+use crate::instance::memory_type::Usage;
+use crate::memory::allocate::NewBuffer;
+use crate::memory::arena::Arenas;
+use crate::memory::block::Block;
+use crate::submit::queue::{InFlight, Queue};
+
+/// Whether a full budget may be waited out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Patience {
+    /// Take back what is free already, but do not wait for the GPU.
+    Now,
+    /// Wait for the GPU to release retired memory before giving up.
+    WaitForRetired,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct OpenDevice {
+    queues: [Queue; LANES],
+    heaps: Mutex<Vec<Weak<Arenas>>>,
+    /// Last: the queues are made from it.
+    pub(crate) device: Arc<Device>,
+}
+
+impl OpenDevice {
+    pub(crate) fn new(device: Arc<Device>) -> Self {
+        Self { queues: Queue::of_lanes(&device), heaps: Mutex::new(Vec::new()), device }
+    }
+
+    pub(crate) fn queue(&self, lane: Lane) -> &Queue {
+        &self.queues[lane.index()]
+    }
+
+    /// Notes a heap, whose empty arenas are given back when memory is short.
+    pub(crate) fn add_heap(&self, arenas: &Arc<Arenas>) {
+        self.heaps.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::downgrade(arenas));
+    }
+
+    /// Heaps that are still there.
+    fn heaps(&self) -> Vec<Arc<Arenas>> {
+        let mut heaps = self.heaps.lock().unwrap_or_else(PoisonError::into_inner);
+        heaps.retain(|heap| heap.strong_count() > 0);
+        heaps.iter().filter_map(Weak::upgrade).collect()
+    }
+
+    /// Lets go of everything that finished submissions used.
+    pub(crate) fn collect(&self) {
+        let completed = self.device.completed();
+        for lane in Lane::ALL {
+            let queue = self.queue(lane);
+            for InFlight { slot, kept, timer, .. } in queue.take_finished(&self.device, completed.of(lane)) {
+                queue.recycle(&self.device, slot);
+                // What the submission kept alive may be retired by this.
+                drop((kept, timer));
+            }
+        }
+        self.device.release(completed);
+        for heap in self.heaps() {
+            heap.release(completed);
+        }
+    }
+
+    /// Makes room: collects, empties heaps of unused arenas and, if allowed, waits for what is retired.
+    pub(crate) fn reclaim(&self, patience: Patience) -> Result<(), GpuError> {
+        self.collect();
+        self.trim_heaps();
+        if patience == Patience::WaitForRetired
+            && let Some(points) = self.last_retired()
+        {
+            self.device.wait_for(points)?;
+            self.collect();
+            self.trim_heaps();
+        }
+        Ok(())
+    }
+
+    fn trim_heaps(&self) {
+        for heap in self.heaps() {
+            heap.trim(0);
+        }
+    }
+
+    /// The points after which all that is retired now can go; None when nothing is.
+    fn last_retired(&self) -> Option<Points> {
+        let of_heaps = self.heaps().into_iter().filter_map(|heap| heap.last_retired());
+        self.device.last_retired().into_iter().chain(of_heaps).reduce(Points::later)
+    }
+
+    /// Makes a buffer of at least `bytes` with its own memory, mapped unless `usage` is `Device`. On a shortage takes
+    /// back what is retired, and tries once more.
+    ///
+    /// # Errors
+    /// `TooLarge`, `OutOfMemory` (nothing is held then), `DeviceLost`, or another failed call.
+    pub(crate) fn allocate(
+        &self,
+        name: &str,
+        bytes: u64,
+        usage: Usage,
+        patience: Patience,
+    ) -> Result<RawBuffer, GpuError> {
+        let usage = match usage {
+            // What the driver is not lent it makes.
+            Usage::Shared => match self.lent(name, bytes)? {
+                Some(lent) => return Ok(lent),
+                None => Usage::Readback,
+            },
+            usage => usage,
+        };
+        let mut new = NewBuffer::new(&self.device, name, bytes, usage)?;
+        match new.take_memory() {
+            Err(GpuError::OutOfMemory { .. }) => {
+                self.reclaim(patience)?;
+                new.take_memory()?;
+            }
+            taken => taken?,
+        }
+        new.finish()
+    }
+
+    /// A buffer of pages of this process; None where the driver takes none.
+    fn lent(&self, name: &str, bytes: u64) -> Result<Option<RawBuffer>, GpuError> {
+        let Some(lending) = &self.device.lending else { return Ok(None) };
+        let mut new = NewBuffer::new(&self.device, name, bytes, Usage::Shared)?;
+        if new.lend(lending)? { new.finish().map(Some) } else { Ok(None) }
+    }
+
+    /// The memory of a buffer; waits for retired memory before it gives up.
+    pub(crate) fn block(&self, name: &str, bytes: u64, usage: Usage) -> Result<Block, GpuError> {
+        #[cfg(feature = "faults")]
+        self.device.planted(crate::device::watch::Call::Buffer, name, bytes)?;
+        Ok(Block::new(&self.device, self.allocate(name, bytes, usage, Patience::WaitForRetired)?))
+    }
+}
+
+impl Drop for OpenDevice {
+    fn drop(&mut self) {
+        // SAFETY: no other thread can use the queues: this is their last holder.
+        if let Err(code) = unsafe { self.device.raw.device_wait_idle() } {
+            tracing::debug!("vkDeviceWaitIdle failed while closing: {code:?}");
+        }
+        for queue in &self.queues {
+            queue.close(&self.device);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::open;
+
+    #[test]
+    fn host_pages_are_imported_where_the_driver_supports_it() {
+        let gpu = open();
+        let takes = gpu.report().capabilities.external_memory_host;
+        for bytes in [1, 100_000, 40 << 20] {
+            let before = gpu.memory().host_used;
+            let raw = gpu.opened().allocate("lent", bytes, Usage::Shared, Patience::Now).expect("memory");
+            assert!(raw.mapped.is_some() && raw.bytes >= bytes, "{raw:?}");
+            assert_eq!(raw.pages.is_some(), takes, "{raw:?}");
+            assert!(gpu.memory().host_used >= before + bytes, "counted");
+            gpu.device().destroy(raw);
+            assert_eq!(gpu.memory().host_used, before, "given back");
+        }
+        let log = gpu.validation_log();
+        drop(gpu);
+        assert_eq!(log.take(), Vec::<String>::new(), "validation");
+    }
+}
