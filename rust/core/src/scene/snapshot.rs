@@ -47,8 +47,8 @@ pub struct SurfaceTables {
     pub textures: Vec<TextureRef>,
     /// By prim id + 1 (0: meshes without an id); may be shorter than the largest id.
     pub prims: Vec<PrimRecord>,
-    /// Material of each slot, or [`NO_MATERIAL`](oocpt_abi::NO_MATERIAL). A triangle's slot is that of its prim's record
-    /// plus its subset number ([`MeshAsset::subsets`]).
+    /// Material of each slot, or `NO_MATERIAL`. A triangle's slot is that of its prim's record plus its subset number
+    /// ([`MeshAsset::subsets`]).
     pub material_slots: Vec<u32>,
     /// Collections that prims are in, sorted; the first is empty.
     pub category_sets: Vec<Vec<Arc<str>>>,
