@@ -11,14 +11,12 @@ use std::sync::Arc;
 use rustc_hash::FxHashMap;
 
 use super::blocks::{Block, Peaks};
-use super::chunk::{AssemblyMembers, Chunk, Readers};
+use super::chunk::{AssemblyMembers, Chunk, Readers, SCATTERED};
 use super::cost::CutRule;
 use super::lattice::Lattice;
 use crate::instancing::assembly::Target;
 use crate::instancing::item::Item;
 
-/// Cells with more members are not looked at for what is small in a large box: patches may keep them as they are.
-pub(crate) const SCATTERED: usize = 64;
 /// A cell is cut where one of its halves is smaller than its box by more than this: in a chunk's frame of single
 /// precision the half would have 6 bits fewer than in its own.
 const APART: f64 = 64.0;

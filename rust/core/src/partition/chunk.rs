@@ -10,7 +10,6 @@ use std::sync::{Arc, PoisonError, RwLock};
 use glam::DVec3;
 
 use super::blocks::{Block, Peaks};
-use super::cells::SCATTERED;
 use super::lattice::Lattice;
 use super::which::IndexSet;
 use crate::instancing::assembly::{InstanceRecord, Member, Target, Visit};
@@ -20,6 +19,9 @@ use crate::instancing::motion::MotionKey;
 use crate::instancing::placement::{MATRIX_ERROR, round_down, round_up};
 use crate::instancing::reader::Reader;
 use crate::mesh::Aabb;
+
+/// Cells with more members are not looked at for what is small in a large box: patches may keep them as they are.
+pub(crate) const SCATTERED: usize = 64;
 
 /// Rounding of f64 frames, relative to the distance of the origin.
 const FRAME_ERROR: f64 = 1.0 / (1_u64 << 50) as f64;

@@ -12,7 +12,7 @@ use super::chunk::{Chunk, Content, Readers};
 use super::which::IndexSet;
 use crate::instancing::item::Item;
 
-/// Chunks with fewer records are made anew. Enough for patched ones to have more than [`super::cells::SCATTERED`].
+/// Chunks with fewer records are made anew. Enough for patched ones to have more than [`super::chunk::SCATTERED`].
 const FEW: usize = 80;
 /// Chunks of which more than one record in so many is edited are made anew.
 pub(super) const SHARE: usize = 12;

@@ -6,8 +6,9 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3};
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::cells::{SCATTERED, is_scattered};
+use super::cells::is_scattered;
 use super::chunk::Chunk;
+use super::chunk::SCATTERED;
 use super::cost::AssetCosts;
 use super::lattice::Lattice;
 use super::part::Job;

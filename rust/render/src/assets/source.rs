@@ -5,7 +5,7 @@
 //! nodes of the tree over them, then values of primvars by record, and keys of those that move. A tile of a
 //! texture is one range of texels. Pure; any thread.
 
-use super::values::ValueLayout;
+use super::values::{ALIGN, ValueLayout};
 use crate::textures::TextureImage;
 use oocpt_abi::{
     AttributeRate, Bvh4Node, GpuAssembly, GpuAttribute, GpuInstance, GpuMesh, GpuMotionKey, LevelNode, MESH_KEYS_SHIFT,
@@ -16,9 +16,6 @@ use oocpt_core::partition::Chunk;
 use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord, MotionKey};
 use std::ops::Range;
 use std::sync::Arc;
-
-/// Alignment of every section, bytes.
-pub(crate) const ALIGN: u64 = 16;
 
 /// What ranges are rounded up to by the heap, bytes.
 const GRANULE: u64 = 256;

@@ -2,9 +2,11 @@
 //! Tables of values by instance: entries of the columns, one more that ends them, then the values of each column in the
 //! order of the rows. Pure.
 
-use super::source::ALIGN;
 use oocpt_abi::{GpuAttribute, NO_NAME};
 use oocpt_core::scene::InstanceColumn;
+
+/// Alignment of every section, bytes.
+pub(crate) const ALIGN: u64 = 16;
 
 /// Where the parts of a table are, from its beginning.
 #[derive(Debug)]

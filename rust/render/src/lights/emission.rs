@@ -207,11 +207,11 @@ impl PrimEmission {
                     key.extend(fallback.map(f32::to_bits));
                 }
                 EmittedPower::Program(program) => {
-                    let [low, high] = super::emitter::halves(program.number);
+                    let [low, high] = halves(program.number);
                     key.extend([3, self.scale.to_bits(), low, high]);
                 }
                 EmittedPower::Picture(Picture { map, set, fallback, rows }) => {
-                    let [low, high] = super::emitter::halves(map.number);
+                    let [low, high] = halves(map.number);
                     key.extend([2, self.scale.to_bits(), low, high, set.unwrap_or(u32::MAX)]);
                     key.extend(fallback.iter().chain(rows.as_flattened()).map(|v| v.to_bits()));
                 }
@@ -345,4 +345,10 @@ fn emitted_power(
 
 fn three(corners: Option<[[f32; 4]; 3]>) -> Option<[[f32; 3]; 3]> {
     corners.map(|corners| corners.map(|[x, y, z, _]| [x, y, z]))
+}
+
+/// Low and high half.
+#[expect(clippy::cast_possible_truncation, reason = "halves")]
+pub(super) fn halves(x: u64) -> [u32; 2] {
+    [x as u32, (x >> 32) as u32]
 }

@@ -2,7 +2,7 @@
 //! The triangles of one mesh that emit light, with the weights that its materials have for one prim: leaves of a few
 //! faces each and a tree over them, all in the mesh's frame. Shared by all placements that weigh the same. Pure.
 
-use super::emission::{EmittedPower, PrimEmission};
+use super::emission::{EmittedPower, PrimEmission, halves};
 use super::narrow;
 use super::program::{Corner, with_floor};
 use super::tree::{self, LightBounds, NOTHING};
@@ -151,12 +151,6 @@ impl Emitter {
         let bounds = parts().fold(NOTHING, |sum, part| sum.union(&part.bounds));
         LightBounds { power: bounds.power / whole, ..bounds }
     }
-}
-
-/// Low and high half.
-#[expect(clippy::cast_possible_truncation, reason = "halves")]
-pub(super) fn halves(x: u64) -> [u32; 2] {
-    [x as u32, (x >> 32) as u32]
 }
 
 /// Weighs what programs emit, slot by slot.

@@ -7,8 +7,9 @@
 //! grows with unique triangles and with placements, both bounded; what is beyond is met by rays alone, which loses no
 //! light. Depends on the snapshot only, not on what is on the device. Pure.
 
+use super::emission::halves;
 use super::emission::{EmissionMaps, EmittedPower, Placed, PrimEmission};
-use super::emitter::{Emitter, cross, dot, halves};
+use super::emitter::{Emitter, cross, dot};
 use super::local::finite_power;
 use super::mesh_motion::{MAX_KEYS, Motions, has_usable_size, swept};
 use super::tree::{self, LightBounds, NOTHING};

@@ -2,6 +2,7 @@
 //! The memory of a streaming render: paths in slots, lists of rays that wait, the demand for
 //! units, and what the host reads of it.
 
+use super::needs::Needs;
 use super::observe::{Extents, Observation};
 use super::optional_buffers::{LOOKUP_BYTES, RouletteBuffers, TextureBuffers, list_questions, question_bytes};
 use super::places::{Bounds, Places, device_bytes};
@@ -17,43 +18,6 @@ use std::sync::Arc;
 
 /// Most units whose demand the host reads in a step, 16 bytes each; the others ask again in the next one.
 const MOST_LISTED: u32 = 1 << 16;
-
-/// What of a scene decides how much memory there has to be.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Needs {
-    pub(crate) levels: u32,
-    pub(crate) chunks: u32,
-    /// Chunks, then meshes.
-    pub(crate) geometry: u32,
-    /// These, then tiles of textures.
-    pub(crate) units: u32,
-    /// Paths wait for tiles.
-    pub(crate) textures: bool,
-    /// Most lookups of textures that a material makes.
-    pub(crate) lookups: u32,
-    /// Rays do.
-    pub(crate) cutouts: bool,
-    /// They do in programs.
-    pub(crate) cutout_programs: bool,
-    /// Some mesh has a material.
-    pub(crate) materials: bool,
-    /// Lights ask something of paths.
-    pub(crate) light_paths: bool,
-    /// Some light asks for shadow rays.
-    pub(crate) shadows: bool,
-    /// Roulette on loads is played.
-    pub(crate) roulette: bool,
-    /// The rays that enter each chunk and mesh are counted.
-    pub(crate) visits: bool,
-}
-
-impl Needs {
-    /// The same with one unit of each kind, where there is none: buffers have some bytes.
-    fn at_least_one(self) -> Self {
-        let [chunks, geometry, units] = [self.chunks, self.geometry, self.units].map(|count| count.max(1));
-        Self { chunks, geometry, units, ..self }
-    }
-}
 
 /// See the module.
 #[derive(Debug)]

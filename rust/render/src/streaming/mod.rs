@@ -13,6 +13,7 @@ mod clock;
 mod leave;
 mod left;
 mod mapping;
+mod needs;
 mod observe;
 mod optional_buffers;
 mod places;
@@ -27,7 +28,6 @@ mod stage;
 mod stall;
 mod stragglers;
 
-use buffers::Needs;
 pub(crate) use buffers::StreamBuffers;
 
 use crate::assets::{HostHeapFiller, Scene, SceneAssets, SceneView, bytes_with_holes};
@@ -46,6 +46,7 @@ use crate::wavefront::BackgroundCompile;
 use clock::Clock;
 use leave::LeaveDecision;
 use left::PathsLeftLog;
+use needs::Needs;
 use observe::Observation;
 use oocpt_abi::{Features, Frame, MAX_PENDING};
 use oocpt_core::inventory::Inventory;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Memory of a streaming render that only some scenes need: for textures, for roulette on loads.
 
-use super::buffers::Needs;
+use super::needs::Needs;
 use oocpt_abi::{CUTOUT_LOOKUPS, Question, Roulette, WORTH_SUMS};
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
