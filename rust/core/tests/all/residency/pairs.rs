@@ -180,3 +180,19 @@ fn a_load_that_keeps_failing_ends_beside_its_partner_alone() {
         assert!(ended, "{kind}: it fails for ever");
     }
 }
+
+/// Round robin brought each of these units again and again, and never two that a ray needs together: what starves has to
+/// count while it is there, too.
+#[test]
+fn units_that_come_by_turns_meet_their_partners() {
+    let case = Case {
+        bases: vec![14, 72, 7, 72],
+        others: vec![14, 79, 7, 66],
+        rays: vec![vec![(1, 7)], vec![(0, 4)], vec![(3, 5)], vec![(1, 5)]],
+    };
+    for kind in PolicyKind::ALL {
+        let catalog = case.catalog();
+        let mut witness = Witness::new(&catalog, catalog.least_budget(), kind, 0);
+        assert!(steps_to_the_end(&case, &mut witness, 0, 400).is_some(), "{kind}: rays still wait");
+    }
+}
