@@ -128,8 +128,8 @@ impl Planner {
                 entry.since = step;
                 entry.since_loads = loads;
             }
-            // Rays that need another one with it wait for it also while it is there: were they to begin to wait anew when
-            // it goes, two that come by turns would never starve.
+            // Rays that need another one with it wait for it also while it is there. If they began to wait anew when it
+            // goes, two that come by turns would never starve.
             entry.seen = step;
             if entry.state == UnitState::Resident {
                 return;
