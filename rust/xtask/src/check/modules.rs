@@ -114,7 +114,7 @@ fn arrows_of(modules: &BTreeMap<Names, String>) -> BTreeMap<Names, Arrows> {
             let folder = module[..depth].to_vec();
             let around = passed.get(&folder).and_then(|items| items.get(name));
             let other = around.unwrap_or(name);
-            if other != own && modules.contains_key(&[&*folder, &[other.clone()]].concat()) {
+            if other != own && modules.contains_key(&[&*folder, std::slice::from_ref(other)].concat()) {
                 folders.entry(folder).or_default().entry(own.clone()).or_default().insert(other.clone());
             }
         }
