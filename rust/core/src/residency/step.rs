@@ -124,16 +124,14 @@ impl Planner {
         for_each_nonzero(plan.demand.asked, plan.demand.waiting, self.entries.len(), |unit, rays| {
             let entry = &mut self.entries[unit as usize];
             entry.waited_for(step, rays);
+            if entry.state == UnitState::Resident {
+                return;
+            }
             if step == 1 || entry.seen != step.wrapping_sub(1) {
                 entry.since = step;
                 entry.since_loads = loads;
             }
-            // Rays that need another one with it wait for it also while it is there. If they began to wait anew when it
-            // goes, two that come by turns would never starve.
             entry.seen = step;
-            if entry.state == UnitState::Resident {
-                return;
-            }
             plan.rays_waiting += u64::from(rays);
             if entry.state == UnitState::Absent && !entry.pauses(step) {
                 plan.demanded.push(unit);

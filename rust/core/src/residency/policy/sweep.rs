@@ -1,26 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Round robin over all units that have demand, in the order of their ids, as GPU-Motunui (C. Hellmuth, 2020) passes
-//! over all its partitions again and again. What was loaded the longest time ago goes first.
+//! over all its partitions again and again. What was loaded the longest time ago goes first. What rays need with a unit
+//! comes next to it: by its own turn it might come only when the unit has gone again.
 
 use super::super::UnitId;
 use super::{Policy, View};
 
 /// Round robin.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Sweep {
-    /// The unit after the one loaded last.
+    /// The unit after the one loaded last by its turn.
     cursor: UnitId,
+    /// What rays need with that unit.
+    next: Option<UnitId>,
+    /// Units that could be loaded in this step, with what rays need with each.
+    partners: Vec<(UnitId, Option<UnitId>)>,
 }
 
 impl Policy for Sweep {
-    fn order(&mut self, _view: &View<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)> {
-        let mut ids: Vec<(UnitId, UnitId)> =
-            demanded.iter().map(|&unit| (unit.wrapping_sub(self.cursor), unit)).collect();
+    fn order(&mut self, view: &View<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)> {
+        let next = self.next;
+        let place = |unit: UnitId| if Some(unit) == next { 0 } else { unit.wrapping_sub(self.cursor).max(1) };
+        let mut ids: Vec<(UnitId, UnitId)> = demanded.iter().map(|&unit| (place(unit), unit)).collect();
         if ids.len() > limit {
             ids.select_nth_unstable(limit);
             ids.truncate(limit);
         }
         ids.sort_unstable();
+        self.partners = ids.iter().map(|&(_, unit)| (unit, view.partner(unit))).collect();
         ids.into_iter().map(|(distance, unit)| (-f64::from(distance), unit)).collect()
     }
 
@@ -33,6 +40,9 @@ impl Policy for Sweep {
     }
 
     fn issued(&mut self, unit: UnitId) {
-        self.cursor = unit.wrapping_add(1);
+        if self.next.take() != Some(unit) {
+            self.cursor = unit.wrapping_add(1);
+            self.next = self.partners.iter().find(|(of, _)| *of == unit).and_then(|(_, partner)| *partner);
+        }
     }
 }

@@ -26,6 +26,11 @@ impl View<'_> {
         at(self.demand.waiting, unit)
     }
 
+    /// A unit that rays need at the same time as this one, one of several.
+    pub fn partner(&self, unit: UnitId) -> Option<UnitId> {
+        at(self.demand.partners, unit).checked_sub(1)
+    }
+
     /// No ray can be traced: the device waits for loads.
     pub fn is_idle(&self) -> bool {
         self.demand.active == 0

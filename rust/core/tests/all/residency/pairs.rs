@@ -181,8 +181,7 @@ fn a_load_that_keeps_failing_ends_beside_its_partner_alone() {
     }
 }
 
-/// Round robin brought each of these units again and again, and never two that a ray needs together: rays go on to wait
-/// while one of the two is there.
+/// Round robin brought each of these units again and again, and never two that a ray needs together.
 #[test]
 fn units_that_come_by_turns_meet_their_partners() {
     let case = Case {
