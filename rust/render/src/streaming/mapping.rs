@@ -93,8 +93,10 @@ impl Residency<'_> {
     pub(super) fn map_all(&mut self, gate: &Gate<'_>) -> Result<(), RenderError> {
         let (mut came, mut count) = (Instant::now(), 0);
         while !self.is_all_there() && came.elapsed() < LONGEST_WAIT && gate.proceed() {
+            // Asked first: memory that is made meanwhile is still to be used.
+            let is_full = self.filler.as_ref().is_none_or(HostHeapFiller::has_ended);
             self.map_demanded(&Demand::default())?;
-            if self.store.mapping() == 0 && self.filler.as_ref().is_none_or(HostHeapFiller::has_ended) {
+            if is_full && self.store.mapping() == 0 {
                 break;
             }
             self.advance(WAIT)?;
