@@ -7,7 +7,6 @@ use crate::error::RenderError;
 use oocpt_gpu::Heap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Weak};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// Bytes made at a time.
@@ -28,7 +27,6 @@ pub(crate) fn bytes_with_holes(bytes: u64, largest: u64) -> u64 {
 #[derive(Debug)]
 pub(crate) struct HostHeapFiller {
     wanted: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
 }
 
 impl HostHeapFiller {
@@ -39,16 +37,10 @@ impl HostHeapFiller {
         let wanted = Arc::new(AtomicBool::new(false));
         let watched = Arc::downgrade(&wanted);
         let fill = move || fill(&heap, most, &watched);
-        let thread = std::thread::Builder::new().name("oocpt-host-heap".into()).spawn(fill);
-        if let Err(error) = &thread {
+        if let Err(error) = std::thread::Builder::new().name("oocpt-host-heap".into()).spawn(fill) {
             tracing::warn!(%error, "no thread makes memory for geometry of the host");
         }
-        Ok(Self { wanted, thread: thread.ok() })
-    }
-
-    /// Whether it makes no more memory: the limit is reached, or there is none.
-    pub(crate) fn has_ended(&self) -> bool {
-        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+        Ok(Self { wanted })
     }
 
     /// Has it begin.

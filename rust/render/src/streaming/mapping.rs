@@ -89,16 +89,11 @@ impl Residency<'_> {
     }
 
     /// Brings all geometry into host memory before any ray waits for it: many times faster than what rays ask for one
-    /// after the other. Leaves off when the gate says no, when host memory is full, or when nothing comes.
+    /// after the other. Leaves off when the gate says no, or when nothing comes.
     pub(super) fn map_all(&mut self, gate: &Gate<'_>) -> Result<(), RenderError> {
         let (mut came, mut count) = (Instant::now(), 0);
         while !self.is_all_there() && came.elapsed() < LONGEST_WAIT && gate.proceed() {
-            // Asked first: memory that is made meanwhile is still to be used.
-            let is_full = self.filler.as_ref().is_none_or(HostHeapFiller::has_ended);
             self.map_demanded(&Demand::default())?;
-            if is_full && self.store.mapping() == 0 {
-                break;
-            }
             self.advance(WAIT)?;
             if self.store.mapped_count() != count {
                 (came, count) = (Instant::now(), self.store.mapped_count());
