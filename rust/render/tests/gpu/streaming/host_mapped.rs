@@ -6,7 +6,7 @@ use super::{Render, SCENES, options, percent, planting, request_of, small_chunks
 use crate::support::{self, read_all, settings};
 use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_gpu::DeviceKind;
-use oocpt_render::{AovKind, Faults, Session};
+use oocpt_render::{Faults, Session};
 
 /// Most pictures until all that rays ask for is in host memory: a GPU has rendered many before its pages are made.
 pub(crate) const MOST_PICTURES: u32 = 400;
@@ -137,30 +137,4 @@ fn a_fully_resident_scene_leaves_streaming() {
     }
     // A GPU is done with so small a picture before all of the scene is there.
     assert!(switched > 0 || !on_processor, "no picture changed while it was rendered");
-}
-
-/// A batch render that is long enough brings all geometry first, so that no ray waits; one that shows images on the way
-/// does not keep its first one back for that.
-#[test]
-fn long_batch_renders_map_all_geometry_before_their_first_ray() {
-    let scene = &SCENES[0];
-    let whole = super::render(scene, small_chunks(), options());
-    let budget = percent(whole.stats.scene_bytes, 25).max(smallest_budget(scene));
-    for interactive in [false, true] {
-        let settings = Settings {
-            geometry_budget_kib: budget,
-            host_mapped: HostMapped::On,
-            samples_per_pixel: 96,
-            interactive,
-            ..small_chunks()
-        };
-        let session = Session::with_options(settings, planting(Faults { leaves_soon: true, ..Faults::default() }));
-        session.with_scene(scene.build);
-        // One wave: later ones find what this one has asked for.
-        let mut request = request_of(scene);
-        request.aovs.retain(|aov| aov.kind == AovKind::Depth);
-        support::render(&session, &request);
-        let seen = session.stats().streaming;
-        assert_eq!(seen.hit_rate >= 1.0, !interactive, "rays that waited: {seen:?}");
-    }
 }
