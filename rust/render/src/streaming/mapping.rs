@@ -88,8 +88,8 @@ impl Residency<'_> {
         if self.brings_rest { self.map_rest(reach, nothing_wanted) } else { Ok(()) }
     }
 
-    /// Brings all geometry into host memory before any ray waits for it: many times faster than what rays ask for one
-    /// after the other. Leaves off when the gate says no, or when nothing comes.
+    /// Brings all geometry into host memory before any ray waits for it, one unit after the other. Leaves off when the
+    /// gate says no, or when nothing comes.
     pub(super) fn map_all(&mut self, gate: &Gate<'_>) -> Result<(), RenderError> {
         let (mut came, mut count) = (Instant::now(), 0);
         while !self.is_all_there() && came.elapsed() < LONGEST_WAIT && gate.proceed() {
