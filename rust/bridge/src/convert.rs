@@ -11,7 +11,7 @@ use crate::ffi;
 use crate::held::typed_array;
 use cxx::UniquePtr;
 use oocpt_core::array::{Element, TypedArray, column_matrix};
-use oocpt_core::desc::{Boundary, CurveBasis, CurveWrap, CurvesDesc, FaceVaryingLinear, Shape, TriangleRule};
+use oocpt_core::desc::{BoundaryRule, CurveBasis, CurveWrap, CurvesDesc, FaceVaryingLinear, Shape, TriangleRule};
 use oocpt_core::scene::{
     AssetRef, InstanceLinks, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar,
     PrimDesc, Primvar, SceneWarning, Subdivision, SubdivisionTags, SubsetDesc,
@@ -68,9 +68,9 @@ impl Complaints {
     fn subdivision_tags(&mut self, path: &str, desc: ffi::SubdivisionDesc) -> SubdivisionTags {
         SubdivisionTags {
             boundary: match desc.boundary {
-                0 => Boundary::None,
-                1 => Boundary::EdgeOnly,
-                _ => Boundary::EdgeAndCorner,
+                0 => BoundaryRule::None,
+                1 => BoundaryRule::EdgeOnly,
+                _ => BoundaryRule::EdgeAndCorner,
             },
             face_varying: match desc.face_varying {
                 0 => FaceVaryingLinear::None,
@@ -339,7 +339,11 @@ pub(crate) mod tests {
         assert_eq!(mesh.face_vertex_indices.index(2), Some(2), "the third index");
         assert_eq!((mesh.prim_id, mesh.subdivision), (7, Subdivision::Loop), "plain members");
         let tags = &mesh.subdivision_tags;
-        assert_eq!((tags.boundary, tags.face_varying), (Boundary::EdgeOnly, FaceVaryingLinear::Boundaries), "rules");
+        assert_eq!(
+            (tags.boundary, tags.face_varying),
+            (BoundaryRule::EdgeOnly, FaceVaryingLinear::Boundaries),
+            "rules"
+        );
         assert_eq!((tags.triangles, mesh.refine_level), (TriangleRule::Smooth, 3), "rule of triangles, level");
         let Shape::Curves(curves) = &mesh.shape else { panic!("curves stay curves") };
         assert_eq!((curves.basis, curves.wrap), (CurveBasis::BSpline, CurveWrap::Pinned), "basis and wrap");

@@ -9,9 +9,9 @@ use crate::device::WAVE_TIMEOUT;
 use crate::error::RenderError;
 use crate::sync::lock;
 use crate::wave::{Piece, Wave};
-use oocpt_abi::{Adaptive as Block, Push};
+use oocpt_abi::{AdaptiveSampling as Block, PushConstants};
 use oocpt_core::adaptive::{AdaptiveSchedule, AdaptiveUsage, RING, STREAMS, VarianceEstimate};
-use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
@@ -39,9 +39,9 @@ impl Adaptive {
         Ok(Self {
             gpu: Arc::clone(gpu),
             pixels,
-            block: Buffer::new(gpu, "adaptive", size_of::<Block>() as u64, Usage::Device)?,
-            entries: Buffer::new(gpu, "entries", streams * 8, Usage::Device)?,
-            estimates: Buffer::new(gpu, "estimates", streams * 4 * u64::from(RING), Usage::Device)?,
+            block: Buffer::new(gpu, "adaptive", size_of::<Block>() as u64, BufferUsage::Device)?,
+            entries: Buffer::new(gpu, "entries", streams * 8, BufferUsage::Device)?,
+            estimates: Buffer::new(gpu, "estimates", streams * 4 * u64::from(RING), BufferUsage::Device)?,
             course: Mutex::new(None),
             #[cfg(feature = "faults")]
             is_naive: false,
@@ -87,7 +87,7 @@ impl Adaptive {
     /// Estimates by the first samples up to an octave, by stream and pixel.
     fn answers(&self, octave: u32) -> Result<[Vec<VarianceEstimate>; STREAMS], RenderError> {
         let bytes = self.pixels * STREAMS as u64 * 4;
-        let target = Buffer::new(&self.gpu, "answers", bytes, Usage::Readback)?;
+        let target = Buffer::new(&self.gpu, "answers", bytes, BufferUsage::Readback)?;
         let mut commands = self.gpu.commands("answers")?;
         commands.copy(&self.estimates, u64::from(octave % RING) * bytes, &target, 0, bytes);
         if !commands.submit()?.wait(WAVE_TIMEOUT)? {
@@ -115,7 +115,7 @@ impl Adaptive {
         if epoch.bands.len() > block.width.len() {
             return Err(RenderError::Internal("an epoch has more bands than the passes know".into()));
         }
-        let staging = Buffer::new(&self.gpu, "entries to send", (bytes.len() as u64).max(8), Usage::Upload)?;
+        let staging = Buffer::new(&self.gpu, "entries to send", (bytes.len() as u64).max(8), BufferUsage::Upload)?;
         staging.write(0, bytes)?;
         let mut commands = self.gpu.commands("entries")?;
         commands.copy(&staging, 0, &self.entries, 0, bytes.len() as u64);
@@ -148,12 +148,12 @@ impl Adaptive {
     }
 
     /// The push constants of a wave, which is in one band; and the entries of that.
-    pub(crate) fn push(&self, frame: u64, wave: Wave) -> (Push, u32) {
+    pub(crate) fn push(&self, frame: u64, wave: Wave) -> (PushConstants, u32) {
         let course = lock(&self.course);
         let bands = course.as_ref().map_or(&[][..], |course| course.epoch().bands.as_slice());
         let found = (0_u32..).zip(bands).find(|(_, band)| (band.first..band.end()).contains(&wave.first));
-        let Some((number, band)) = found else { return (Push::wave(frame, 0, 0, 1), 0) };
-        let push = Push::wave(frame, wave.first - band.first, wave.count, band.width);
+        let Some((number, band)) = found else { return (PushConstants::wave(frame, 0, 0, 1), 0) };
+        let push = PushConstants::wave(frame, wave.first - band.first, wave.count, band.width);
         (push.in_band(number, band.row), band.width)
     }
 

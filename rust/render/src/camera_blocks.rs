@@ -5,22 +5,22 @@
 use crate::assets::motion_key;
 use crate::error::RenderError;
 use crate::setting::Setting;
-use oocpt_abi::{Frame, GpuCameraKey};
+use oocpt_abi::{FrameConstants, GpuCameraKey};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::{CameraMotion, MotionKey};
-use oocpt_gpu::{Buffer, Usage};
+use oocpt_gpu::{Buffer, BufferUsage};
 
 /// Uploads what there is, and writes the addresses into the block.
 pub(crate) fn upload(
     setting: &Setting<'_>,
-    block: &mut Frame,
+    block: &mut FrameConstants,
     listed: &mut Inventory,
 ) -> Result<[Option<Buffer>; 2], RenderError> {
     let mut upload = |name: &str, bytes: &[u8]| -> Result<Option<Buffer>, RenderError> {
         if bytes.is_empty() {
             return Ok(None);
         }
-        let buffer = Buffer::new(&setting.device.gpu, name, bytes.len() as u64, Usage::Upload)?;
+        let buffer = Buffer::new(&setting.device.gpu, name, bytes.len() as u64, BufferUsage::Upload)?;
         buffer.write(0, bytes)?;
         listed.add(name, bytes.len() as u64);
         Ok(Some(buffer))

@@ -3,7 +3,7 @@
 //! on: the product has none of them.
 
 use oocpt_abi::Features;
-use oocpt_gpu::{DriverMemory, Failure};
+use oocpt_gpu::{DriverMemory, PlantedFailure};
 
 /// What a session does wrong, or otherwise than its scene asks for; nothing by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,7 +33,7 @@ pub struct Faults {
     /// what is missing of it is brought at once (`streaming::leave`).
     pub leaves_soon: bool,
     /// Makes calls that take memory fail, in the first render of the session.
-    pub failure: Option<Failure>,
+    pub failure: Option<PlantedFailure>,
     /// So many devices are lost, one after the other, each after so many submissions, in the first render.
     pub lost_devices: [u32; 2],
     /// Milliseconds after which a wait for loads is told, in place of a minute; 0 = a minute.

@@ -23,11 +23,11 @@ use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::upload::Upload;
 use crate::wavefront::{BackgroundCompile, PathBuffers};
-use oocpt_abi::{Features, Frame};
+use oocpt_abi::{Features, FrameConstants};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::Snapshot;
 #[cfg(feature = "faults")]
-use oocpt_gpu::{Call, Failure};
+use oocpt_gpu::{DriverCall, PlantedFailure};
 use oocpt_gpu::{Gpu, GpuError};
 use std::sync::Arc;
 
@@ -97,7 +97,7 @@ impl Renderer {
             && lost < devices
             && job.generation == 1
         {
-            device.gpu.plant_failure(Failure { call: Call::Submit, after: after.into(), times: 1 });
+            device.gpu.plant_failure(PlantedFailure { call: DriverCall::Submit, after: after.into(), times: 1 });
         }
         #[cfg(not(feature = "faults"))]
         let _ = lost;
@@ -347,7 +347,7 @@ impl Renderer {
         if let Some(feedback) = &feedback {
             feedback.list(&mut listed);
         }
-        let bind = |block: &mut Frame| block.texture_feedback = feedback.as_ref().map_or(0, Feedback::address);
+        let bind = |block: &mut FrameConstants| block.texture_feedback = feedback.as_ref().map_or(0, Feedback::address);
         let mut tracer = Tracer::new(setting, paths, (&view, parts), listed, bind, progress)?;
         if let (Some(feedback), Some(incomplete_paths)) = (&feedback, paths.incomplete_paths()) {
             tracer.traces_into(feedback.written().into_iter().chain([incomplete_paths]).collect());

@@ -19,7 +19,7 @@ use crate::shared::Shared;
 use crate::sync::lock;
 use crate::timings::Timings;
 use crate::wave::{LAST_SLOT, Wave, next_boundary};
-use oocpt_abi::Counters;
+use oocpt_abi::WavefrontCounters;
 use oocpt_core::adaptive::AdaptiveUsage;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::{Stats, StreamingStats, Usage};
@@ -57,8 +57,8 @@ pub(crate) struct Progress<'a> {
     /// Adaptive: paths that are decided.
     decided: Option<u64>,
     /// What was counted before another feed went on.
-    before: Option<Counters>,
-    /// `Counters::nonfinite_pixel`.
+    before: Option<WavefrontCounters>,
+    /// `WavefrontCounters::nonfinite_pixel`.
     nonfinite_pixel: u32,
     pub(crate) timings: Timings,
 }
@@ -179,7 +179,7 @@ impl<'a> Progress<'a> {
     }
 
     /// Another feed goes on; so much was counted until now.
-    pub(crate) fn left_off(&mut self, counters: &Counters) {
+    pub(crate) fn left_off(&mut self, counters: &WavefrontCounters) {
         self.before = Some(*counters);
     }
 
@@ -240,7 +240,7 @@ impl<'a> Progress<'a> {
     /// Publishes the images that the last finished submission copied out.
     #[expect(clippy::cast_precision_loss, reason = "rates are shown, not computed with")]
     pub(crate) fn publish(&mut self, film: &Film) -> Result<(), RenderError> {
-        let Counters { closest_rays, shadow_rays, nonfinite, nonfinite_pixel, stack_overflows, .. } =
+        let WavefrontCounters { closest_rays, shadow_rays, nonfinite, nonfinite_pixel, stack_overflows, .. } =
             film.publish(&self.shared.published)?;
         self.nonfinite_pixel = self.nonfinite_pixel.max(nonfinite_pixel);
         let before = self.before.unwrap_or_default();
@@ -391,7 +391,7 @@ impl<'a> Progress<'a> {
     }
 }
 
-/// What is said of samples that are not finite; `pixel` is `Counters::nonfinite_pixel`.
+/// What is said of samples that are not finite; `pixel` is `WavefrontCounters::nonfinite_pixel`.
 fn nonfinite_text(count: u64, pixel: u32, width: u32) -> String {
     let samples = if count == 1 { "1 sample is".to_owned() } else { format!("{count} samples are") };
     let place = (pixel != 0 && width != 0).then(|| (!pixel % width, !pixel / width));

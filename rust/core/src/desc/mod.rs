@@ -16,7 +16,7 @@ pub use light::{DomeFormat, LightDesc, LightKind, MaterialSync, ShadowReach, Sha
 pub use motion::{InstancerMotion, InstancerSample, PointsMotion, PointsSample, TransformSample};
 pub use shape::{CurveBasis, CurveWrap, CurvesDesc, Shape};
 pub use solid::{AROUND, Solid, SolidSize};
-pub use subdivision::{Boundary, Creasing, FaceVaryingLinear, Subdivision, SubdivisionTags, TriangleRule};
+pub use subdivision::{BoundaryRule, CreaseRule, FaceVaryingLinear, Subdivision, SubdivisionTags, TriangleRule};
 
 use std::sync::Arc;
 

@@ -5,8 +5,8 @@
 //! Names and texts come from scenes: each is shown without control characters, up to [`LONGEST_TEXT`] of it.
 
 use oocpt_abi::{MaterialFlags, MaterialInput};
-use oocpt_materialx::Offset;
-use oocpt_materialx::listing::{Cost, Names, formulas, instructions, numbers};
+use oocpt_materialx::DisplacementOffset;
+use oocpt_materialx::listing::{ListingNames, ProgramCost, formulas, instructions, numbers};
 use oocpt_materialx::program::Program;
 use serde::{Deserialize, Serialize};
 
@@ -116,8 +116,8 @@ pub fn describe(desc: &MaterialDesc) -> MaterialText {
 fn fill_displacement(text: &mut MaterialText, pattern: &PatternDisplacement) {
     let reader = Reader::of_pattern(pattern);
     let offset = match pattern.offset {
-        Offset::Constant(value) => numbers(&value, if pattern.is_vector { 3 } else { 1 }),
-        Offset::Register(register) => {
+        DisplacementOffset::Constant(value) => numbers(&value, if pattern.is_vector { 3 } else { 1 }),
+        DisplacementOffset::Register(register) => {
             let (values, roots) = formulas(&pattern.program, &[register], &reader);
             text.displacement_values = values;
             roots.into_iter().next().unwrap_or_default()
@@ -257,7 +257,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-impl Names for Reader<'_> {
+impl ListingNames for Reader<'_> {
     fn uv_set(&self, set: usize) -> String {
         format!("uv \"{}\"", clean(self.uv_sets.get(set).copied().unwrap_or("?")))
     }
@@ -306,7 +306,7 @@ fn input_text(input: &Input, width: usize, reader: &Reader<'_>) -> String {
 }
 
 fn program_text(program: &Program, reader: &Reader<'_>) -> ProgramText {
-    let Cost { noises, registers, constants, lookups, .. } = Cost::of(program);
+    let ProgramCost { noises, registers, constants, lookups, .. } = ProgramCost::of(program);
     ProgramText { instructions: instructions(program, reader), noises, registers, constants, lookups }
 }
 

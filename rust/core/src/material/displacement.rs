@@ -7,8 +7,8 @@
 use std::hash::{Hash as _, Hasher};
 use std::sync::Arc;
 
-use oocpt_materialx::Offset;
-use oocpt_materialx::program::{Instruction, Lookup, Program};
+use oocpt_materialx::DisplacementOffset;
+use oocpt_materialx::program::{Instruction, Program, ProgramLookup};
 use rustc_hash::FxHasher;
 use xxhash_rust::xxh3::Xxh3;
 
@@ -39,10 +39,10 @@ pub struct PreviewDisplacement {
     pub(crate) primvar: Option<Arc<str>>,
 }
 
-/// As [`oocpt_materialx::Displacement`].
+/// As [`oocpt_materialx::DisplacementProgram`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct PatternDisplacement {
-    pub(crate) offset: Offset,
+    pub(crate) offset: DisplacementOffset,
     /// Along tangent, bitangent and normal.
     pub(crate) is_vector: bool,
     /// Tangent or bitangent matter.
@@ -132,19 +132,19 @@ impl PatternDisplacement {
         hasher.update(&[4, u8::from(*is_vector)]);
         counts.iter().for_each(|count| hasher.update(&(*count as u64).to_le_bytes()));
         let mut add = |numbers: &[f32]| numbers.iter().for_each(|number| hasher.update(&number.to_le_bytes()));
-        if let Offset::Constant(value) = offset {
+        if let DisplacementOffset::Constant(value) = offset {
             add(value);
         }
         constants.iter().for_each(|constant| add(constant));
-        for Lookup { transform, scale, bias, .. } in lookups {
+        for ProgramLookup { transform, scale, bias, .. } in lookups {
             [transform.as_flattened(), scale, bias].into_iter().for_each(&mut add);
         }
         primvars.iter().for_each(|(_, fallback)| add(fallback));
-        for Lookup { texture, uv, .. } in lookups {
+        for ProgramLookup { texture, uv, .. } in lookups {
             hasher.update(&texture.to_le_bytes());
             hasher.update(&[uv.unwrap_or(u8::MAX)]);
         }
-        if let Offset::Register(register) = offset {
+        if let DisplacementOffset::Register(register) = offset {
             hasher.update(&[*register]);
         }
         for word in instructions.iter().flat_map(Instruction::pack) {

@@ -21,8 +21,8 @@ mod texture;
 use oocpt_abi::{MaterialFlags, MaterialInput, NAME_FRAME_X, NAME_FRAME_Y, NAME_NORMAL, NAME_POSITION, NAME_PTEX};
 use std::sync::Arc;
 
-use oocpt_materialx::Emission;
-use oocpt_materialx::program::{Lookup, Program};
+use oocpt_materialx::MaterialEmission;
+use oocpt_materialx::program::{Program, ProgramLookup};
 
 use crate::desc::AssetRef;
 
@@ -74,14 +74,14 @@ pub enum Input {
 pub const PTEX_SET: &str = "Ptex face";
 
 /// Name of the point in the mesh's frame, which is made of the hit and not of a primvar.
-pub const POSITION_NAME: &str = oocpt_materialx::uses::Uses::POSITION;
+pub const POSITION_NAME: &str = oocpt_materialx::uses::MaterialUses::POSITION;
 /// Name of the shading normal in the mesh's frame.
-pub const NORMAL_NAME: &str = oocpt_materialx::uses::Uses::NORMAL;
+pub const NORMAL_NAME: &str = oocpt_materialx::uses::MaterialUses::NORMAL;
 /// Names of the map of normals from the mesh's frame to the world.
-pub const FRAME_NAMES: [&str; 2] = oocpt_materialx::uses::Uses::OBJECT_FRAME;
+pub const FRAME_NAMES: [&str; 2] = oocpt_materialx::uses::MaterialUses::OBJECT_FRAME;
 
 /// Name of where a ribbon is met across its width, from 1 at the left to -1; what is no ribbon does not have it.
-pub const ACROSS_NAME: &str = oocpt_materialx::uses::Uses::ACROSS;
+pub const ACROSS_NAME: &str = oocpt_materialx::uses::MaterialUses::ACROSS;
 
 /// Number of a name that is no primvar.
 #[must_use]
@@ -138,7 +138,7 @@ pub struct Material {
     /// Works out the opacity where that is a register: a program of its own, which traversal runs.
     pub opacity_program: Program,
     /// Works out the emission alone, where light can be asked for it: its lookups are textures as the others.
-    pub emission: Option<Emission>,
+    pub emission: Option<MaterialEmission>,
 }
 
 impl Material {
@@ -156,7 +156,7 @@ impl Material {
     }
 
     /// The lookups of all its programs.
-    pub fn program_lookups(&self) -> impl Iterator<Item = &Lookup> {
+    pub fn program_lookups(&self) -> impl Iterator<Item = &ProgramLookup> {
         let emission = self.emission.iter().flat_map(|emission| &emission.program.lookups);
         self.program.lookups.iter().chain(&self.opacity_program.lookups).chain(emission)
     }

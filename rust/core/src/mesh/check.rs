@@ -5,7 +5,7 @@ use super::bundle::bundle_boxes;
 use super::bvh::{Bvh2, BvhError, MAX_LEAF_TRIANGLES};
 use super::bvh4::{Bvh4, WIDTH};
 use super::{Aabb, LeafKind, Triangle};
-use oocpt_abi::Child;
+use oocpt_abi::NodeChild;
 
 /// What a walk has seen so far.
 struct Walk<'a> {
@@ -134,17 +134,17 @@ impl Bvh4 {
     fn walk(&self, walk: &mut Walk<'_>, at: usize, waiting: u32) -> Result<Aabb, BvhError> {
         let node = self.nodes.get(at).ok_or(BvhError::Child(at))?;
         walk.nodes += 1;
-        let children: Vec<Child> = (0..4).map(|c| node.child(c)).take_while(|c| *c != Child::Absent).collect();
+        let children: Vec<NodeChild> = (0..4).map(|c| node.child(c)).take_while(|c| *c != NodeChild::Absent).collect();
         let waiting = waiting + u32::try_from(children.len()).unwrap_or(u32::MAX).saturating_sub(1);
         walk.depth = walk.depth.max(waiting);
-        if children.is_empty() || (0..).take(WIDTH).skip(children.len()).any(|c| node.child(c) != Child::Absent) {
+        if children.is_empty() || (0..).take(WIDTH).skip(children.len()).any(|c| node.child(c) != NodeChild::Absent) {
             return Err(BvhError::Child(at));
         }
         let mut all = Aabb::EMPTY;
         for (place, child) in children.into_iter().enumerate() {
             let inside = match child {
-                Child::Inner(child) if child as usize > at => self.walk(walk, child as usize, waiting)?,
-                Child::Leaf { first, count } => walk.leaf(at, first as usize, count)?,
+                NodeChild::Inner(child) if child as usize > at => self.walk(walk, child as usize, waiting)?,
+                NodeChild::Leaf { first, count } => walk.leaf(at, first as usize, count)?,
                 _ => return Err(BvhError::Child(at)),
             };
             for axis in 0..3 {

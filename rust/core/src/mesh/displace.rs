@@ -9,7 +9,7 @@
 use std::ops::Range;
 
 use glam::{DVec3, Vec3};
-use oocpt_subdiv::Facets;
+use oocpt_subdiv::LimitFacets;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
@@ -27,7 +27,7 @@ const SAME_NORMAL: f64 = 1.0 - 1e-4;
 
 /// A mesh that was cut: authored numbers of faces, values at its vertices, normals on the outer side.
 pub(super) struct Cut<'a> {
-    pub(super) facets: &'a Facets,
+    pub(super) facets: &'a LimitFacets,
     /// Authored number of each control face.
     pub(super) faces: &'a [u32],
     /// With the values at the vertices.

@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 use oocpt_materialx::eval::run_numbered;
-use oocpt_materialx::program::{Geometry, Lookup, MAX_LOOKUPS};
-use oocpt_materialx::{Offset, channels};
+use oocpt_materialx::program::{Geometry, MAX_LOOKUPS, ProgramLookup};
+use oocpt_materialx::{DisplacementOffset, channels};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
@@ -66,10 +66,10 @@ impl<'a> PatternRelief<'a> {
     pub(super) fn new(displacement: &'a PatternDisplacement, desc: &'a MeshDesc, surface: Surface<'a>) -> Self {
         let PatternDisplacement { offset, is_vector, program, uv_sets, primvars, .. } = displacement;
         let masks = match offset {
-            Offset::Register(register) => channels(program, *register, if *is_vector { 3 } else { 1 }),
-            Offset::Constant(_) => Vec::new(),
+            DisplacementOffset::Register(register) => channels(program, *register, if *is_vector { 3 } else { 1 }),
+            DisplacementOffset::Constant(_) => Vec::new(),
         };
-        let texture = |lookup: &Lookup| displacement.textures.get(lookup.texture as usize);
+        let texture = |lookup: &ProgramLookup| displacement.textures.get(lookup.texture as usize);
         Self {
             displacement,
             surface,
@@ -204,8 +204,8 @@ impl<'a> PatternRelief<'a> {
 
     fn value(&self, face: u32, vertex: u32, members: &Members) -> [f32; 4] {
         let register = match self.displacement.offset {
-            Offset::Constant(value) => return value,
-            Offset::Register(register) => usize::from(register),
+            DisplacementOffset::Constant(value) => return value,
+            DisplacementOffset::Register(register) => usize::from(register),
         };
         let registers = self.run(face, vertex, |number, lookup, place| {
             let member = members.get(number).copied().unwrap_or(0);
@@ -221,7 +221,7 @@ impl<'a> PatternRelief<'a> {
         &self,
         face: u32,
         vertex: u32,
-        lookup: impl FnMut(usize, &Lookup, Option<[f32; 2]>) -> [f32; 4],
+        lookup: impl FnMut(usize, &ProgramLookup, Option<[f32; 2]>) -> [f32; 4],
     ) -> [[f32; 4]; oocpt_materialx::program::REGISTERS] {
         let vector = |v: DVec3| [single(v.x), single(v.y), single(v.z), 0.0];
         let set = |set: usize| {
@@ -259,16 +259,16 @@ impl<'a> PatternRelief<'a> {
         self.tangents.as_ref().map_or_else(|| [any().0, any().1, normal], |tangents| tangents.frame(vertex, normal))
     }
 
-    fn texture(&self, lookup: &Lookup) -> Option<&TextureRef> {
+    fn texture(&self, lookup: &ProgramLookup) -> Option<&TextureRef> {
         self.displacement.textures.get(lookup.texture as usize)
     }
 
-    fn fallback(&self, lookup: &Lookup) -> [f32; 4] {
+    fn fallback(&self, lookup: &ProgramLookup) -> [f32; 4] {
         scaled(lookup, self.texture(lookup).map_or([0.0; 4], |texture| texture.fallback))
     }
 
     /// Where a lookup looks: the place that the program says, or else its own.
-    fn place(&self, lookup: &Lookup, place: Option<[f32; 2]>, face: u32, vertex: u32) -> [f64; 2] {
+    fn place(&self, lookup: &ProgramLookup, place: Option<[f32; 2]>, face: u32, vertex: u32) -> [f64; 2] {
         if let Some(place) = place {
             return place.map(f64::from);
         }
@@ -291,7 +291,7 @@ impl<'a> PatternRelief<'a> {
     }
 }
 
-fn scaled(lookup: &Lookup, texel: [f32; 4]) -> [f32; 4] {
+fn scaled(lookup: &ProgramLookup, texel: [f32; 4]) -> [f32; 4] {
     [0, 1, 2, 3].map(|k: usize| texel[k] * lookup.scale[k] + lookup.bias[k])
 }
 

@@ -6,7 +6,10 @@
 
 use glam::{DVec3, Vec3};
 use oocpt_abi::NAME_PTEX;
-use oocpt_subdiv::{Channel, Control, Data, Error, Facets, LimitSurface, MAX_RATE, Rules, Scheme};
+use oocpt_subdiv::{
+    ControlMesh, Error, FaceVaryingChannel, LimitFacets, LimitSurface, MAX_RATE, SubdivisionRules, SubdivisionScheme,
+    SurfaceData,
+};
 use rayon::prelude::*;
 
 use super::cage::Cage;
@@ -93,8 +96,8 @@ fn try_refine(
     let reads = |name: &str| demand.reads(name);
     let values = ControlValues::read(desc, own_normals, reads, topology, &cage.corners, dropped);
     let sharpness = Sharpness::read(&desc.subdivision_tags, topology.points.len(), dropped);
-    let channels: Vec<Channel<'_>> = values.channels();
-    let control = Control {
+    let channels: Vec<FaceVaryingChannel<'_>> = values.channels();
+    let control = ControlMesh {
         rules: rules(desc),
         point_count: topology.points.len(),
         face_counts: &cage.counts,
@@ -114,14 +117,17 @@ fn try_refine(
     let tessellate = |points: &[[f32; 3]]| {
         // Points of no face may be anything.
         let positions: Vec<[f32; 3]> = points.iter().map(|p| if p[0].is_nan() { [0.0; 3] } else { *p }).collect();
-        surface.tessellate(&rates, &Data { positions: positions.as_flattened(), vertex, varying, channels: &channels })
+        surface.tessellate(
+            &rates,
+            &SurfaceData { positions: positions.as_flattened(), vertex, varying, channels: &channels },
+        )
     };
     let mut facets = tessellate(&topology.points)?;
     // The rates are those of the frame's own time, so all poses are cut alike.
-    let moved = poses.iter().map(|pose| tessellate(&pose.points)).collect::<Result<Vec<Facets>, Error>>()?;
+    let moved = poses.iter().map(|pose| tessellate(&pose.points)).collect::<Result<Vec<LimitFacets>, Error>>()?;
     let mut desc = values.replace(desc, &facets);
     let left_handed = desc.left_handed;
-    let displace = |facets: &mut Facets, desc: &MeshDesc, dropped: &mut DroppedData| {
+    let displace = |facets: &mut LimitFacets, desc: &MeshDesc, dropped: &mut DroppedData| {
         let normals = normals(facets, left_handed);
         if !displaces {
             return (normals, Vec::new());
@@ -133,7 +139,7 @@ fn try_refine(
         (normals, notes)
     };
     let (normals, notes) = displace(&mut facets, &desc, dropped);
-    let at_key = |(pose, mut facets): (&Pose, Facets)| {
+    let at_key = |(pose, mut facets): (&Pose, LimitFacets)| {
         let (normals, _) = displace(&mut facets, &desc, &mut DroppedData::default());
         let points = facets.positions.as_chunks::<3>().0.to_vec();
         Pose { normals: Some(TypedArray::of(normals)), ..Pose::at(pose.time, points) }
@@ -144,13 +150,13 @@ fn try_refine(
     Ok(Refined { topology: refined_topology(topology, &cage, &facets), desc, poses, notes })
 }
 
-fn rules(desc: &MeshDesc) -> Rules {
+fn rules(desc: &MeshDesc) -> SubdivisionRules {
     let tags = &desc.subdivision_tags;
-    Rules {
+    SubdivisionRules {
         scheme: match desc.subdivision {
-            Subdivision::None | Subdivision::Bilinear => Scheme::Bilinear,
-            Subdivision::CatmullClark => Scheme::CatmullClark,
-            Subdivision::Loop => Scheme::Loop,
+            Subdivision::None | Subdivision::Bilinear => SubdivisionScheme::Bilinear,
+            Subdivision::CatmullClark => SubdivisionScheme::CatmullClark,
+            Subdivision::Loop => SubdivisionScheme::Loop,
         },
         boundary: tags.boundary,
         face_varying: tags.face_varying,
@@ -210,7 +216,7 @@ fn rates(
 }
 
 /// Unit normals on the outer side; where the surface has none, the mean of the triangles around.
-fn normals(facets: &Facets, left_handed: bool) -> Vec<[f32; 3]> {
+fn normals(facets: &LimitFacets, left_handed: bool) -> Vec<[f32; 3]> {
     let side = if left_handed { -1.0 } else { 1.0 };
     let (positions, _) = facets.positions.as_chunks::<3>();
     let (limit, _) = facets.normals.as_chunks::<3>();
@@ -238,7 +244,7 @@ fn normals(facets: &Facets, left_handed: bool) -> Vec<[f32; 3]> {
 }
 
 /// The triangles with the authored numbers of their faces.
-fn refined_topology(control: &Topology, cage: &Cage, facets: &Facets) -> Topology {
+fn refined_topology(control: &Topology, cage: &Cage, facets: &LimitFacets) -> Topology {
     let face = |(at, &face): (usize, &u32)| {
         let index = cage.faces.get(face as usize).copied()?;
         Some(Face { index, first: u32::try_from(3 * at).ok()?, count: 3, is_hole: false })
@@ -280,11 +286,11 @@ mod tests {
         let mut dropped = DroppedData::default();
         let topology = read_topology(&desc, &mut dropped).unwrap();
         let cage = Cage::new(&topology, &mut dropped).unwrap();
-        let control = Control {
+        let control = ControlMesh {
             point_count: topology.points.len(),
             face_counts: &cage.counts,
             face_points: &cage.points,
-            ..Control::default()
+            ..ControlMesh::default()
         };
         let surface = LimitSurface::new(&control).unwrap();
         let mut rates = |most| {

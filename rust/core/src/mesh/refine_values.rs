@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Primvars on a control mesh, and on its limit surface. Pure.
 
-use oocpt_subdiv::{Channel, Facets, Values};
+use oocpt_subdiv::{FaceVaryingChannel, LimitFacets, PackedValues};
 
 use super::topology::Topology;
 use crate::array::{ArrayView, ElementType, TypedArray};
@@ -160,28 +160,28 @@ impl ControlValues {
     }
 
     /// The topology of face-varying values.
-    pub(crate) fn channels(&self) -> Vec<Channel<'_>> {
+    pub(crate) fn channels(&self) -> Vec<FaceVaryingChannel<'_>> {
         let channel = |c: &'_ FaceVarying| c.floats.len() / c.width;
-        self.face_varying.iter().map(|c| Channel { corners: &c.corners, count: channel(c) }).collect()
+        self.face_varying.iter().map(|c| FaceVaryingChannel { corners: &c.corners, count: channel(c) }).collect()
     }
 
     /// Face-varying values.
-    pub(crate) fn channel_values(&self) -> Vec<Values<'_>> {
-        self.face_varying.iter().map(|c| Values { width: c.width, floats: &c.floats }).collect()
+    pub(crate) fn channel_values(&self) -> Vec<PackedValues<'_>> {
+        self.face_varying.iter().map(|c| PackedValues { width: c.width, floats: &c.floats }).collect()
     }
 
     /// Smooth values by point.
-    pub(crate) fn vertex(&self) -> Values<'_> {
-        Values { width: self.vertex_width, floats: &self.vertex }
+    pub(crate) fn vertex(&self) -> PackedValues<'_> {
+        PackedValues { width: self.vertex_width, floats: &self.vertex }
     }
 
     /// Linear values by point.
-    pub(crate) fn varying(&self) -> Values<'_> {
-        Values { width: self.varying_width, floats: &self.varying }
+    pub(crate) fn varying(&self) -> PackedValues<'_> {
+        PackedValues { width: self.varying_width, floats: &self.varying }
     }
 
     /// `desc` with the values of the limit surface.
-    pub(crate) fn replace(self, desc: &MeshDesc, facets: &Facets) -> MeshDesc {
+    pub(crate) fn replace(self, desc: &MeshDesc, facets: &LimitFacets) -> MeshDesc {
         let mut out = MeshDesc {
             normals: None,
             display_color: None,

@@ -17,7 +17,7 @@ use crate::desc::{LightDesc, MaterialDesc, MeshDesc, Shape};
 use crate::instancing::instance_primvars::{InstancePrimvar, MemberPrimvar};
 use crate::material::{ACROSS_NAME, Compiled, Cutout, Input, Material, PTEX_SET, TextureRef, built_in, compile};
 use crate::mesh::{Displacements, WantedPrimvar};
-use oocpt_materialx::program::{Lookup, REGISTERS};
+use oocpt_materialx::program::{ProgramLookup, REGISTERS};
 
 /// What a prim looks like: an entry of [`SurfaceTables::prims`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -447,7 +447,7 @@ impl SurfaceTables {
                 usize::from(register) < REGISTERS && !program.instructions.is_empty()
             }
         };
-        let known = |lookup: &Lookup| (lookup.texture as usize) < self.textures.len();
+        let known = |lookup: &ProgramLookup| (lookup.texture as usize) < self.textures.len();
         let all_sound = |material: &Arc<Material>| {
             material.inputs.iter().enumerate().all(|(at, input)| sound(at, input, material))
                 && material.program_lookups().all(known)

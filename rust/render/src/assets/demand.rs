@@ -9,7 +9,7 @@ use crate::error::RenderError;
 use crate::shared::Gate;
 use crate::timings::Timings;
 use oocpt_core::residency::AssetId;
-use oocpt_gpu::Commands;
+use oocpt_gpu::CommandList;
 use rustc_hash::FxHashMap;
 use std::time::{Duration, Instant};
 
@@ -146,7 +146,7 @@ impl Scene {
     }
 
     /// Records the entries of assets that have come.
-    pub(crate) fn write_entries(&self, commands: &mut Commands, assets: &[AssetId]) {
+    pub(crate) fn write_entries(&self, commands: &mut CommandList, assets: &[AssetId]) {
         if let Some(tables) = self.tables() {
             commands.concurrent(|c| tables.update(c, &self.assets, self.entries(), assets));
         }

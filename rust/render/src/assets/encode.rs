@@ -8,7 +8,7 @@ use super::surfaces::attributes;
 use crate::error::RenderError;
 use oocpt_abi::{GpuPoint, GpuTriangle};
 use oocpt_core::mesh::{Attribute, LeafKind, MeshAsset, SceneMesh, Triangle};
-use oocpt_gpu::{Commands, DeviceRange, Gpu, StagingRing, StagingSlice, Submission};
+use oocpt_gpu::{CommandList, DeviceRange, Gpu, StagingRing, StagingSlice, Submission};
 use std::sync::Arc;
 
 /// Staging bytes of one piece.
@@ -26,7 +26,7 @@ const PTEX: usize = std::mem::offset_of!(GpuTriangle, ptex);
 pub(crate) struct Writer<'a> {
     gpu: &'a Arc<Gpu>,
     ring: &'a StagingRing,
-    commands: Option<Commands>,
+    commands: Option<CommandList>,
     pending: usize,
     submissions: Vec<Submission>,
     bytes: u64,
@@ -73,7 +73,7 @@ impl<'a> Writer<'a> {
         Ok(self.ring.reserve(bytes as u64, 16)?)
     }
 
-    fn commands(&mut self) -> Result<&mut Commands, RenderError> {
+    fn commands(&mut self) -> Result<&mut CommandList, RenderError> {
         match &mut self.commands {
             Some(commands) => Ok(commands),
             none => {
@@ -226,7 +226,7 @@ fn triangle(triangle: &Triangle) -> GpuTriangle {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use oocpt_gpu::{Buffer, OpenOptions, Usage};
+    use oocpt_gpu::{Buffer, BufferUsage, OpenOptions};
     use std::sync::mpsc;
     use std::time::Duration;
 
@@ -240,7 +240,7 @@ mod tests {
         for thread in 0..4_u8 {
             let (gpu, ring, done) = (Arc::clone(&gpu), Arc::clone(&ring), done.clone());
             std::thread::spawn(move || {
-                let target = Buffer::new(&gpu, "target", bytes, Usage::Readback).expect("memory");
+                let target = Buffer::new(&gpu, "target", bytes, BufferUsage::Readback).expect("memory");
                 let mut writer = Writer::new(&gpu, &ring);
                 let data = vec![thread; usize::try_from(bytes).expect("small")];
                 let written = writer.bytes(&target, 0, &data).and_then(|()| writer.finish());

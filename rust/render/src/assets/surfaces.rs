@@ -8,7 +8,7 @@ use oocpt_abi::{
     GpuAttribute, GpuCutout, GpuInput, GpuMaterial, GpuPrim, MaterialFlags, MaterialInput, NAME_PTEX, NO_MATERIAL,
 };
 use oocpt_core::material::{Input, Material, UvSet};
-use oocpt_core::materialx::program::{Lookup, Program};
+use oocpt_core::materialx::program::{Program, ProgramLookup};
 use oocpt_core::mesh::{MeshSummary, PrimvarSummary};
 use oocpt_core::scene::{PrimRecord, SurfaceTables};
 
@@ -141,7 +141,7 @@ fn add_program(program: &Program, rows: &mut Vec<[u32; 4]>) -> (u32, u32) {
     let first = u32::try_from(rows.len()).unwrap_or(u32::MAX);
     rows.extend(program.constants.iter().map(|value| value.map(f32::to_bits)));
     for lookup in &program.lookups {
-        let Lookup { texture, uv, transform, scale, bias } = *lookup;
+        let ProgramLookup { texture, uv, transform, scale, bias } = *lookup;
         let whole = input(&Input::Texture { texture, channel: None, scale, bias, uv, transform }, &[]);
         rows.extend_from_slice(bytemuck::cast_slice::<GpuInput, [u32; 4]>(&[whole]));
     }

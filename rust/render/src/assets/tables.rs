@@ -17,7 +17,7 @@ use oocpt_abi::{GpuAssembly, GpuChunk, GpuChunkInstance, GpuMesh, GpuTexture, Le
 use oocpt_core::inventory::Inventory;
 use oocpt_core::partition::{ChunkInstance, PlacedValues};
 use oocpt_core::residency::AssetId;
-use oocpt_gpu::{Commands, HeapRange};
+use oocpt_gpu::{CommandList, HeapRange};
 use std::ops::Range;
 use std::time::Duration;
 
@@ -223,7 +223,13 @@ impl Tables {
 
     /// Records that the entries of `changed` (sorted) become what `entries` says. There may be thousands of meshes and
     /// tiles in a step: those that lie near each other go in one command, with what is between.
-    pub(crate) fn update(&self, commands: &mut Commands, assets: &SceneAssets, entries: &Entries, changed: &[AssetId]) {
+    pub(crate) fn update(
+        &self,
+        commands: &mut CommandList,
+        assets: &SceneAssets,
+        entries: &Entries,
+        changed: &[AssetId],
+    ) {
         let [mut meshes, mut assemblies, mut chunks, mut tiles] = [const { Vec::new() }; 4];
         for &asset in changed {
             match assets.slot(asset) {
@@ -243,7 +249,7 @@ impl Tables {
 }
 
 /// Writes the entries at `places` (sorted) of a table.
-fn write<T: Pod>(commands: &mut Commands, table: &HeapRange, entries: &[T], places: &[usize]) {
+fn write<T: Pod>(commands: &mut CommandList, table: &HeapRange, entries: &[T], places: &[usize]) {
     for run in runs(places, size_of::<T>()) {
         let offset = (run.start * size_of::<T>()) as u64;
         if let Some(entries) = entries.get(run) {

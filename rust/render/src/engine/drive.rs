@@ -10,7 +10,7 @@ use crate::progress::Progress;
 use crate::setting::Setting;
 use crate::shared::Gate;
 use crate::wavefront::Kind;
-use oocpt_abi::Counters;
+use oocpt_abi::WavefrontCounters;
 use oocpt_gpu::Submission;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -32,7 +32,7 @@ pub(super) enum Outcome {
 pub(crate) struct StreamingEnd {
     /// The first path that is not in the film.
     pub(crate) first: u64,
-    pub(crate) counters: Counters,
+    pub(crate) counters: WavefrontCounters,
 }
 
 /// What a feed handed to the device.

@@ -28,10 +28,10 @@ use crate::wave::LAST_SLOT;
 use crate::wavefront::{Backend, Kind, Native, Passes, PathBuffers, Recorder};
 use crate::{assets::SceneView, device::WAVE_TIMEOUT};
 use drive::{Outcome, run};
-use oocpt_abi::{Features, Frame};
+use oocpt_abi::{Features, FrameConstants};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::settings::TraversalKind;
-use oocpt_gpu::{Buffer, Commands, Submission, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, CommandList, Submission};
 
 /// What every submission of a frame refers to.
 #[derive(Debug)]
@@ -114,7 +114,7 @@ impl<'a> Tracer<'a> {
         paths: &'a PathBuffers,
         (view, parts): (&SceneView, Parts),
         mut listed: Inventory,
-        bind: impl FnOnce(&mut Frame),
+        bind: impl FnOnce(&mut FrameConstants),
         progress: &mut Progress<'_>,
     ) -> Result<Self, RenderError> {
         let Setting { device, film, .. } = *setting;
@@ -129,7 +129,7 @@ impl<'a> Tracer<'a> {
         progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
         paths.bind(&mut block);
         bind(&mut block);
-        let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
+        let frame = Buffer::new(&device.gpu, "frame", size_of::<FrameConstants>() as u64, BufferUsage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
         Ok(Self { setting, paths, passes, special, backend, written: paths.written(), frame, _camera: camera })
     }
@@ -161,7 +161,7 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    pub(crate) fn commands(&self, label: &str) -> Result<Commands, RenderError> {
+    pub(crate) fn commands(&self, label: &str) -> Result<CommandList, RenderError> {
         let mut commands = self.setting.device.gpu.commands(label)?;
         commands.profile(self.setting.job.options.profile);
         Ok(commands)

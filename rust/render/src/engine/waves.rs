@@ -13,8 +13,8 @@ use crate::schedule::{Schedule, first_wave};
 use crate::shared::Gate;
 use crate::wave::Wave;
 use crate::wavefront::{Kind, Traced};
-use oocpt_abi::{Features, Push, PushFlags};
-use oocpt_gpu::Commands;
+use oocpt_abi::{Features, PushConstants, PushFlags};
+use oocpt_gpu::CommandList;
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -81,7 +81,7 @@ impl<'e> Waves<'e> {
 
     /// Records some rounds of a wave: camera rays before the first round, the film after the last one. Gives the
     /// octaves of samples that end with it.
-    fn record(&self, commands: &mut Commands, wave: Wave, rounds: Range<u32>, q: Push) -> Vec<u32> {
+    fn record(&self, commands: &mut CommandList, wave: Wave, rounds: Range<u32>, q: PushConstants) -> Vec<u32> {
         let (recorder, last) = (self.tracer.recorder(), self.last_round());
         if rounds.start == 0 {
             if let Some(feedback) = self.feedback {
@@ -112,7 +112,7 @@ impl<'e> Waves<'e> {
     ) -> Result<Work<Part>, RenderError> {
         let mut commands = self.tracer.commands("wave")?;
         let q = self.tracer.recorder().push_of(self.kind, wave);
-        let q = Push { flags: q.flags | flags.bits(), ..q };
+        let q = PushConstants { flags: q.flags | flags.bits(), ..q };
         let octaves = self.record(&mut commands, wave, rounds.clone(), q);
         let is_due = self.kind == Kind::Samples && (progress.publish_due() || progress.compares(&octaves));
         let publishes = ends && is_due;

@@ -55,7 +55,7 @@ pub(crate) struct MeshLights {
     pub(crate) corners: Vec<[f32; 4]>,
     /// Most textures that are looked up for a point.
     pub(crate) lookups: u32,
-    /// How those that move do: see [`oocpt_abi::Lighting::mesh_motion`]. Empty where none does, as the next.
+    /// How those that move do: see [`oocpt_abi::LightTablePointers::mesh_motion`]. Empty where none does, as the next.
     pub(crate) motion: Vec<[u32; 2]>,
     pub(crate) keys: Vec<GpuLightKey>,
     /// All placements, with their power.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Mesh lights that move: the tables of their motion (`Lighting::mesh_motion`, `mesh_keys`), and bounds that hold them
-//! while the shutter is open. Pure.
+//! Mesh lights that move: the tables of their motion (`LightTablePointers::mesh_motion`, `mesh_keys`), and bounds that
+//! hold them while the shutter is open. Pure.
 
 use super::local::{finite_power, light_key};
 use super::mesh::in_world;

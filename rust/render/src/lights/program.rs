@@ -12,7 +12,7 @@ use super::{emission_weight, narrow};
 use oocpt_abi::{AttributeRate, NAME_FRAME_X, NAME_FRAME_Y, NAME_NORMAL, NAME_POSITION, NAME_PTEX};
 use oocpt_core::Material;
 use oocpt_core::materialx::eval::run;
-use oocpt_core::materialx::program::{Geometry, Lookup, Op, Program};
+use oocpt_core::materialx::program::{Geometry, Op, Program, ProgramLookup};
 use oocpt_core::mesh::{AnyAttribute, MeshAsset};
 use std::sync::Arc;
 
@@ -60,7 +60,7 @@ impl EmissionProgram {
         material: &Material,
         most_lookups: usize,
         number: u64,
-        mut map: impl FnMut(&Lookup) -> Option<Arc<EmissionMap>>,
+        mut map: impl FnMut(&ProgramLookup) -> Option<Arc<EmissionMap>>,
     ) -> Option<Self> {
         let emission = material.emission.as_ref()?;
         let program = &emission.program;
@@ -159,7 +159,7 @@ impl EmissionProgram {
             Geometry::Primvar1 => [0, 1, 2, 3].map(|k| mix(2, k)),
             _ => [0.0; 4],
         };
-        let texel = |lookup: &Lookup, place: Option<[f32; 2]>| {
+        let texel = |lookup: &ProgramLookup, place: Option<[f32; 2]>| {
             let [s, t] = match lookup.uv {
                 Some(set) => [uv[2 * usize::from(set & 1)], uv[2 * usize::from(set & 1) + 1]],
                 None => [0.0; 2],
@@ -209,7 +209,7 @@ mod tests {
     use super::*;
     use oocpt_abi::{MaterialFlags, MaterialInput};
     use oocpt_core::material::{Input, PrimvarSlot, UvSet};
-    use oocpt_core::materialx::Emission;
+    use oocpt_core::materialx::MaterialEmission;
     use oocpt_core::materialx::program::{Instruction, Operand};
     use oocpt_core::mesh::MeshAsset;
     use oocpt_core::scene::MeshDesc;
@@ -237,7 +237,7 @@ mod tests {
             primvars: vec![PrimvarSlot { name: "place".into(), id: NAME_POSITION, fallback: [0.0; 4] }],
             program: Program::default(),
             opacity_program: Program::default(),
-            emission: Some(Emission { program, register: 0 }),
+            emission: Some(MaterialEmission { program, register: 0 }),
         }
     }
 
@@ -288,11 +288,12 @@ mod tests {
         of_ptex.uv_sets[0].id = NAME_PTEX;
         assert!(made(&of_ptex).is_none(), "Ptex");
         let mut textured = above_one(Geometry::Uv0, 0.0);
-        let lookup = Lookup { texture: 0, uv: Some(0), transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
+        let lookup =
+            ProgramLookup { texture: 0, uv: Some(0), transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
         if let Some(emission) = &mut textured.emission {
             emission.program.lookups = vec![lookup; 4];
         }
-        let map = |_: &Lookup| Some(Arc::new(EmissionMap::even(1.0, 1)));
+        let map = |_: &ProgramLookup| Some(Arc::new(EmissionMap::even(1.0, 1)));
         assert!(EmissionProgram::new(&textured, 12, 1, map).is_some(), "as many as there are places");
         assert!(EmissionProgram::new(&textured, 13, 1, map).is_none(), "one more");
     }

@@ -9,7 +9,7 @@ use super::{EVEN_SHARE, MeshLights, count, local, luminance, narrow};
 use crate::light_files::LightFiles;
 use oocpt_abi::{
     Features, GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags,
-    Lighting, NO_INDEX,
+    LightTablePointers, NO_INDEX,
 };
 use oocpt_core::scene::{AssetRef, DomeFormat, DomeTexture, Emitter, IesProfile, Light, LocalLight, Snapshot};
 use rustc_hash::FxHashMap;
@@ -419,7 +419,7 @@ impl LightTable {
     }
 
     /// The block without addresses.
-    pub(crate) fn block(&self) -> Lighting {
+    pub(crate) fn block(&self) -> LightTablePointers {
         let without_place = self.locals.is_empty() && self.meshes.is_none();
         let local_share = match (without_place, self.infinite.is_empty()) {
             (true, _) => 0.0,
@@ -430,7 +430,7 @@ impl LightTable {
         let prim_count = u32::try_from(self.prim_sets.len() / 2).unwrap_or(u32::MAX);
         let mesh_light_count =
             self.meshes.as_ref().map_or(0, |meshes| u32::try_from(meshes.placements.len()).unwrap_or(u32::MAX));
-        let block = Lighting {
+        let block = LightTablePointers {
             infinite_count,
             link_words: self.link_words,
             local_share,
@@ -438,7 +438,7 @@ impl LightTable {
             mesh_light_count,
             joint: self.joint,
             textured_mesh_lights: u32::from(self.mesh_lookups() > 0),
-            ..Lighting::default()
+            ..LightTablePointers::default()
         };
         let mesh_power = self.meshes.as_ref().map(|meshes| meshes.bounds.power);
         self.brightness.put(block, !self.locals.is_empty(), mesh_power)

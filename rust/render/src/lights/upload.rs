@@ -11,7 +11,7 @@ use super::table::{LightTable, Map};
 use crate::assets::Writer;
 use crate::device::Device;
 use crate::error::RenderError;
-use oocpt_abi::{GpuLightMap, Lighting};
+use oocpt_abi::{GpuLightMap, LightTablePointers};
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::HeapRange;
 use std::sync::Arc;
@@ -32,7 +32,7 @@ struct Resident {
 #[derive(Debug)]
 struct ResidentMeshes {
     lights: Arc<MeshLights>,
-    /// In the order of the addresses in [`Lighting`]; `None`: not needed.
+    /// In the order of the addresses in [`LightTablePointers`]; `None`: not needed.
     tables: Vec<Option<HeapRange>>,
 }
 
@@ -42,7 +42,7 @@ struct MeshTables([u64; 12]);
 
 impl MeshTables {
     /// The block with these addresses.
-    fn with(self, block: Lighting) -> Lighting {
+    fn with(self, block: LightTablePointers) -> LightTablePointers {
         let [
             mesh_lights,
             light_meshes,
@@ -57,7 +57,7 @@ impl MeshTables {
             mesh_motion,
             mesh_keys,
         ] = self.0;
-        Lighting {
+        LightTablePointers {
             mesh_lights,
             light_meshes,
             mesh_nodes,
@@ -81,7 +81,7 @@ pub(crate) struct LightTables {
     pictures: Vec<Resident>,
     meshes: Option<ResidentMeshes>,
     tables: Vec<HeapRange>,
-    /// Address of the [`Lighting`]; 0 before the first [`Self::sync`].
+    /// Address of the [`LightTablePointers`]; 0 before the first [`Self::sync`].
     pub(crate) lighting: u64,
 }
 
@@ -110,7 +110,7 @@ impl LightTables {
             self.tables.push(range);
             Ok(address)
         };
-        let block = Lighting {
+        let block = LightTablePointers {
             local_lights: put("local lights", bytemuck::cast_slice(&lights.locals))?,
             nodes: put("light tree", bytemuck::cast_slice(&lights.nodes))?,
             infinite_lights: put("lights at infinity", bytemuck::cast_slice(&lights.infinite))?,
@@ -146,7 +146,7 @@ impl LightTables {
         }
     }
 
-    /// Addresses of the tables of the meshes that emit light, in the order of [`Lighting`]; 0 without any.
+    /// Addresses of the tables of the meshes that emit light, in the order of [`LightTablePointers`]; 0 without any.
     fn sync_meshes(
         &mut self,
         device: &Device,

@@ -48,7 +48,7 @@ use leave::LeaveDecision;
 use left::PathsLeftLog;
 use needs::Needs;
 use observe::Observation;
-use oocpt_abi::{Features, Frame, MAX_PENDING};
+use oocpt_abi::{Features, FrameConstants, MAX_PENDING};
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::MemoryUse;
 use residency::{Residency, Start};
@@ -127,7 +127,7 @@ pub(crate) fn render(
     }
     let stack_entries = residency.stack_entries.max(assets.likely_stack());
     let view = view.with_stack(stack_entries + MAX_PENDING);
-    let bind = |block: &mut Frame| buffers.bind(block);
+    let bind = |block: &mut FrameConstants| buffers.bind(block);
     let mut tracer = Tracer::new(setting, &buffers.paths, (&view, parts), listed, bind, progress)?;
     tracer.traces_into(buffers.written());
     if may_leave && leave.pays(progress.total_paths()) {

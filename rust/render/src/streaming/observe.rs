@@ -2,7 +2,7 @@
 //! What the host knows of the paths: the counters, segments and demand that a step left behind. Pure.
 
 use super::segments;
-use oocpt_abi::{Counters, Roulette, Segment, UnitDemand};
+use oocpt_abi::{PathSegment, RouletteStats, UnitDemand, WavefrontCounters};
 use oocpt_core::residency::UnitId;
 
 /// How many there are of what a step leaves behind.
@@ -30,9 +30,9 @@ impl Extents {
 pub(crate) struct Observation {
     /// The step that left it; 0 = none yet.
     pub(crate) step: u64,
-    pub(crate) counters: Counters,
+    pub(crate) counters: WavefrontCounters,
     /// By segment.
-    pub(crate) segments: Vec<Segment>,
+    pub(crate) segments: Vec<PathSegment>,
     /// Rays that wait for each unit first.
     pub(crate) waiting: Vec<u32>,
     /// Rays that have each unit further down their list.
@@ -44,7 +44,7 @@ pub(crate) struct Observation {
     /// Rays that entered each chunk and mesh since the stage began, modulo 2^32; empty when nobody counts.
     pub(crate) visited: Vec<u32>,
     /// With roulette on loads: what it knows and counts.
-    pub(crate) roulette: Roulette,
+    pub(crate) roulette: RouletteStats,
     /// With it: what the rays that wait for each chunk and mesh first may bring, in `1 / WORTH_ONE`; empty when nobody
     /// looked.
     pub(crate) worth: Vec<u32>,
@@ -59,19 +59,21 @@ impl Observation {
 
     /// Reads what [`super::StreamBuffers::copy_out`] wrote.
     pub(crate) fn read(&mut self, step: u64, bytes: &[u8], extents: Extents) {
-        let (counters, rest) = bytes.split_at(size_of::<Counters>());
-        let (table, rest) = rest.split_at(extents.segments * size_of::<Segment>());
+        let (counters, rest) = bytes.split_at(size_of::<WavefrontCounters>());
+        let (table, rest) = rest.split_at(extents.segments * size_of::<PathSegment>());
         let (demand, rest) = rest.split_at(Extents::demand_bytes(extents.listed));
         let (visited, played) = rest.split_at(4 * extents.visited);
-        let (roulette, worth) = played.split_at(size_of::<Roulette>().min(played.len()));
+        let (roulette, worth) = played.split_at(size_of::<RouletteStats>().min(played.len()));
         self.step = step;
         self.counters = bytemuck::pod_read_unaligned(counters);
         self.segments.clear();
-        self.segments.extend(table.chunks_exact(size_of::<Segment>()).map(bytemuck::pod_read_unaligned::<Segment>));
+        self.segments
+            .extend(table.chunks_exact(size_of::<PathSegment>()).map(bytemuck::pod_read_unaligned::<PathSegment>));
         self.read_demand(demand, extents.units);
         self.visited.clear();
         self.visited.extend(visited.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
-        self.roulette = if roulette.is_empty() { Roulette::default() } else { bytemuck::pod_read_unaligned(roulette) };
+        self.roulette =
+            if roulette.is_empty() { RouletteStats::default() } else { bytemuck::pod_read_unaligned(roulette) };
         self.worth.clear();
         self.worth.extend(worth.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
     }
@@ -129,10 +131,11 @@ mod tests {
     const EXTENTS: Extents = Extents { segments: 2, listed: 3, units: 9, visited: 0 };
 
     fn bytes(list: &[[u32; 4]], count: u32) -> Vec<u8> {
-        let mut counters = Counters { shadow_count: 7, deferred_parity: 1, ..Counters::default() };
+        let mut counters = WavefrontCounters { shadow_count: 7, deferred_parity: 1, ..WavefrontCounters::default() };
         counters.ray_count = [5, 0];
         counters.deferred_count = [1, 9];
-        let segments = [Segment { alive: 3, ..Segment::default() }, Segment { alive: 4, ..Segment::default() }];
+        let segments =
+            [PathSegment { alive: 3, ..PathSegment::default() }, PathSegment { alive: 4, ..PathSegment::default() }];
         let mut entries = [[0xdddd_dddd_u32; 4]; 3];
         entries[..list.len()].copy_from_slice(list);
         let list = [bytemuck::bytes_of(&[99, count]), bytemuck::cast_slice(&entries)].concat();
@@ -148,7 +151,7 @@ mod tests {
         assert_eq!(seen.waiting, [0, 0, 0, 0, 0, 0, 10, 0, 0], "waiting");
         assert_eq!((&*seen.next, &*seen.asked), (&[0, 0, 21, 0, 0, 0, 20, 0, 0][..], &[2, 6][..]), "next");
         assert_eq!(seen.partners, [0, 0, 0, 0, 0, 0, 3, 0, 0], "partners");
-        let known = Roulette { mean: 0.5, ended_paths: 6, ..Roulette::default() };
+        let known = RouletteStats { mean: 0.5, ended_paths: 6, ..RouletteStats::default() };
         let played = [&*bytes(&[], 0), bytemuck::bytes_of(&known), bytemuck::cast_slice(&[30_u32, 31])].concat();
         seen.read(4, &played, EXTENTS);
         assert_eq!((seen.worth, seen.roulette), (vec![30, 31], known), "what is behind the demand");

@@ -2,9 +2,9 @@
 //! Memory of a streaming render that only some scenes need: for textures, for roulette on loads.
 
 use super::needs::Needs;
-use oocpt_abi::{CUTOUT_LOOKUPS, Question, Roulette, WORTH_SUMS};
+use oocpt_abi::{CUTOUT_LOOKUPS, DeferredAlphaTest, RouletteStats, WORTH_SUMS};
 use oocpt_core::inventory::Inventory;
-use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use std::sync::Arc;
 
 /// Bytes of the value of a lookup.
@@ -34,10 +34,10 @@ impl RouletteBuffers {
     pub(super) fn new(gpu: &Arc<Gpu>, units: u32) -> Result<Self, GpuError> {
         let table = |name: &str, usage| Buffer::new(gpu, name, 4 * u64::from(units), usage);
         Ok(Self {
-            block: Buffer::new(gpu, "roulette", size_of::<Roulette>() as u64, Usage::Device)?,
-            worth: table("worth", Usage::Device)?,
-            worth_sums: Buffer::new(gpu, "worth sums", 4 * u64::from(WORTH_SUMS), Usage::Device)?,
-            verdicts: [table("verdicts 0", Usage::Upload)?, table("verdicts 1", Usage::Upload)?],
+            block: Buffer::new(gpu, "roulette", size_of::<RouletteStats>() as u64, BufferUsage::Device)?,
+            worth: table("worth", BufferUsage::Device)?,
+            worth_sums: Buffer::new(gpu, "worth sums", 4 * u64::from(WORTH_SUMS), BufferUsage::Device)?,
+            verdicts: [table("verdicts 0", BufferUsage::Upload)?, table("verdicts 1", BufferUsage::Upload)?],
         })
     }
 }
@@ -60,7 +60,7 @@ pub(super) fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inv
     for (at, name) in ["questions", "shadow_questions"].into_iter().enumerate() {
         match questions {
             Some(questions) => inventory.add(name, questions[at].size()),
-            None => inventory.leave_out(name, capacity * size_of::<Question>() as u64),
+            None => inventory.leave_out(name, capacity * size_of::<DeferredAlphaTest>() as u64),
         }
     }
 }
@@ -68,5 +68,5 @@ pub(super) fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inv
 /// Bytes of a question, with what programs keep behind all of them.
 pub(super) fn question_bytes(needs: Needs) -> usize {
     let kept = if needs.cutout_programs { LOOKUP_BYTES * (CUTOUT_LOOKUPS as usize - 1) } else { 0 };
-    size_of::<Question>() + kept
+    size_of::<DeferredAlphaTest>() + kept
 }

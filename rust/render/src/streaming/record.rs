@@ -6,8 +6,8 @@ use super::buffers::verdict_table;
 use super::segments::Segment;
 use crate::error::RenderError;
 use crate::wavefront::{Kind, Traced};
-use oocpt_abi::{PREPARE_DEMAND, Push, SCAN_BLOCKS, SCAN_SUMS};
-use oocpt_gpu::{Commands, Submission};
+use oocpt_abi::{PREPARE_DEMAND, PushConstants, SCAN_BLOCKS, SCAN_SUMS};
+use oocpt_gpu::{CommandList, Submission};
 use oocpt_shaders::Pass;
 
 /// What a step is to do.
@@ -33,7 +33,7 @@ pub(super) struct StepPlan {
 
 impl Streamer<'_, '_> {
     /// The push constants of passes over a segment: `arg0` is its first place.
-    fn push_of(&self, kind: Kind, segment: &Segment, round: u32) -> Push {
+    fn push_of(&self, kind: Kind, segment: &Segment, round: u32) -> PushConstants {
         let push = self.tracer.recorder().push_of(kind, segment.wave);
         push.with(round, segment.index * self.buffers.ended.segment_size)
     }
@@ -101,7 +101,7 @@ impl Streamer<'_, '_> {
     }
 
     /// Starts new paths, and wakes the rays whose chunk is there, sorted by chunk.
-    fn begin(&self, commands: &mut Commands, kind: Kind, plan: &StepPlan) {
+    fn begin(&self, commands: &mut CommandList, kind: Kind, plan: &StepPlan) {
         let recorder = self.tracer.recorder();
         let q = recorder.push(kind).with(plan.round, 0);
         if plan.wakes {

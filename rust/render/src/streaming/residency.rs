@@ -13,7 +13,7 @@ use crate::error::RenderError;
 use oocpt_core::residency::{
     AssetId, Command, Demand, PlanError, Planner, PlannerOptions, PolicyKind, Proposal, UnitId,
 };
-use oocpt_gpu::{Commands, Submission};
+use oocpt_gpu::{CommandList, Submission};
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -374,7 +374,7 @@ impl<'a> Residency<'a> {
     }
 
     /// Records the table entries that have changed since the last step.
-    pub(crate) fn record(&mut self, commands: &mut Commands) {
+    pub(crate) fn record(&mut self, commands: &mut CommandList) {
         for copy in self.copies.drain(..) {
             commands.wait_for(&copy);
         }

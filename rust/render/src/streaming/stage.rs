@@ -22,7 +22,7 @@ use crate::progress::Progress;
 use crate::setting::is_cpu;
 use crate::shared::Gate;
 use crate::wavefront::Kind;
-use oocpt_abi::Counters;
+use oocpt_abi::WavefrontCounters;
 use oocpt_core::residency::roulette::Prices;
 use oocpt_core::residency::{Demand, Proposal, ResidencyStats, UnitId};
 use std::collections::VecDeque;
@@ -200,7 +200,7 @@ impl<'a, 'r> Stage<'a, 'r> {
     }
 
     /// For those who ask where the time goes.
-    fn log(&self, step: &Step, secs: f64, before: &Counters) {
+    fn log(&self, step: &Step, secs: f64, before: &WavefrontCounters) {
         if !tracing::enabled!(tracing::Level::TRACE) {
             return;
         }
@@ -359,7 +359,7 @@ impl PathSource for Stage<'_, '_> {
             self.streamer.note_left(self.started.elapsed().as_secs_f64(), left);
             let residency = &mut self.streamer.residency;
             let paths = (self.segments.unbegun(), residency.store.paths_streamed + self.ended);
-            let Counters { closest_rays, shadow_rays, .. } = self.seen.counters;
+            let WavefrontCounters { closest_rays, shadow_rays, .. } = self.seen.counters;
             if self.leave.step(residency, closest_rays + shadow_rays, paths) {
                 let first = self.segments.close();
                 self.leave.left_off = Some(StreamingEnd { first, counters: self.seen.counters });

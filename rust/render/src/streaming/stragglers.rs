@@ -277,7 +277,7 @@ mod tests {
         let stragglers = Stragglers::new(1, 2);
         let spent = |variance| RenderCost { secs: 1.0, paths: 10, all_paths: 20, variance };
         let of_paths = |variance| Observation {
-            roulette: oocpt_abi::Roulette { variance, ..Default::default() },
+            roulette: oocpt_abi::RouletteStats { variance, ..Default::default() },
             ..Observation::default()
         };
         let known = |measured, said| stragglers.prices(&spent(measured), &of_paths(said)).variance;

@@ -4,12 +4,12 @@
 use crate::assets::SceneView;
 use crate::device::{Device, Specialisation, WAVE_TIMEOUT};
 use crate::error::RenderError;
-use oocpt_abi::{Features, Push};
+use oocpt_abi::{Features, PushConstants};
 use oocpt_core::inventory::TraversalUse;
 use oocpt_core::settings::TraversalKind;
-use oocpt_gpu::{Buffer, Commands, Gpu, GpuError};
+use oocpt_gpu::{Buffer, CommandList, Gpu, GpuError};
 use oocpt_shaders::Pass;
-use oocpt_traverse::{Instructions, Special, TraceError};
+use oocpt_traverse::{InstructionSet, TraceError, TraversalConstants};
 use std::sync::Arc;
 
 use super::Traced;
@@ -81,7 +81,7 @@ pub(crate) struct Native<'a> {
     gpu: &'a Arc<Gpu>,
     /// Buffers that the trace passes write.
     written: &'a [&'a Buffer],
-    special: Special,
+    special: TraversalConstants,
 }
 
 impl<'a> Native<'a> {
@@ -93,13 +93,13 @@ impl<'a> Native<'a> {
     ) -> Self {
         let Specialisation { max_levels, stack_size, features, .. } = *special;
         let geometry_bytes = backend.geometry_bytes;
-        let instructions = Instructions::Widest;
-        let special = Special { max_levels, stack_size, features, geometry_bytes, instructions };
+        let instructions = InstructionSet::Widest;
+        let special = TraversalConstants { max_levels, stack_size, features, geometry_bytes, instructions };
         Self { gpu, written, special }
     }
 
     /// Traces the rays of the round that `push` names.
-    pub(crate) fn trace(&self, commands: &mut Commands, push: Push, traced: Traced) {
+    pub(crate) fn trace(&self, commands: &mut CommandList, push: PushConstants, traced: Traced) {
         if traced != Traced::Shadow {
             self.pass(commands, Pass::IntersectClosest, push, oocpt_traverse::closest);
         }
@@ -108,7 +108,7 @@ impl<'a> Native<'a> {
         }
     }
 
-    fn pass(&self, commands: &mut Commands, pass: Pass, push: Push, trace: Trace) {
+    fn pass(&self, commands: &mut CommandList, pass: Pass, push: PushConstants, trace: Trace) {
         let name = pass.info().module.name;
         let failed =
             |error: &dyn std::fmt::Display| GpuError::Usage { name: name.to_owned(), message: error.to_string() };
@@ -119,4 +119,4 @@ impl<'a> Native<'a> {
     }
 }
 
-type Trace = fn(&oocpt_gpu::HostView, Push, Special) -> Result<(), TraceError>;
+type Trace = fn(&oocpt_gpu::HostView, PushConstants, TraversalConstants) -> Result<(), TraceError>;

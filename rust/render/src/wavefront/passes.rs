@@ -8,7 +8,7 @@ use crate::error::RenderError;
 use crate::film::Film;
 use crate::timings::Timings;
 use oocpt_gpu::Pipeline;
-use oocpt_shaders::{Image, PASSES, Pass, PassInfo};
+use oocpt_shaders::{PASSES, Pass, PassImage, PassInfo};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -22,8 +22,8 @@ pub(crate) struct Passes {
 /// The passes that a frame needs. The longest come first: `shade_surface` takes as long as all others together.
 pub(super) fn wanted((special, backend): (Specialisation, Backend), film: &Film) -> Vec<&'static PassInfo> {
     let wants = |image| match image {
-        Image::PixelCentres => film.has_planes(),
-        Image::SampleCount => film.has_counts(),
+        PassImage::PixelCentres => film.has_planes(),
+        PassImage::SampleCount => film.has_counts(),
     };
     let needed = |row: &&PassInfo| row.when.holds(special.features, wants) && backend.has(row.pass);
     let mut wanted: Vec<&PassInfo> = PASSES.iter().filter(needed).collect();

@@ -3,9 +3,11 @@
 //!
 //! [`Array`] lists them: what is made, what is counted ahead and what the inventory says come from it.
 
-use oocpt_abi::{Counters, Frame, LIGHT_PATH_BYTES, MAX_LEVELS, PathState, Ray, ShadowRay, hit_stride};
+use oocpt_abi::{
+    FrameConstants, LIGHT_PATH_BYTES, MAX_LEVELS, PathState, Ray, ShadowRay, WavefrontCounters, hit_stride,
+};
 use oocpt_core::inventory::Inventory;
-use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use std::sync::Arc;
 
 /// Bytes of a ray's cone.
@@ -153,7 +155,7 @@ pub(crate) struct PathBuffers {
     needs: PathNeeds,
     /// By number of [`Array`]; none that the scene does not need.
     arrays: [Option<Buffer>; Array::ALL.len()],
-    /// One `Counters`; also the arguments of the indirect dispatches.
+    /// One `WavefrontCounters`; also the arguments of the indirect dispatches.
     pub(crate) counters: Buffer,
 }
 
@@ -163,9 +165,9 @@ impl PathBuffers {
         let mut arrays = [const { None }; Array::ALL.len()];
         for array in Array::ALL.into_iter().filter(|array| array.is_needed(needs)) {
             let bytes = array.bytes(capacity, max_levels);
-            arrays[array as usize] = Some(Buffer::new(gpu, array.name(), bytes, Usage::Device)?);
+            arrays[array as usize] = Some(Buffer::new(gpu, array.name(), bytes, BufferUsage::Device)?);
         }
-        let counters = Buffer::new(gpu, "counters", size_of::<Counters>() as u64, Usage::Device)?;
+        let counters = Buffer::new(gpu, "counters", size_of::<WavefrontCounters>() as u64, BufferUsage::Device)?;
         Ok(Self { capacity, asked: u64::from(capacity), max_levels, needs, arrays, counters })
     }
 
@@ -206,7 +208,7 @@ impl PathBuffers {
     }
 
     /// Writes the addresses into a frame block; 0 for what there is not: no pass reaches it then.
-    pub(crate) fn bind(&self, frame: &mut Frame) {
+    pub(crate) fn bind(&self, frame: &mut FrameConstants) {
         let at = |array: Array| self.get(array).map_or(0, Buffer::address);
         frame.rays = at(Array::Rays);
         frame.shadow_rays = at(Array::ShadowRays);

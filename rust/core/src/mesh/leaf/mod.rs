@@ -13,7 +13,7 @@ pub(super) mod round;
 mod toy_box;
 mod triangle;
 
-use oocpt_abi::Leaf;
+use oocpt_abi::LeafType;
 use serde::{Deserialize, Serialize};
 
 use super::deform::Pose;
@@ -44,9 +44,9 @@ macro_rules! leaf_kinds {
 
             /// Its row in the table of the shaders.
             #[must_use]
-            pub fn row(self) -> Leaf {
+            pub fn row(self) -> LeafType {
                 match self {
-                    $($(#[cfg($only)])? Self::$kind => Leaf::$row,)+
+                    $($(#[cfg($only)])? Self::$kind => LeafType::$row,)+
                 }
             }
 

@@ -8,7 +8,7 @@ use oocpt_core::material::{Compiled, Material, compile, describe};
 use oocpt_core::scene::SceneDb;
 use oocpt_core::{AssetRef, ConnectionDesc, Input, MaterialDesc, NodeDesc, ParamDesc, ParamValue};
 use oocpt_materialx::eval::run;
-use oocpt_materialx::library::{Definition, standard};
+use oocpt_materialx::library::{NodeDef, standard};
 use proptest::prelude::*;
 
 use crate::material::preview_surface::{file, network, node, text};
@@ -23,8 +23,8 @@ fn networks() -> u32 {
 /// Most bytes of a message about a material: eight lines of 512, and what stands between.
 const LONGEST: usize = 8 * (512 + 8);
 
-fn definitions() -> &'static [&'static Definition] {
-    static ALL: OnceLock<Vec<&'static Definition>> = OnceLock::new();
+fn definitions() -> &'static [&'static NodeDef] {
+    static ALL: OnceLock<Vec<&'static NodeDef>> = OnceLock::new();
     ALL.get_or_init(|| {
         let library = standard();
         let mut names = library.names();

@@ -8,14 +8,14 @@
 
 use super::pyramid::{Edges, FacePyramid};
 use oocpt_core::texture::{FaceBlock, class_size};
-use oocpt_ptex::{BorderMode, Face};
+use oocpt_ptex::{BorderMode, PtexFace};
 use rustc_hash::FxHashMap;
 
 /// Most faces around a corner that are looked at.
 const MOST_VALENCE: usize = 32;
 
 /// Faces around a face that its border is made of, itself included; with repetitions.
-pub(super) fn neighbours(faces: &[Face], face: u32) -> Vec<u32> {
+pub(super) fn neighbours(faces: &[PtexFace], face: u32) -> Vec<u32> {
     let mut all = Vec::new();
     for edge in 0..4 {
         for t in [0.25, 0.75] {
@@ -28,7 +28,7 @@ pub(super) fn neighbours(faces: &[Face], face: u32) -> Vec<u32> {
 
 /// What is beyond the place `t` (0 to 1) of an edge: face, its edge, the place there, and how many of its edges'
 /// lengths one length of ours is.
-fn beyond(faces: &[Face], face: u32, edge: u8, t: f64) -> Option<(u32, u8, f64, f64)> {
+fn beyond(faces: &[PtexFace], face: u32, edge: u8, t: f64) -> Option<(u32, u8, f64, f64)> {
     let own = faces.get(face as usize)?;
     let (other, other_edge) = (*own.adjacent.get(usize::from(edge))?)?;
     let neighbour = faces.get(other as usize)?;
@@ -49,7 +49,7 @@ fn beyond(faces: &[Face], face: u32, edge: u8, t: f64) -> Option<(u32, u8, f64, 
 
 /// The faces around a corner, with the numbers of their corners there, without the face itself; `None` where it lies on
 /// the border of the mesh, or in the middle of a neighbour's edge.
-fn around(faces: &[Face], face: u32, corner: u8) -> Option<Vec<(u32, u8)>> {
+fn around(faces: &[PtexFace], face: u32, corner: u8) -> Option<Vec<(u32, u8)>> {
     let mut found = Vec::new();
     let mut at = (face, corner);
     for _ in 0..MOST_VALENCE {
@@ -79,7 +79,7 @@ struct Around<'a> {
 
 /// Everything around that blocks are made of.
 pub(super) struct Surroundings<'a> {
-    pub(super) faces: &'a [Face],
+    pub(super) faces: &'a [PtexFace],
     pub(super) channels: usize,
     pub(super) border_modes: [BorderMode; 2],
     /// The edges of faces, at least of those around.

@@ -13,7 +13,7 @@ use assemble::Assembler;
 use border::{Surroundings, fits, neighbours};
 use oocpt_abi::TILE_SIDE;
 use oocpt_core::texture::{FaceLayout, TexelFormat};
-use oocpt_ptex::{DataType, Face, MeshType, PtexFile, ReadAt};
+use oocpt_ptex::{DataType, MeshType, PtexFace, PtexFile, ReadAt};
 use pyramid::{Edges, FacePyramid};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -149,7 +149,7 @@ impl PtexSource {
     /// The next faces to make.
     fn batch(&self, first: u32) -> Option<std::ops::Range<u32>> {
         let mut sum = 0;
-        let fits = |face: &&Face| {
+        let fits = |face: &&PtexFace| {
             let own = texels(kept_log2(face));
             let is_first = sum == 0;
             sum += own;
@@ -233,7 +233,7 @@ impl PtexSource {
 }
 
 /// Texels of a face as they are kept, as powers of two.
-fn kept_log2(face: &Face) -> [u8; 2] {
+fn kept_log2(face: &PtexFace) -> [u8; 2] {
     if face.is_constant { face.log2.map(|log2| log2.min(CONSTANT_LOG2)) } else { face.log2 }
 }
 

@@ -7,7 +7,7 @@ use crate::scenes::sun;
 use oocpt_abi::MaterialInput;
 use oocpt_core::material::{Input, compile};
 use oocpt_core::materialx::eval::run;
-use oocpt_core::materialx::program::{Geometry, Lookup};
+use oocpt_core::materialx::program::{Geometry, ProgramLookup};
 
 const OPEN_PBR: &str = "ND_open_pbr_surface_surfaceshader";
 
@@ -108,7 +108,7 @@ fn dependent_texture_lookups_use_the_computed_coordinates() {
         let at = 4 * (2 * row + column);
         [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]].map(|byte| f32::from(byte) / 255.0)
     };
-    let lookup = |_: &Lookup, [s, t]: [f32; 2], clamps: bool| {
+    let lookup = |_: &ProgramLookup, [s, t]: [f32; 2], clamps: bool| {
         let along = |s: f32, clamps: bool| {
             let x = 2.0 * s - 0.5;
             let (low, share) = (x.floor(), x - x.floor());

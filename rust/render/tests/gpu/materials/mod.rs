@@ -24,7 +24,7 @@ use oocpt_core::scene::{
 };
 use oocpt_core::texture::TexelFormat;
 use oocpt_core::{Element, TypedArray};
-use oocpt_ptex::{DataType, Face, MeshType, PtexWriter, ReadAt};
+use oocpt_ptex::{DataType, MeshType, PtexFace, PtexWriter, ReadAt};
 use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
 use oocpt_render::{AovKind, RenderRequest, Session, SessionOptions};
 use std::sync::Arc;
@@ -112,7 +112,7 @@ impl ImageLibrary for Ramps {
 /// A Ptex file of a face of 2 x 2 texels for each of the board's four.
 pub(super) fn ptex_file() -> Result<Box<dyn ReadAt>, ImageError> {
     let written = PtexWriter::new(Vec::new(), MeshType::Quad, DataType::U8, 1, None, 4).and_then(|mut writer| {
-        (0..4).try_for_each(|face| writer.push_face(&Face::new([1, 1]), &[51 * face, 80, 120, 255]))?;
+        (0..4).try_for_each(|face| writer.push_face(&PtexFace::new([1, 1]), &[51 * face, 80, 120, 255]))?;
         writer.finish()
     });
     Ok(Box::new(written.map_err(|error| ImageError(error.to_string()))?))
