@@ -123,11 +123,13 @@ passes! {
         "`shadow_queue`, `shadow_rays`, scene; streaming: what waiting rays keep"
         => "adds to `radiance`; pushes to `settle_queue[1]`; streaming: as `intersect_closest`";
     /// The closest hit of the rays whose hit depends on a cutout's texture.
-    SettleClosest = SETTLE_CLOSEST, When::with(Features::DEFERRED_CUTOUTS), Indirect(WavefrontCounters::SETTLE_CLOSEST_ARGS),
+    SettleClosest = SETTLE_CLOSEST, When::with(Features::DEFERRED_CUTOUTS),
+        Indirect(WavefrontCounters::SETTLE_CLOSEST_ARGS),
         "`settle_queue[0]`, `settle_hits[0]`, `hits`, `rays`, scene, textures"
         => "`hits`; pushes to `surface_queue` or `escaped_queue`; requests of tiles";
     /// Whether something is in the way of the shadow rays that met nothing but what depends on a cutout's texture.
-    SettleShadow = SETTLE_SHADOW, When::with(Features::DEFERRED_CUTOUTS), Indirect(WavefrontCounters::SETTLE_SHADOW_ARGS),
+    SettleShadow = SETTLE_SHADOW, When::with(Features::DEFERRED_CUTOUTS),
+        Indirect(WavefrontCounters::SETTLE_SHADOW_ARGS),
         "`settle_queue[1]`, `settle_hits[1]`, `shadow_rays`, scene, textures"
         => "adds to `radiance`; requests of tiles";
     /// Keeps the surfaces that rays met in this round.
@@ -165,14 +167,15 @@ passes! {
     /// Makes the picture of what the film holds.
     Resolve = RESOLVE, When::ALWAYS, Direct("`width * height`"), "`film`" => "`color`";
     /// Answers the questions of cutouts that rays left.
-    ResolveCutouts = RESOLVE_CUTOUTS, When::with(TEXTURES.union(Features::CUTOUTS)), Indirect(WavefrontCounters::DEFERRED_ARGS),
+    ResolveCutouts = RESOLVE_CUTOUTS, When::with(TEXTURES.union(Features::CUTOUTS)),
+        Indirect(WavefrontCounters::DEFERRED_ARGS),
         "`deferred`, textures" => "`questions`";
     /// Counts the waiting rays that may go on, by chunk.
     SortDeferredCount = SORT_DEFERRED_COUNT, When::with(STREAMING), Indirect(WavefrontCounters::DEFERRED_ARGS),
         "`deferred`, pending lists, chunks, meshes" => "adds to `sort_counts`";
     /// Sums those counts.
     SortDeferredScan = SORT_DEFERRED_SCAN, When::with(STREAMING), Direct("`sort_blocks` workgroups, then 1"),
-        "`sort_counts`, `sort_sums`" => "the same; Counters: room in the queues, the other list";
+        "`sort_counts`, `sort_sums`" => "the same; WavefrontCounters: room in the queues, the other list";
     /// Sends the waiting rays on that may go on, chunk by chunk.
     SortDeferredScatter = SORT_DEFERRED_SCATTER, When::with(STREAMING), Indirect(WavefrontCounters::DEFERRED_ARGS),
         "`deferred`, pending lists, chunks, meshes" => "`ray_queue`, `shadow_queue`, chunk by chunk; pushes to `deferred`";

@@ -91,6 +91,6 @@ fn another_array_stride_is_seen() {
 fn an_unknown_struct_is_seen() {
     let mut layouts = layouts();
     layouts.retain(|layout| layout.name != "PushConstants");
-    let error = check::check(passes::RESOLVE.words, &layouts).expect_err("Push is unknown");
-    assert!(error.contains("Push: in memory, but Rust does not know it"), "{error}");
+    let error = check::check(passes::RESOLVE.words, &layouts).expect_err("PushConstants is unknown");
+    assert!(error.contains("PushConstants: in memory, but Rust does not know it"), "{error}");
 }
