@@ -10,8 +10,8 @@ mod solid;
 use crate::ffi;
 use crate::held::typed_array;
 use cxx::UniquePtr;
-use oocpt_core::array::{Element, TypedArray, column_matrix};
-use oocpt_core::desc::{BoundaryRule, CurveBasis, CurveWrap, CurvesDesc, FaceVaryingLinear, Shape, TriangleRule};
+use oocpt_core::array::{ArrayElement, TypedArray, column_matrix};
+use oocpt_core::desc::{BoundaryRule, CurveBasis, CurveWrap, CurvesDesc, FaceVaryingLinear, PrimShape, TriangleRule};
 use oocpt_core::scene::{
     AssetRef, InstanceLinks, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar,
     PrimDesc, Primvar, SceneWarning, Subdivision, SubdivisionTags, SubsetDesc,
@@ -39,7 +39,12 @@ impl Complaints {
     }
 
     /// An array that a prim cannot do without; an empty one stands for a missing one.
-    fn required<T: Element + Debug>(&mut self, path: &str, part: &str, held: UniquePtr<ffi::HeldArray>) -> TypedArray {
+    fn required<T: ArrayElement + Debug>(
+        &mut self,
+        path: &str,
+        part: &str,
+        held: UniquePtr<ffi::HeldArray>,
+    ) -> TypedArray {
         self.optional(path, part, held).unwrap_or_else(|| TypedArray::of(Vec::<T>::new()))
     }
 
@@ -90,9 +95,9 @@ impl Complaints {
         }
     }
 
-    fn shape(&mut self, path: &str, desc: ffi::ShapeDesc) -> Shape {
+    fn shape(&mut self, path: &str, desc: ffi::ShapeDesc) -> PrimShape {
         match desc.kind {
-            1 => Shape::Curves(CurvesDesc {
+            1 => PrimShape::Curves(CurvesDesc {
                 basis: match desc.basis {
                     0 => CurveBasis::Linear,
                     2 => CurveBasis::BSpline,
@@ -108,8 +113,8 @@ impl Complaints {
                 counts: self.required::<i32>(path, "curveVertexCounts", desc.counts),
                 indices: self.optional(path, "curveIndices", desc.indices),
             }),
-            2 => Shape::Points,
-            _ => Shape::Mesh,
+            2 => PrimShape::Points,
+            _ => PrimShape::Mesh,
         }
     }
 
@@ -345,7 +350,7 @@ pub(crate) mod tests {
             "rules"
         );
         assert_eq!((tags.triangles, mesh.refine_level), (TriangleRule::Smooth, 3), "rule of triangles, level");
-        let Shape::Curves(curves) = &mesh.shape else { panic!("curves stay curves") };
+        let PrimShape::Curves(curves) = &mesh.shape else { panic!("curves stay curves") };
         assert_eq!((curves.basis, curves.wrap), (CurveBasis::BSpline, CurveWrap::Pinned), "basis and wrap");
         assert!(curves.counts.len() == 1 && curves.indices.is_none() && mesh.widths.is_none(), "arrays of curves");
         let creases = [&tags.crease_indices, &tags.crease_lengths, &tags.crease_sharpnesses].map(Option::is_some);

@@ -6,7 +6,7 @@ use crate::assets::motion_key;
 use crate::error::RenderError;
 use crate::setting::Setting;
 use oocpt_abi::{FrameConstants, GpuCameraKey};
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::FeatureInventory;
 use oocpt_core::{CameraMotion, MotionKey};
 use oocpt_gpu::{Buffer, BufferUsage};
 
@@ -14,7 +14,7 @@ use oocpt_gpu::{Buffer, BufferUsage};
 pub(crate) fn upload(
     setting: &Setting<'_>,
     block: &mut FrameConstants,
-    listed: &mut Inventory,
+    listed: &mut FeatureInventory,
 ) -> Result<[Option<Buffer>; 2], RenderError> {
     let mut upload = |name: &str, bytes: &[u8]| -> Result<Option<Buffer>, RenderError> {
         if bytes.is_empty() {

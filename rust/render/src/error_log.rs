@@ -15,9 +15,9 @@ use crate::request::Severity;
 use crate::shared::Shared;
 use crate::sync::lock;
 use crate::wave::next_boundary;
-use oocpt_core::convergence::{Convergence, Estimate, of_halves};
-use oocpt_core::inventory::Inventory;
-use oocpt_core::stats::{ErrorRow, Usage};
+use oocpt_core::convergence::{ConvergenceEstimator, ErrorEstimate, of_halves};
+use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::stats::{ErrorRow, RenderUsage};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::path::Path;
@@ -38,7 +38,7 @@ pub(crate) struct Moment {
 /// See the module.
 #[derive(Debug)]
 pub(crate) struct ErrorLog {
-    convergence: Convergence,
+    convergence: ConvergenceEstimator,
     pixels: u64,
     writer: Option<ReportWriter>,
     reference: Option<Reference>,
@@ -67,7 +67,7 @@ impl ErrorLog {
         let open = if target > 0.0 { pixels << FEWEST_TO_STOP } else { u64::MAX };
         let has_halves = job.settings.adaptive_sampling;
         Self {
-            convergence: Convergence::default(),
+            convergence: ConvergenceEstimator::default(),
             pixels,
             writer: None,
             reference,
@@ -81,7 +81,7 @@ impl ErrorLog {
 
     /// The samples so far are forgotten, and taken anew; the report goes on.
     pub(crate) fn begin_again(&mut self) {
-        self.convergence = Convergence::default();
+        self.convergence = ConvergenceEstimator::default();
         self.is_good = false;
         self.open = if self.target > 0.0 { self.pixels << FEWEST_TO_STOP } else { u64::MAX };
         self.last = None;
@@ -137,7 +137,7 @@ impl ErrorLog {
         self.last = Some(row);
     }
 
-    fn decide(&mut self, octave: u32, estimate: Option<Estimate>) {
+    fn decide(&mut self, octave: u32, estimate: Option<ErrorEstimate>) {
         let (_, next) = next_boundary(self.pixels << octave, self.pixels);
         let is_good = estimate.is_some_and(|estimate| estimate.high <= self.target);
         self.is_good = self.target > 0.0 && octave >= FEWEST_TO_STOP && is_good;
@@ -156,12 +156,12 @@ impl ErrorLog {
     }
 
     /// Writes what the render is made of.
-    pub(crate) fn inventory(&mut self, shared: &Shared, inventory: &Inventory) {
+    pub(crate) fn inventory(&mut self, shared: &Shared, inventory: &FeatureInventory) {
         self.line(shared, &InventoryLine { inventory: Cow::Borrowed(inventory) });
     }
 
     /// Writes what the render has used; the last line about it.
-    pub(crate) fn usage(&mut self, shared: &Shared, usage: Usage) {
+    pub(crate) fn usage(&mut self, shared: &Shared, usage: RenderUsage) {
         self.line(shared, &UsageLine { usage });
     }
 

@@ -7,7 +7,7 @@
 //! elsewhere a guess, and nothing.
 
 use oocpt_core::partition::ITEM_BYTES;
-use oocpt_core::scene::Lent;
+use oocpt_core::scene::LentBytes;
 use oocpt_core::settings::Settings;
 use std::path::Path;
 
@@ -97,7 +97,7 @@ fn left(settings: &Settings, budget: u64, fixed: u64) -> u64 {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Taken<'a> {
     /// Arrays.
-    pub(crate) lent: &'a Lent,
+    pub(crate) lent: &'a LentBytes,
     /// Tables of instances.
     pub(crate) tables: u64,
     /// The loader's staging memory.
@@ -228,7 +228,7 @@ mod tests {
 
     #[test]
     fn a_scene_above_the_host_budget_names_its_largest_prim() {
-        let lent = Lent { bytes: 60 << 20, largest: Some(("/city".into(), 50 << 20)) };
+        let lent = LentBytes { bytes: 60 << 20, largest: Some(("/city".into(), 50 << 20)) };
         let of = |tables: u64, held: u64, building: Option<u64>, has_files| {
             let building = building.map(|mib| mib << 20);
             let taken = Taken { lent: &lent, tables: tables << 20, staging: 0, held: held << 20, building, has_files };
@@ -239,7 +239,7 @@ mod tests {
         assert!(text.contains("built meshes take 1 MiB beside 64 MiB") && text.contains("geometryCache"), "{text}");
         let text = of(4, 1, Some(9), true).expect("building takes more");
         assert!(text.contains("building meshes takes up to 9 MiB beside 64 MiB"), "{text}");
-        let lends_nothing = Lent::default();
+        let lends_nothing = LentBytes::default();
         let building = Some(60 << 20);
         let within = Taken { lent: &lends_nothing, tables: 4 << 20, staging: 0, held: 0, building, has_files: true };
         let text = complaint(64 << 20, &Taken { staging: 1, ..within }).expect("staging memory counts");

@@ -7,7 +7,7 @@ use crate::setting::Setting;
 use crate::specialise;
 use crate::wavefront::{Backend, Passes};
 use oocpt_abi::Features;
-use oocpt_core::inventory::{Inventory, PassUse};
+use oocpt_core::inventory::{FeatureInventory, PassUse};
 use oocpt_shaders::ALL;
 
 /// What the passes of a frame are.
@@ -21,11 +21,11 @@ pub(crate) struct Compiled<'a> {
 }
 
 /// The inventory of a frame; the scene and the paths have `listed` what they hold.
-pub(crate) fn of_frame(setting: &Setting<'_>, compiled: Compiled<'_>, listed: Inventory) -> Inventory {
+pub(crate) fn of_frame(setting: &Setting<'_>, compiled: Compiled<'_>, listed: FeatureInventory) -> FeatureInventory {
     let Setting { device, job, film, tables, .. } = *setting;
     let Compiled { special, carried, .. } = compiled;
     let features = special.features;
-    let mut inventory = Inventory {
+    let mut inventory = FeatureInventory {
         features: specialise::list(features, carried),
         passes: passes(device, compiled.passes),
         max_levels: special.max_levels,

@@ -9,7 +9,7 @@
 
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{Encoding, Image, Layer, LayerAttributes, MetaData, SpecificChannels, Vec2, WritableImage as _};
-use oocpt_core::stats::{ErrorRow, Stats};
+use oocpt_core::stats::{ErrorRow, RenderStats};
 use serde::Serialize;
 use std::io::{BufReader, BufWriter};
 use std::path::Path;
@@ -55,7 +55,7 @@ pub enum PictureError {
 
 /// Attributes of the picture that a render has made.
 #[expect(clippy::cast_precision_loss, reason = "counts are exact below 2^53")]
-pub(crate) fn attributes(stats: &Stats, device: &str, driver: &str, seed: u32, max_bounces: u32) -> Attributes {
+pub(crate) fn attributes(stats: &RenderStats, device: &str, driver: &str, seed: u32, max_bounces: u32) -> Attributes {
     let ErrorRow { samples, seconds, seconds_tracing, rays, estimate, bytes_paged, truth, .. } =
         stats.error.clone().unwrap_or_else(|| ErrorRow {
             samples: stats.samples_completed,
@@ -156,7 +156,7 @@ fn printable(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use oocpt_core::convergence::Estimate;
+    use oocpt_core::convergence::ErrorEstimate;
 
     fn find<'a>(all: &'a Attributes, name: &str) -> Option<&'a Value> {
         all.iter().find(|(have, _)| have == name).map(|(_, value)| value)
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn exr_attributes_are_added_without_changing_pixels() {
-        let estimate = Some(Estimate { rel_mse: 1e-3, low: 5e-4, high: 2e-3 });
+        let estimate = Some(ErrorEstimate { rel_mse: 1e-3, low: 5e-4, high: 2e-3 });
         let row = ErrorRow {
             samples: 16,
             seconds: 1.5,
@@ -173,7 +173,7 @@ mod tests {
             estimate,
             ..ErrorRow::default()
         };
-        let stats = Stats { error: Some(row), ..Stats::default() };
+        let stats = RenderStats { error: Some(row), ..RenderStats::default() };
         let path = std::env::temp_dir().join(format!("oocpt-picture-{}.exr", std::process::id()));
         let pixels: Vec<f32> = (0_u8..24).map(|k| f32::from(k) / 7.0).collect();
         write(&path, [2, 3], &pixels, &attributes(&stats, "a\u{7}device", "a driver", u32::MAX, 5)).expect("a file");

@@ -21,8 +21,8 @@ use crate::timings::Timings;
 use crate::wave::{LAST_SLOT, Wave, next_boundary};
 use oocpt_abi::WavefrontCounters;
 use oocpt_core::adaptive::AdaptiveUsage;
-use oocpt_core::inventory::Inventory;
-use oocpt_core::stats::{Stats, StreamingStats, Usage};
+use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::stats::{RenderStats, RenderUsage, StreamingStats};
 use oocpt_gpu::Gpu;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -69,7 +69,7 @@ impl<'a> Progress<'a> {
         let now = Instant::now();
         let counts = &job.snapshot.counts;
         let small = |count: u128| u64::try_from(count).unwrap_or(u64::MAX);
-        *lock(&shared.stats) = Stats {
+        *lock(&shared.stats) = RenderStats {
             samples_target: job.settings.samples_per_pixel,
             dropped: job.snapshot.dropped,
             instances: small(counts.instances),
@@ -79,7 +79,7 @@ impl<'a> Progress<'a> {
             host_bytes: job.snapshot.meshes.iter().map(|mesh| mesh.host_bytes()).sum(),
             host_peak_bytes: host_memory::peak(),
             annotation: "opening the device".into(),
-            ..Stats::default()
+            ..RenderStats::default()
         };
         let limit = job.settings.time_limit_secs;
         Self {
@@ -166,7 +166,7 @@ impl<'a> Progress<'a> {
     }
 
     /// Says in the stats and the report what this render was specialised to do without, and what it is made of.
-    pub(crate) fn made_of(&mut self, left_out: Vec<String>, inventory: Inventory) {
+    pub(crate) fn made_of(&mut self, left_out: Vec<String>, inventory: FeatureInventory) {
         self.log.inventory(self.shared, &inventory);
         let mut stats = lock(&self.shared.stats);
         stats.features_left_out = left_out;
@@ -373,7 +373,7 @@ impl<'a> Progress<'a> {
         let mut stats = lock(&self.shared.stats);
         (stats.gpu_bytes, stats.gpu_peak_bytes, stats.gpu_budget_bytes) = (memory.used, memory.peak, memory.budget);
         stats.host_peak_bytes = host_memory::peak();
-        let usage = Usage::of(&stats);
+        let usage = RenderUsage::of(&stats);
         let nonfinite = stats.nonfinite_samples;
         if self.is_finished && self.says_how_it_ended {
             self.shared.report(Severity::Status, closing_words::line(&stats));

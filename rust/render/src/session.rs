@@ -32,9 +32,9 @@ use crate::timings::Timings;
 use oocpt_core::inventory::PrimvarUse;
 use oocpt_core::mesh::MeshFiles;
 use oocpt_core::partition::PartitionOptions;
-use oocpt_core::scene::{DicingCamera, Lent, SceneDb, Snapshot, summary};
-use oocpt_core::settings::{SettingError, Settings, Value};
-use oocpt_core::stats::Stats;
+use oocpt_core::scene::{DicingCamera, LentBytes, SceneDb, Snapshot, summary};
+use oocpt_core::settings::{SettingError, SettingValue, Settings};
+use oocpt_core::stats::RenderStats;
 use oocpt_core::texture::HeightFiles;
 use oocpt_gpu::DeviceReport;
 use std::path::Path;
@@ -110,7 +110,7 @@ impl Session {
 
     /// Changes one setting by its Hydra key; takes effect with the next [`Session::render`]. Returns whether it
     /// changed.
-    pub fn set_setting(&self, key: &str, value: Value) -> Result<bool, SettingError> {
+    pub fn set_setting(&self, key: &str, value: SettingValue) -> Result<bool, SettingError> {
         lock(&self.settings).set(key, value)
     }
 
@@ -173,7 +173,7 @@ impl Session {
     }
 
     /// Has meshes built and kept as the settings say. With a budget of host memory gives what the scene's arrays take.
-    fn keep_meshes(&self, scene: &mut SceneDb) -> Lent {
+    fn keep_meshes(&self, scene: &mut SceneDb) -> LentBytes {
         let settings = lock(&self.settings);
         let budget = host_memory::budget(&settings);
         let lent = budget.map(|_| scene.lent()).unwrap_or_default();
@@ -197,7 +197,7 @@ impl Session {
 
     /// With a budget of host memory: the bytes that can be put nowhere else; tells where they are more than there is,
     /// or where meshes have no other place.
-    fn watch_host_memory(&self, scene: &SceneDb, lent: &Lent, snapshot: &Snapshot) -> u64 {
+    fn watch_host_memory(&self, scene: &SceneDb, lent: &LentBytes, snapshot: &Snapshot) -> u64 {
         let settings = lock(&self.settings);
         let Some(budget) = host_memory::budget(&settings) else { return 0 };
         let tables = snapshot.world.host_bytes();
@@ -343,7 +343,7 @@ impl Session {
     }
 
     /// Counters of the current or last render.
-    pub fn stats(&self) -> Stats {
+    pub fn stats(&self) -> RenderStats {
         lock(&self.shared.stats).clone()
     }
 

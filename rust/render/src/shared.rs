@@ -9,7 +9,7 @@ use crate::publish::Published;
 use crate::request::{Message, Severity};
 use crate::sync::lock;
 use crate::timings::Timings;
-use oocpt_core::stats::Stats;
+use oocpt_core::stats::RenderStats;
 use oocpt_gpu::DeviceReport;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -42,7 +42,7 @@ pub(crate) struct Shared {
     control: Mutex<Control>,
     changed: Condvar,
     pub(crate) published: Mutex<Published>,
-    pub(crate) stats: Mutex<Stats>,
+    pub(crate) stats: Mutex<RenderStats>,
     pub(crate) timings: Mutex<Timings>,
     pub(crate) device: Mutex<Option<DeviceReport>>,
     /// A generation, and samples of each of its pixels that are done.

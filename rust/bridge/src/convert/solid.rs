@@ -6,14 +6,14 @@
 
 use crate::convert::Complaints;
 use crate::ffi;
-use oocpt_core::scene::{Solid, SolidSize};
+use oocpt_core::scene::{SolidDesc, SolidSize};
 
 /// [`ffi::ShapeDesc::kind`] of a solid of revolution.
 const SOLID: u8 = 3;
 
 impl Complaints {
     /// The solid that a prim is, if it is one.
-    pub(super) fn solid(&mut self, path: &str, desc: &ffi::ShapeDesc) -> Option<Solid> {
+    pub(super) fn solid(&mut self, path: &str, desc: &ffi::ShapeDesc) -> Option<SolidDesc> {
         if desc.kind != SOLID {
             return None;
         }
@@ -23,7 +23,7 @@ impl Complaints {
         let mut sizes = sizes.iter().map(size);
         let (_, size) = sizes.next()?;
         let axis = [0.0, 1.0].into_iter().position(|number| axis <= number).unwrap_or(2);
-        let solid = Solid { size, samples: sizes.collect(), axis, is_round: is_round > 0.0 };
+        let solid = SolidDesc { size, samples: sizes.collect(), axis, is_round: is_round > 0.0 };
         if !solid.is_usable() {
             self.add(path, "size", "its radius or height is not a finite number; left out");
         }

@@ -4,7 +4,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use oocpt_core::camera::Camera;
 use oocpt_core::settings::{HostMapped, Settings, TraversalKind};
-use oocpt_core::stats::Stats;
+use oocpt_core::stats::RenderStats;
 use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, Severity, Timings};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -160,7 +160,7 @@ pub(crate) struct Runs {
     pub(crate) trace_secs: Vec<f64>,
     /// Of the run with the median time.
     pub(crate) timings: Timings,
-    pub(crate) stats: Stats,
+    pub(crate) stats: RenderStats,
     /// The most that a run's picture had.
     pub(crate) different_pixels: u64,
 }
@@ -175,7 +175,7 @@ pub(crate) fn measure(
     reference: &mut Vec<u8>,
 ) -> Result<Runs> {
     finish(session).context("warm-up render")?;
-    let mut runs: Vec<(Timings, Stats)> = Vec::new();
+    let mut runs: Vec<(Timings, RenderStats)> = Vec::new();
     let mut different_pixels = 0;
     for run in 0..count.max(1) {
         if run > 0 || !is_cold {

@@ -2,7 +2,7 @@
 //! `oocpt bench curves`: hair, points and a limit surface: seconds, rays a second, and memory for each item.
 
 use anyhow::{Context, Result};
-use oocpt_core::settings::{Settings, Value};
+use oocpt_core::settings::{SettingValue, Settings};
 use oocpt_render::{Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -111,7 +111,7 @@ fn measure(arguments: &Arguments, subject: Subject) -> Result<(Row, Session)> {
     let plain = common::plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
     let settings = Settings { dicing_rate: arguments.dicing_rate, ..plain };
     let session = Session::with_options(settings, SessionOptions::default());
-    session.set_setting("enableInteractive", Value::Bool(false))?;
+    session.set_setting("enableInteractive", SettingValue::Bool(false))?;
     session.with_scene(|db| fur::build(db, subject, arguments.count))?;
     let started = Instant::now();
     session.render(common::color_request(size[0], size[1], fur::camera(size[0], size[1])));

@@ -8,7 +8,7 @@
 mod table;
 
 use anyhow::{Context, Result};
-use oocpt_core::settings::Value;
+use oocpt_core::settings::SettingValue;
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::Session;
 use serde::Serialize;
@@ -137,7 +137,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let (Some(path), Some(row)) = (&arguments.chunk_report, report.rows.last()) {
         // In a render of its own: counting visits costs time, and a scene in core is streamed for it.
         budgets::set(&session, row.budget_percent, report.seen.scene_bytes, &row.policy)?;
-        session.set_setting("oocpt:chunkReport", Value::Text(path.to_string_lossy().into_owned()))?;
+        session.set_setting("oocpt:chunkReport", SettingValue::Text(path.to_string_lossy().into_owned()))?;
         session.render(arguments.view.request());
         finish(&session).context("render for the chunk report")?;
     }

@@ -5,7 +5,7 @@
 //! third one's rays go on where a card has holes, so rays are counted too.
 
 use anyhow::{Context, Result, bail};
-use oocpt_core::settings::Value;
+use oocpt_core::settings::SettingValue;
 use oocpt_render::{Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -129,7 +129,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 fn session(arguments: &Arguments, kind: Leaves) -> Result<Session> {
     let settings = common::plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
     let session = Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(Pictures));
-    session.set_setting("oocpt:memoryBudget", Value::Int(arguments.memory_budget.into()))?;
+    session.set_setting("oocpt:memoryBudget", SettingValue::Int(arguments.memory_budget.into()))?;
     session.with_scene(|db| leaves::build(db, kind, arguments.leaves, arguments.texture_size))?;
     Ok(session)
 }

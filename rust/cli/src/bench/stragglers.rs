@@ -10,7 +10,7 @@
 mod table;
 
 use anyhow::{Context, Result, ensure};
-use oocpt_core::settings::Value;
+use oocpt_core::settings::SettingValue;
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{AovKind, LeftMoment, RenderRequest, Session};
 use serde::Serialize;
@@ -99,13 +99,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     budgets::limit(&session, arguments.memory_budget, arguments.chunk_size)?;
     session.with_scene(|db| arguments.view.scene.build(db))?;
     let request = arguments.view.request();
-    session.set_setting("oocpt:seed", Value::Int(REFERENCE_SEED))?;
-    session.set_setting("oocpt:samplesPerPixel", Value::Int(arguments.reference_samples.into()))?;
+    session.set_setting("oocpt:seed", SettingValue::Int(REFERENCE_SEED))?;
+    session.set_setting("oocpt:samplesPerPixel", SettingValue::Int(arguments.reference_samples.into()))?;
     session.render(request.clone());
     finish(&session).context("reference")?;
     ensure!(session.stats().streaming.in_core, "the scene has to fit the device: it gives the reference");
     let reference = picture(&session, &request)?;
-    session.set_setting("oocpt:samplesPerPixel", Value::Int(arguments.view.samples.into()))?;
+    session.set_setting("oocpt:samplesPerPixel", SettingValue::Int(arguments.view.samples.into()))?;
     let mut report = report(arguments, &session);
     table::print_head(&report);
     for (percent, roulette) in rows(&arguments.budget) {
@@ -149,15 +149,15 @@ fn measure(
     reference: &[[f32; 4]],
 ) -> Result<Row> {
     budgets::set(session, percent, scene_bytes, "")?;
-    session.set_setting("oocpt:stragglerRoulette", Value::Bool(roulette))?;
+    session.set_setting("oocpt:stragglerRoulette", SettingValue::Bool(roulette))?;
     let request = arguments.view.request();
-    session.set_setting("oocpt:seed", Value::Int(0))?;
+    session.set_setting("oocpt:seed", SettingValue::Int(0))?;
     session.render(request.clone());
     finish(session).context("warm-up render")?;
     let mut runs = Vec::new();
     let mut errors = Vec::new();
     for seed in 1..=arguments.runs.max(1) {
-        session.set_setting("oocpt:seed", Value::Int(seed.into()))?;
+        session.set_setting("oocpt:seed", SettingValue::Int(seed.into()))?;
         session.render(request.clone());
         finish(session)?;
         errors.push(rel_mse(&picture(session, &request)?, reference));

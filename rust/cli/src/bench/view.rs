@@ -6,7 +6,7 @@ use crate::scene::{island, pictures::Pictures, woods};
 use anyhow::Result;
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::SceneDb;
-use oocpt_core::stats::Stats;
+use oocpt_core::stats::RenderStats;
 use oocpt_render::{RenderRequest, Session, SessionOptions};
 use serde::Serialize;
 use std::sync::Arc;
@@ -104,7 +104,7 @@ impl<S: Made> View<S> {
     }
 
     /// After the scene was rendered.
-    pub(crate) fn seen(&self, stats: &Stats) -> Seen<S> {
+    pub(crate) fn seen(&self, stats: &RenderStats) -> Seen<S> {
         let Self { width, height, samples, bounces, scene, .. } = *self;
         Seen {
             width,

@@ -12,7 +12,7 @@ use crate::bench::{all_images, finish};
 use crate::scene::generated::Generated;
 use crate::scene::pictures::Pictures;
 use anyhow::{Context, Result, bail};
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::FeatureInventory;
 use oocpt_core::settings::Settings;
 use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
 use serde::Serialize;
@@ -62,7 +62,7 @@ pub(crate) struct Options {
 /// One build of the passes with its memory.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Build {
-    pub(super) inventory: Inventory,
+    pub(super) inventory: FeatureInventory,
     pub(super) pipelines: usize,
     pub(super) bytes: u64,
     /// Compiling all pipelines, one after the other, when they were first needed.
@@ -72,7 +72,7 @@ pub(super) struct Build {
 }
 
 impl Build {
-    fn new(inventory: Inventory, trace_secs: f64) -> Self {
+    fn new(inventory: FeatureInventory, trace_secs: f64) -> Self {
         Self {
             pipelines: inventory.pipelines(),
             bytes: inventory.bytes(),

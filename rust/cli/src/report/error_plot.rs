@@ -115,14 +115,14 @@ fn table(reports: &[(String, ErrorReport)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use oocpt_core::convergence::Estimate;
+    use oocpt_core::convergence::ErrorEstimate;
     use oocpt_core::stats::TrueError;
 
     fn rows(slope: f64) -> Vec<ErrorRow> {
         let row = |k: i32| {
             let seconds = 0.01 * 2_f64.powi(k);
             let rel_mse = 0.01 * seconds.powf(slope);
-            let estimate = Some(Estimate { rel_mse, low: 0.8 * rel_mse, high: 1.25 * rel_mse });
+            let estimate = Some(ErrorEstimate { rel_mse, low: 0.8 * rel_mse, high: 1.25 * rel_mse });
             ErrorRow { samples: 1 << k, seconds, seconds_tracing: seconds, estimate, ..ErrorRow::default() }
         };
         (0..10).map(row).collect()

@@ -7,7 +7,7 @@ use glam::DVec3;
 use oocpt_core::array::TypedArray;
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::{
-    CurveBasis, CurveWrap, CurvesDesc, Interpolation, LightDesc, MeshDesc, Primvar, SceneDb, Shape, Subdivision,
+    CurveBasis, CurveWrap, CurvesDesc, Interpolation, LightDesc, MeshDesc, PrimShape, Primvar, SceneDb, Subdivision,
 };
 
 use super::forest::{self, grid, prim};
@@ -71,7 +71,7 @@ fn hair(count: u32) -> MeshDesc {
         }
     }
     MeshDesc {
-        shape: Shape::Curves(CurvesDesc {
+        shape: PrimShape::Curves(CurvesDesc {
             basis: CurveBasis::BSpline,
             wrap: CurveWrap::Pinned,
             counts: TypedArray::of((0..count).map(|_| 5).collect::<Vec<i32>>()),
@@ -88,7 +88,7 @@ fn points(count: u32) -> MeshDesc {
     let mut coordinate = || random.range(-1.0, 1.0);
     let place = |_| DVec3::new(coordinate(), coordinate(), coordinate()).as_vec3().to_array();
     MeshDesc {
-        shape: Shape::Points,
+        shape: PrimShape::Points,
         points: TypedArray::of((0..count).map(place).collect::<Vec<[f32; 3]>>()),
         widths: width(1.0 / f64::from(count.max(1)).cbrt()),
         ..MeshDesc::default()

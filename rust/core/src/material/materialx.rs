@@ -16,11 +16,11 @@ use oocpt_materialx::uses::{AddressMode, MaterialTexture};
 use oocpt_materialx::value::{FileRef, PortValue};
 use oocpt_materialx::{DisplacementOffset, InputSource, TranslatedNetwork, translate, translate_displacement};
 
-use super::compile::{Compiled, MAX_NODES, needs};
+use super::compile::{CompiledMaterial, MAX_NODES, needs};
 use super::displacement::{Displacement, PatternDisplacement};
-use super::params::Problems;
+use super::params::ProblemList;
 use super::spaces::{linear_from_srgb, named};
-use super::{ColorSpace, Input, Material, PrimvarSlot, TextureRef, UvSet, Wrap};
+use super::{ColorSpace, InputValue, Material, PrimvarSlot, TextureRef, UvSet, Wrap};
 use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 
 /// What the kinds of `MaterialX` nodes begin with, in their namespace.
@@ -37,15 +37,15 @@ pub(super) fn is_materialx(desc: &MaterialDesc, terminal: Option<usize>) -> bool
 }
 
 /// Reads the terminals of a network that are such nodes.
-pub(super) fn compile(desc: &MaterialDesc, problems: &mut Problems) -> Compiled {
+pub(super) fn compile(desc: &MaterialDesc, problems: &mut ProblemList) -> CompiledMaterial {
     let library = standard();
     if library.is_empty() {
         problems.add("MaterialX's data libraries were not found (PXR_MTLX_STDLIB_SEARCH_PATHS)".to_owned());
-        return Compiled::default();
+        return CompiledMaterial::default();
     }
     if desc.nodes.len() > MAX_NODES {
         problems.add(format!("{} nodes are more than the {MAX_NODES} that are supported", desc.nodes.len()));
-        return Compiled::default();
+        return CompiledMaterial::default();
     }
     let network = Network {
         nodes: desc.nodes.iter().map(node).collect(),
@@ -60,7 +60,7 @@ pub(super) fn compile(desc: &MaterialDesc, problems: &mut Problems) -> Compiled 
         }
         None => library,
     };
-    let mut compiled = Compiled::default();
+    let mut compiled = CompiledMaterial::default();
     if is_materialx(desc, desc.surface) {
         let translation = translate(&network, library);
         translation.problems.iter().for_each(|problem| problems.add(problem.clone()));
@@ -172,10 +172,14 @@ fn texture(texture: &MaterialTexture) -> TextureRef {
 }
 
 /// Anisotropy, a film, and what is inside of what transmits.
-fn inside(inputs: &[Input; MaterialInput::COUNT], transmits: bool, translation: &TranslatedNetwork) -> MaterialFlags {
+fn inside(
+    inputs: &[InputValue; MaterialInput::COUNT],
+    transmits: bool,
+    translation: &TranslatedNetwork,
+) -> MaterialFlags {
     let is_thin = translation.thin_walled;
     let constant = |name: MaterialInput| match inputs[name as usize] {
-        Input::Constant(value) => Some(value),
+        InputValue::Constant(value) => Some(value),
         _ => None,
     };
     let is_even = constant(MaterialInput::Anisotropy).is_some_and(|[a, _, b, _]| a >= 1.0 && b >= 1.0);
@@ -207,8 +211,8 @@ fn by_programs(translation: &TranslatedNetwork) -> MaterialFlags {
 fn material(translation: &TranslatedNetwork) -> Option<Material> {
     let sources = translation.inputs?;
     let inputs = sources.map(|source| match source {
-        InputSource::Constant(value) => Input::Constant(value),
-        InputSource::Texture(lookup, channel) => Input::Texture {
+        InputSource::Constant(value) => InputValue::Constant(value),
+        InputSource::Texture(lookup, channel) => InputValue::Texture {
             texture: lookup.texture,
             channel,
             scale: lookup.scale,
@@ -219,16 +223,16 @@ fn material(translation: &TranslatedNetwork) -> Option<Material> {
         InputSource::Primvar(slot) => {
             let fallback =
                 translation.uses.primvars.get(usize::from(slot)).map_or([0.0; 4], |primvar| primvar.fallback);
-            Input::Primvar { slot, fallback }
+            InputValue::Primvar { slot, fallback }
         }
-        InputSource::Register(register) => Input::Register(register),
+        InputSource::Register(register) => InputValue::Register(register),
     });
     let input = |name: MaterialInput| &inputs[name as usize];
     let is_more = |name: MaterialInput, than: f32| match input(name) {
-        Input::Constant([x, y, z, _]) => *x > than || *y > than || *z > than,
+        InputValue::Constant([x, y, z, _]) => *x > than || *y > than || *z > than,
         _ => true,
     };
-    let is_clear = !matches!(input(MaterialInput::Opacity), Input::Constant([value, ..]) if *value >= 1.0);
+    let is_clear = !matches!(input(MaterialInput::Opacity), InputValue::Constant([value, ..]) if *value >= 1.0);
     let transmits = is_more(MaterialInput::Transmission, 0.0);
     let rough = is_more(MaterialInput::Roughness, SHARP_ROUGHNESS)
         || is_more(MaterialInput::Clearcoat, 0.0) && is_more(MaterialInput::ClearcoatRoughness, SHARP_ROUGHNESS);

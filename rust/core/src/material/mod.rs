@@ -27,7 +27,7 @@ use oocpt_materialx::program::{Program, ProgramLookup};
 use crate::desc::AssetRef;
 
 pub(crate) use compile::NEUTRAL;
-pub use compile::{Compiled, MAX_NODES, compile};
+pub use compile::{CompiledMaterial, MAX_NODES, compile};
 pub use cutout::{Cutout, CutoutImage};
 pub use describe::{LONGEST_TEXT, MaterialText, NodeText, ProgramText, describe};
 pub use displacement::{Displacement, PatternDisplacement, PreviewDisplacement};
@@ -41,12 +41,12 @@ pub const MAX_PRIMVARS: usize = 2;
 
 /// Where a value comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Input {
+pub enum InputValue {
     /// The value; scalars in all four components.
     Constant([f32; 4]),
     /// `texel(transform * uv) * scale + bias`, then all of it or one channel in all components.
     Texture {
-        /// Index into [`crate::SurfaceTables::textures`]; of [`Compiled::textures`] before a commit.
+        /// Index into [`crate::SurfaceTables::textures`]; of [`CompiledMaterial::textures`] before a commit.
         texture: u32,
         /// The channel; `None`: all.
         channel: Option<u8>,
@@ -116,7 +116,7 @@ pub struct PrimvarSlot {
     pub name: Arc<str>,
     /// Number of the name; 0 before a commit.
     pub id: u32,
-    /// Value where the mesh does not have it, for programs; an [`Input::Primvar`] has its own.
+    /// Value where the mesh does not have it, for programs; an [`InputValue::Primvar`] has its own.
     pub fallback: [f32; 4],
 }
 
@@ -126,14 +126,14 @@ pub struct Material {
     /// What it needs.
     pub flags: MaterialFlags,
     /// By [`MaterialInput`].
-    pub inputs: [Input; MaterialInput::COUNT],
+    pub inputs: [InputValue; MaterialInput::COUNT],
     /// With [`MaterialFlags::PRESENCE`]: 0 = the opacity is a probability, else a surface of less opacity is not there.
     pub opacity_threshold: f32,
     /// At most [`MAX_UV_SETS`].
     pub uv_sets: Vec<UvSet>,
     /// At most [`MAX_PRIMVARS`].
     pub primvars: Vec<PrimvarSlot>,
-    /// Works out the inputs that are registers; its lookups have textures as [`Input::Texture`] has.
+    /// Works out the inputs that are registers; its lookups have textures as [`InputValue::Texture`] has.
     pub program: Program,
     /// Works out the opacity where that is a register: a program of its own, which traversal runs.
     pub opacity_program: Program,
@@ -144,14 +144,14 @@ pub struct Material {
 impl Material {
     /// An input.
     #[must_use]
-    pub fn input(&self, name: MaterialInput) -> &Input {
+    pub fn input(&self, name: MaterialInput) -> &InputValue {
         &self.inputs[name as usize]
     }
 
     /// Texture lookups where it is shaded.
     #[must_use]
     pub fn lookups(&self) -> usize {
-        let inputs = self.inputs.iter().filter(|input| matches!(input, Input::Texture { .. })).count();
+        let inputs = self.inputs.iter().filter(|input| matches!(input, InputValue::Texture { .. })).count();
         inputs + self.program.lookups.len()
     }
 

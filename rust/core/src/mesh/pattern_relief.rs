@@ -17,27 +17,27 @@ use rustc_hash::FxHashMap;
 
 use super::cut_values::CutValues;
 use super::preview_relief::{lacks_all, no_tile, unread};
-use super::tangents::{Frame, Tangents, at};
+use super::tangents::{TangentField, TangentFrame, at};
 use crate::desc::MeshDesc;
 use crate::material::{PatternDisplacement, TextureRef};
-use crate::texture::{HeightLevel, Heights, member_of, numbered};
+use crate::texture::{HeightCache, HeightLevel, member_of, numbered};
 
 /// Most triangles that are measured, twice.
 const MOST_MEASURED: usize = 1 << 15;
 
 /// Members of sets of files that a face looks at, by lookup.
-pub(super) type Members = [u8; MAX_LOOKUPS];
+pub(super) type UdimMembers = [u8; MAX_LOOKUPS];
 
 /// Positions and normals of a mesh that was cut.
 #[derive(Clone, Copy)]
-pub(super) struct Surface<'a> {
+pub(super) struct DicedSurface<'a> {
     pub(super) positions: &'a [[f32; 3]],
     pub(super) normals: &'a [[f32; 3]],
 }
 
 /// A lookup of the program.
 #[derive(Default)]
-struct Looked {
+struct LookedUpLevels {
     channels: u8,
     /// Of a piece in the texture.
     area: f64,
@@ -48,22 +48,22 @@ struct Looked {
 /// A displacement over a mesh that was cut.
 pub(super) struct PatternRelief<'a> {
     displacement: &'a PatternDisplacement,
-    surface: Surface<'a>,
+    surface: DicedSurface<'a>,
     uv_sets: Vec<Option<CutValues<'a>>>,
     primvars: Vec<Option<CutValues<'a>>>,
-    tangents: Option<Tangents>,
+    tangents: Option<TangentField>,
     has_sets: bool,
     /// Every `stride`th triangle, with its face.
     measured: Vec<(u32, [u32; 3])>,
     stride: usize,
     triangles: usize,
-    lookups: Vec<Looked>,
+    lookups: Vec<LookedUpLevels>,
     /// What could not be read, by texture.
     problems: BTreeMap<u32, String>,
 }
 
 impl<'a> PatternRelief<'a> {
-    pub(super) fn new(displacement: &'a PatternDisplacement, desc: &'a MeshDesc, surface: Surface<'a>) -> Self {
+    pub(super) fn new(displacement: &'a PatternDisplacement, desc: &'a MeshDesc, surface: DicedSurface<'a>) -> Self {
         let PatternDisplacement { offset, is_vector, program, uv_sets, primvars, .. } = displacement;
         let masks = match offset {
             DisplacementOffset::Register(register) => channels(program, *register, if *is_vector { 3 } else { 1 }),
@@ -75,12 +75,15 @@ impl<'a> PatternRelief<'a> {
             surface,
             uv_sets: uv_sets.iter().map(|name| CutValues::of(desc, name)).collect(),
             primvars: primvars.iter().map(|(name, _)| CutValues::of(desc, name)).collect(),
-            tangents: displacement.has_tangents.then(|| Tangents::new(surface.positions.len())),
+            tangents: displacement.has_tangents.then(|| TangentField::new(surface.positions.len())),
             has_sets: program.lookups.iter().filter_map(texture).any(TextureRef::is_udim),
             measured: Vec::new(),
             stride: 1,
             triangles: 0,
-            lookups: masks.into_iter().map(|channels| Looked { channels, ..Looked::default() }).collect(),
+            lookups: masks
+                .into_iter()
+                .map(|channels| LookedUpLevels { channels, ..LookedUpLevels::default() })
+                .collect(),
             problems: BTreeMap::new(),
         }
     }
@@ -153,8 +156,8 @@ impl<'a> PatternRelief<'a> {
     }
 
     /// The members that the middle of a face is in.
-    pub(super) fn members(&self, face: u32, vertices: impl Iterator<Item = u32>) -> Members {
-        let mut members = Members::default();
+    pub(super) fn members(&self, face: u32, vertices: impl Iterator<Item = u32>) -> UdimMembers {
+        let mut members = UdimMembers::default();
         if !self.has_sets {
             return members;
         }
@@ -173,7 +176,7 @@ impl<'a> PatternRelief<'a> {
     }
 
     /// Opens what a face looks at.
-    pub(super) fn open(&mut self, heights: &Heights, members: &Members) {
+    pub(super) fn open(&mut self, heights: &HeightCache, members: &UdimMembers) {
         let known = self.displacement.program.lookups.iter();
         for ((lookup, looked), &member) in known.zip(&mut self.lookups).zip(members) {
             let Some(texture) = self.displacement.textures.get(lookup.texture as usize) else { continue };
@@ -190,19 +193,19 @@ impl<'a> PatternRelief<'a> {
     }
 
     /// How far a vertex of a face is moved along its normal.
-    pub(super) fn height(&self, face: u32, vertex: u32, members: &Members) -> f64 {
+    pub(super) fn height(&self, face: u32, vertex: u32, members: &UdimMembers) -> f64 {
         let [height, ..] = self.value(face, vertex, members);
         f64::from(height)
     }
 
     /// Where a vertex of a face is moved to.
-    pub(super) fn vector(&self, face: u32, vertex: u32, members: &Members) -> DVec3 {
+    pub(super) fn vector(&self, face: u32, vertex: u32, members: &UdimMembers) -> DVec3 {
         let [x, y, z, _] = self.value(face, vertex, members).map(f64::from);
         let [tangent, bitangent, normal] = self.frame(vertex);
         tangent * x + bitangent * y + normal * z
     }
 
-    fn value(&self, face: u32, vertex: u32, members: &Members) -> [f32; 4] {
+    fn value(&self, face: u32, vertex: u32, members: &UdimMembers) -> [f32; 4] {
         let register = match self.displacement.offset {
             DisplacementOffset::Constant(value) => return value,
             DisplacementOffset::Register(register) => usize::from(register),
@@ -253,7 +256,7 @@ impl<'a> PatternRelief<'a> {
         run_numbered(&self.displacement.program, geometry, lookup)
     }
 
-    fn frame(&self, vertex: u32) -> Frame {
+    fn frame(&self, vertex: u32) -> TangentFrame {
         let normal = at(self.surface.normals, vertex).try_normalize().unwrap_or(DVec3::Z);
         let any = || normal.any_orthonormal_pair();
         self.tangents.as_ref().map_or_else(|| [any().0, any().1, normal], |tangents| tangents.frame(vertex, normal))

@@ -14,7 +14,7 @@ use crate::shared::Gate;
 use crate::textures::{ImageLibrary, TextureCache};
 use crate::timings::Timings;
 use oocpt_abi::MAX_LEVELS;
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::FeatureInventory;
 use oocpt_core::residency::AssetId;
 use oocpt_core::scene::Snapshot;
 use oocpt_core::settings::Settings;
@@ -318,7 +318,7 @@ impl Scene {
     }
 
     /// Lists the tables, and, when all of the scene is there, its assets by what they hold.
-    pub(crate) fn list(&self, inventory: &mut Inventory, in_core: bool) {
+    pub(crate) fn list(&self, inventory: &mut FeatureInventory, in_core: bool) {
         if let Some(tables) = &self.tables {
             tables.list(inventory);
         }

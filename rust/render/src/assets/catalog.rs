@@ -12,11 +12,11 @@ use super::source::{AssetKey, Source};
 use crate::error::RenderError;
 use crate::textures::{OpacityMasks, TextureSet};
 use oocpt_abi::{LevelNode, MAX_LEVELS};
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::FeatureInventory;
 use oocpt_core::mesh::level_nodes;
-use oocpt_core::partition::World;
-use oocpt_core::residency::{AssetId, Catalog, UnitId};
-use oocpt_core::scene::{Snapshot, Target};
+use oocpt_core::partition::PartitionedWorld;
+use oocpt_core::residency::{AssetId, UnitCatalog, UnitId};
+use oocpt_core::scene::{InstanceTarget, Snapshot};
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ pub(crate) struct SceneAssets {
     /// By asset id, those of tiles left out: there may be millions.
     sources: Vec<Source>,
     /// Bytes of every asset and the assets of every unit.
-    pub(crate) catalog: Arc<Catalog>,
+    pub(crate) catalog: Arc<UnitCatalog>,
     /// The assets that some chunk or ray needs: all but tiles.
     pub(crate) needed: Vec<AssetId>,
     /// Bytes of them and of all tiles.
@@ -59,7 +59,7 @@ pub(crate) struct TopLevel {
 }
 
 impl TopLevel {
-    fn new(world: &World) -> Self {
+    fn new(world: &PartitionedWorld) -> Self {
         let (nodes, stack) = level_nodes(&world.top);
         Self { nodes, stack }
     }
@@ -111,7 +111,7 @@ impl SceneAssets {
         }
         sections[Source::TILES] = tile_bytes;
         let rows = chunk_rows.into_iter().chain((0..meshes).map(|mesh| vec![asset_id(mesh)]));
-        let listed = Catalog::new(sources.iter().map(Source::bytes).collect(), rows).and_then(|catalog| {
+        let listed = UnitCatalog::new(sources.iter().map(Source::bytes).collect(), rows).and_then(|catalog| {
             let mut catalog = catalog.with_bases(world.chunks.len());
             // A lookup needs no chunk.
             catalog.push_singles(&tiles)?;
@@ -203,7 +203,7 @@ impl SceneAssets {
     }
 
     /// Lists the bytes of the assets that some unit needs, by what they hold.
-    pub(crate) fn list(&self, inventory: &mut Inventory) {
+    pub(crate) fn list(&self, inventory: &mut FeatureInventory) {
         for (name, bytes) in Source::SECTIONS.into_iter().zip(self.sections) {
             inventory.add(name, bytes);
         }
@@ -287,11 +287,11 @@ impl SceneAssets {
         }
     }
 
-    fn deepest(&self, targets: &[Target], entries: &FxHashMap<AssetId, u32>) -> u32 {
+    fn deepest(&self, targets: &[InstanceTarget], entries: &FxHashMap<AssetId, u32>) -> u32 {
         // Meshes say how deep they are before they come.
-        let of = |target: &Target| match *target {
-            Target::Mesh(mesh) => self.sources.get(mesh as usize).map(Source::likely_stack),
-            Target::Assembly(index) => entries.get(&asset_id(self.meshes + index as usize)).copied(),
+        let of = |target: &InstanceTarget| match *target {
+            InstanceTarget::Mesh(mesh) => self.sources.get(mesh as usize).map(Source::likely_stack),
+            InstanceTarget::Assembly(index) => entries.get(&asset_id(self.meshes + index as usize)).copied(),
         };
         targets.iter().filter_map(of).max().unwrap_or(0)
     }
@@ -336,8 +336,8 @@ fn needed(snapshot: &Snapshot, meshes: usize, chunk_rows: &[Vec<AssetId>]) -> Ve
     let mut needed: FxHashSet<AssetId> = chunk_rows.iter().flatten().copied().collect();
     let is_placed = |index: &usize| needed.contains(&asset_id(meshes + index));
     let assemblies: Vec<usize> = (0..snapshot.assemblies.len()).filter(is_placed).collect();
-    let mut place = |target: &Target| {
-        if let Target::Mesh(mesh) = *target {
+    let mut place = |target: &InstanceTarget| {
+        if let InstanceTarget::Mesh(mesh) = *target {
             needed.insert(mesh);
         }
     };
@@ -351,10 +351,14 @@ fn needed(snapshot: &Snapshot, meshes: usize, chunk_rows: &[Vec<AssetId>]) -> Ve
 }
 
 /// `own` and all assemblies that the targets need, sorted.
-fn closure_of(targets: impl Iterator<Item = Target>, own: AssetId, assemblies: &[Vec<AssetId>]) -> Vec<AssetId> {
+fn closure_of(
+    targets: impl Iterator<Item = InstanceTarget>,
+    own: AssetId,
+    assemblies: &[Vec<AssetId>],
+) -> Vec<AssetId> {
     let mut closure = vec![own];
     for target in targets {
-        if let Target::Assembly(index) = target {
+        if let InstanceTarget::Assembly(index) = target {
             closure.extend(assemblies.get(index as usize).into_iter().flatten());
         }
     }

@@ -9,7 +9,7 @@ use super::values::ValueLayout;
 use oocpt_abi::{FLIPS_HANDEDNESS, GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
 use oocpt_core::Aabb;
 use oocpt_core::mesh::build_level;
-use oocpt_core::scene::{InstanceFlags, InstanceRecord, MotionKey, Target};
+use oocpt_core::scene::{InstanceFlags, InstanceRecord, InstanceTarget, MotionKey};
 use std::ops::Range;
 
 /// Records that one thread encodes at a time.
@@ -138,8 +138,8 @@ fn instance(record: &InstanceRecord) -> GpuInstance {
     GpuInstance {
         object_from_parent: record.object_from_parent,
         target: match record.target {
-            Target::Mesh(index) => index,
-            Target::Assembly(index) => index | TARGET_ASSEMBLY,
+            InstanceTarget::Mesh(index) => index,
+            InstanceTarget::Assembly(index) => index | TARGET_ASSEMBLY,
         },
         prim_id: record.prim_id,
         index_in_prototype: record.index_in_prototype,

@@ -29,7 +29,7 @@ use crate::wavefront::{Backend, Kind, Native, Passes, PathBuffers, Recorder};
 use crate::{assets::SceneView, device::WAVE_TIMEOUT};
 use drive::{Outcome, run};
 use oocpt_abi::{Features, FrameConstants};
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::FeatureInventory;
 use oocpt_core::settings::TraversalKind;
 use oocpt_gpu::{Buffer, BufferUsage, CommandList, Submission};
 
@@ -113,7 +113,7 @@ impl<'a> Tracer<'a> {
         setting: &'a Setting<'a>,
         paths: &'a PathBuffers,
         (view, parts): (&SceneView, Parts),
-        mut listed: Inventory,
+        mut listed: FeatureInventory,
         bind: impl FnOnce(&mut FrameConstants),
         progress: &mut Progress<'_>,
     ) -> Result<Self, RenderError> {

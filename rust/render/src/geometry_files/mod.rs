@@ -15,7 +15,7 @@ use crate::cache_folder::cache_folder;
 use crate::request::Severity;
 use crate::shared::Shared;
 use crate::sync::lock;
-use oocpt_core::mesh::{MeshFiles, Payload, PayloadError, StoredEntry};
+use oocpt_core::mesh::{MeshFiles, PayloadError, StoredBytes, StoredEntry};
 use oocpt_core::settings::Settings;
 use pack::Pack;
 use std::fs::{self, File};
@@ -205,7 +205,7 @@ impl MeshFiles for GeometryFiles {
         None
     }
 
-    fn add(&self, key: Option<u128>, head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn Payload>>> {
+    fn add(&self, key: Option<u128>, head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn StoredBytes>>> {
         if self.failed.load(Ordering::Relaxed) {
             return None;
         }

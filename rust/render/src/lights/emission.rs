@@ -7,7 +7,7 @@ use super::{emission_weight, narrow};
 use crate::textures::TextureCache;
 use oocpt_abi::{MaterialFlags, MaterialInput, NO_MATERIAL, NO_VALUE};
 use oocpt_core::Material;
-use oocpt_core::material::Input;
+use oocpt_core::material::InputValue;
 use oocpt_core::mesh::{MeshAsset, MeshSummary};
 use oocpt_core::scene::Snapshot;
 use oocpt_core::texture::TextureRef;
@@ -316,16 +316,16 @@ fn emitted_power(
         return None;
     }
     match material.input(MaterialInput::EmissiveColor) {
-        Input::Constant([r, g, b, _]) => {
+        InputValue::Constant([r, g, b, _]) => {
             let emission = [*r, *g, *b].map(|c| c.max(0.0));
             let usable = emission.iter().all(|c| *c <= MAX_EMISSION);
             Some(EmittedPower::Even(if usable { narrow(emission_weight(emission.map(f64::from))) } else { 0.0 }))
         }
-        Input::Primvar { slot, fallback: [r, g, b, _] } => {
+        InputValue::Primvar { slot, fallback: [r, g, b, _] } => {
             Some(EmittedPower::Primvar(material.primvars.get(usize::from(*slot))?.id, [*r, *g, *b]))
         }
-        Input::Register(_) => maps.program(snapshot, material, images).map(EmittedPower::Program),
-        Input::Texture { texture, channel, scale, bias, uv, transform } => {
+        InputValue::Register(_) => maps.program(snapshot, material, images).map(EmittedPower::Program),
+        InputValue::Texture { texture, channel, scale, bias, uv, transform } => {
             let texture = snapshot.surfaces.textures.get(*texture as usize)?;
             if texture.is_ptex {
                 return None;

@@ -20,7 +20,7 @@ use oocpt_abi::{
     NO_INDEX,
 };
 use oocpt_core::mesh::{LeafKind, SceneMesh};
-use oocpt_core::partition::World;
+use oocpt_core::partition::PartitionedWorld;
 use oocpt_core::scene::{MeshPlacement, MeshPlacements, Snapshot};
 use rustc_hash::FxHashMap;
 use std::f64::consts::PI;
@@ -67,7 +67,7 @@ pub(crate) struct MeshLights {
 /// What is kept from frame to frame.
 #[derive(Debug, Default)]
 pub(crate) struct MeshLightCache {
-    last: Option<(u64, Weak<World>, Option<Arc<MeshLights>>)>,
+    last: Option<(u64, Weak<PartitionedWorld>, Option<Arc<MeshLights>>)>,
     emitters: FxHashMap<EmitterKey, Option<Arc<Emitter>>>,
     maps: EmissionMaps,
     /// The points of something that emits light move, so it is not among them.

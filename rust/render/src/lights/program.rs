@@ -208,7 +208,7 @@ mod tests {
     use super::super::emitter::Emitter;
     use super::*;
     use oocpt_abi::{MaterialFlags, MaterialInput};
-    use oocpt_core::material::{Input, PrimvarSlot, UvSet};
+    use oocpt_core::material::{InputValue, PrimvarSlot, UvSet};
     use oocpt_core::materialx::MaterialEmission;
     use oocpt_core::materialx::program::{Instruction, Operand};
     use oocpt_core::mesh::MeshAsset;
@@ -231,7 +231,7 @@ mod tests {
         };
         Material {
             flags: MaterialFlags::EMISSIVE | MaterialFlags::PATTERNS,
-            inputs: [Input::Constant([0.0; 4]); MaterialInput::COUNT],
+            inputs: [InputValue::Constant([0.0; 4]); MaterialInput::COUNT],
             opacity_threshold: 0.0,
             uv_sets: vec![UvSet { name: "st".into(), id: 7, fallback: [3.0, 0.0] }],
             primvars: vec![PrimvarSlot { name: "place".into(), id: NAME_POSITION, fallback: [0.0; 4] }],

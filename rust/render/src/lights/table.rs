@@ -11,7 +11,7 @@ use oocpt_abi::{
     Features, GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags,
     LightTablePointers, NO_INDEX,
 };
-use oocpt_core::scene::{AssetRef, DomeFormat, DomeTexture, Emitter, IesProfile, Light, LocalLight, Snapshot};
+use oocpt_core::scene::{AssetRef, DomeFormat, DomeTexture, IesProfile, Light, LightEmitter, LocalLight, Snapshot};
 use rustc_hash::FxHashMap;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -103,8 +103,8 @@ impl LightTable {
         for light in lights {
             let counts = [table.locals.len(), table.infinite.len()];
             match &light.emitter {
-                Emitter::Local(local) => table.add_local(light, local, origin, &mut reading),
-                Emitter::Distant { direction, one_minus_cos } => {
+                LightEmitter::Local(local) => table.add_local(light, local, origin, &mut reading),
+                LightEmitter::Distant { direction, one_minus_cos } => {
                     let solid_angle = TAU * f64::from(*one_minus_cos);
                     let irradiance = luminance(light.radiance) * if *one_minus_cos > 0.0 { solid_angle } else { 1.0 };
                     powers.push(irradiance);
@@ -116,7 +116,7 @@ impl LightTable {
                         ..local::infinite(light, GpuLightKind::Distant)
                     });
                 }
-                Emitter::Dome { texture } => {
+                LightEmitter::Dome { texture } => {
                     let mean = table.add_dome(light, texture.as_ref(), camera_visible, &mut reading);
                     let irradiance = luminance(light.radiance) * PI * mean;
                     powers.push(irradiance);
@@ -289,7 +289,7 @@ impl LightTable {
             // At most 16 for each of 2^23 lights.
             let number = |n: usize| u32::try_from(n).unwrap_or_default();
             place = [number(self.keys.len()), number(motion.keys.len())];
-            let is_local = matches!(light.emitter, Emitter::Local(_));
+            let is_local = matches!(light.emitter, LightEmitter::Local(_));
             let origin = if is_local { self.origin } else { [0.0; 3] };
             self.keys.extend(local::keys(motion, origin));
         }

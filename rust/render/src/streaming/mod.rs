@@ -49,7 +49,7 @@ use left::PathsLeftLog;
 use needs::Needs;
 use observe::Observation;
 use oocpt_abi::{Features, FrameConstants, MAX_PENDING};
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::FeatureInventory;
 use oocpt_gpu::MemoryUse;
 use residency::{Residency, Start};
 use share::Room;
@@ -111,7 +111,7 @@ pub(crate) fn render(
     let budget = geometry_budget(setting, scene, buffers);
     reserve(setting, scene, budget)?;
     let policy = job.settings.policy;
-    let mut listed = Inventory::default();
+    let mut listed = FeatureInventory::default();
     scene.list(&mut listed, false);
     buffers.list(&mut listed);
     listed.add("geometry and textures, at most", budget);

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Chunks, meshes and tiles that rays read in host memory, across the bus, while the device has no room for them: none
-//! waits for these. What is visited most comes to the device (`Planner`), what has to go is read in host memory again.
+//! waits for these. What is visited most comes to the device (`ResidencyPlanner`), what has to go is read in host
+//! memory again.
 //!
 //! A unit is reached when all assets of its closure lie in host memory. Pure bookkeeping.
 
-use oocpt_core::residency::{AssetId, Demand, UnitId};
+use oocpt_core::residency::{AssetId, RayDemand, UnitId};
 use rustc_hash::FxHashMap;
 
 /// Where a unit is on its way into host memory.
@@ -100,7 +101,7 @@ impl MappedUnits {
     }
 
     /// What the planner is asked: nobody waits for what is there or on its way.
-    pub(super) fn demand<'a>(&'a mut self, demand: &Demand<'a>) -> Demand<'a> {
+    pub(super) fn demand<'a>(&'a mut self, demand: &RayDemand<'a>) -> RayDemand<'a> {
         for unit in self.asked.drain(..) {
             if let Some(rays) = self.waiting.get_mut(unit as usize) {
                 *rays = 0;
@@ -115,7 +116,7 @@ impl MappedUnits {
                 self.asked.push(unit);
             }
         }
-        Demand {
+        RayDemand {
             waiting: &self.waiting,
             asked: Some(&self.asked),
             visits: &self.visits,
@@ -148,11 +149,11 @@ mod tests {
     fn units_in_flight_are_removed_from_demand() {
         let mut reach = MappedUnits::new(3, 3);
         reach.expect(1, &[5]);
-        let demand = Demand { waiting: &[1, 2, 3, 4], asked: Some(&[0, 1, 3]), active: 9, ..Demand::default() };
+        let demand = RayDemand { waiting: &[1, 2, 3, 4], asked: Some(&[0, 1, 3]), active: 9, ..RayDemand::default() };
         let asked = reach.demand(&demand);
         assert_eq!((asked.waiting, asked.asked, asked.active), (&[1, 0, 0, 4][..], Some(&[0, 3][..]), 9));
         let _ = reach.arrived(5);
-        let demand = Demand { waiting: &[0, 2, 3, 0], asked: Some(&[1, 2]), ..demand };
+        let demand = RayDemand { waiting: &[0, 2, 3, 0], asked: Some(&[1, 2]), ..demand };
         let asked = reach.demand(&demand);
         assert_eq!((asked.waiting, asked.mapped), (&[0, 0, 3, 0][..], &[false, true, false][..]), "of this step alone");
     }

@@ -11,7 +11,7 @@ use crate::assets::{Entries, HostHeapFiller, Patience, SceneAssets, Store, Table
 use crate::device::Device;
 use crate::error::RenderError;
 use oocpt_core::residency::{
-    AssetId, Command, Demand, PlanError, Planner, PlannerOptions, PolicyKind, Proposal, UnitId,
+    AssetId, LoadProposal, PlanError, PlannerOptions, PolicyKind, RayDemand, ResidencyCommand, ResidencyPlanner, UnitId,
 };
 use oocpt_gpu::{CommandList, Submission};
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -42,7 +42,7 @@ pub(crate) struct Residency<'a> {
     pub(super) store: &'a mut Store,
     entries: Entries,
     tables: &'a Tables,
-    pub(crate) planner: Planner,
+    pub(crate) planner: ResidencyPlanner,
     /// Bytes for geometry and tiles; the planner may have less, to leave room for tiles.
     pub(super) budget: u64,
     /// Loads that wait for memory, in the planner's order.
@@ -101,7 +101,7 @@ impl<'a> Residency<'a> {
             pin_steps: 3,
             first_tile: Some(assets.tile_unit(0)),
         };
-        let planner = Planner::with_policy(Arc::clone(&assets.catalog), budget, policy.policy(), options)
+        let planner = ResidencyPlanner::with_policy(Arc::clone(&assets.catalog), budget, policy.policy(), options)
             .map_err(|error| plan_error(assets, &error))?;
         let mut residency = Self {
             device,
@@ -183,8 +183,8 @@ impl<'a> Residency<'a> {
     /// `agrees` agrees.
     pub(crate) fn plan(
         &mut self,
-        demand: &Demand<'_>,
-        agrees: &mut dyn FnMut(&Proposal) -> bool,
+        demand: &RayDemand<'_>,
+        agrees: &mut dyn FnMut(&LoadProposal) -> bool,
     ) -> Result<(), RenderError> {
         let mut demand = *demand;
         if self.stays {
@@ -198,8 +198,8 @@ impl<'a> Residency<'a> {
         };
         for command in commands {
             match command {
-                Command::Evict { unit, assets } => self.evict(unit, &assets),
-                Command::Load { unit, assets } => self.begin(unit, assets),
+                ResidencyCommand::Evict { unit, assets } => self.evict(unit, &assets),
+                ResidencyCommand::Load { unit, assets } => self.begin(unit, assets),
             }
         }
         self.place_waiting()

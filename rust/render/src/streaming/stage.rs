@@ -23,8 +23,8 @@ use crate::setting::is_cpu;
 use crate::shared::Gate;
 use crate::wavefront::Kind;
 use oocpt_abi::WavefrontCounters;
-use oocpt_core::residency::roulette::Prices;
-use oocpt_core::residency::{Demand, Proposal, ResidencyStats, UnitId};
+use oocpt_core::residency::roulette::LoadPrices;
+use oocpt_core::residency::{LoadProposal, RayDemand, ResidencyStats, UnitId};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -155,7 +155,7 @@ impl<'a, 'r> Stage<'a, 'r> {
         let (are_few, prices) = (self.are_stragglers(), self.prices(progress).unwrap_or_default());
         let (seen, next_step) = (&self.seen, self.next_step);
         let (waiting, next, partners) = (&*seen.waiting, &*seen.next, &*seen.partners);
-        let demand = Demand { waiting, next, partners, active, asked: Some(&seen.asked), ..Demand::default() };
+        let demand = RayDemand { waiting, next, partners, active, asked: Some(&seen.asked), ..RayDemand::default() };
         let Streamer { residency, stragglers, .. } = &mut self.streamer;
         match stragglers {
             Some(stragglers) if self.kind == Kind::Samples => {
@@ -165,7 +165,7 @@ impl<'a, 'r> Stage<'a, 'r> {
                 stragglers.note(StragglerMoment { secs, loads, bytes_loaded, waits });
                 stragglers.observe(seen, |chunk| residency.planner.is_resident(chunk));
                 residency.plan(&demand, &mut |proposal| {
-                    let proposal = Proposal { is_idle: proposal.is_idle && are_few, ..*proposal };
+                    let proposal = LoadProposal { is_idle: proposal.is_idle && are_few, ..*proposal };
                     stragglers.agrees(&proposal, seen, &prices, next_step)
                 })
             }
@@ -174,7 +174,7 @@ impl<'a, 'r> Stage<'a, 'r> {
     }
 
     /// What loads and paths cost, for roulette on loads.
-    fn prices(&self, progress: &Progress<'_>) -> Option<Prices> {
+    fn prices(&self, progress: &Progress<'_>) -> Option<LoadPrices> {
         let stragglers = self.streamer.stragglers.as_ref()?;
         let spent = RenderCost {
             secs: self.started.elapsed().as_secs_f64(),

@@ -15,8 +15,8 @@ use super::observe::Observation;
 use oocpt_abi::{WORTH_MUST, WORTH_ONE};
 #[cfg(feature = "faults")]
 use oocpt_core::residency::roulette::LEAST;
-use oocpt_core::residency::roulette::{Prices, Roulette, Stakes};
-use oocpt_core::residency::{Proposal, UnitId};
+use oocpt_core::residency::roulette::{LoadPrices, LoadRoulette, LoadStakes};
+use oocpt_core::residency::{LoadProposal, UnitId};
 
 /// Stragglers are so few of the paths that are in flight when there are enough: one in this many.
 const FEW: u64 = 64;
@@ -85,7 +85,7 @@ impl Price {
 /// See the module.
 #[derive(Debug)]
 pub(crate) struct Stragglers {
-    roulette: Roulette,
+    roulette: LoadRoulette,
     price: Price,
     units: usize,
     #[cfg(feature = "faults")]
@@ -96,7 +96,7 @@ impl Stragglers {
     /// For a scene of so many chunks and meshes.
     pub(crate) fn new(seed: u32, units: usize) -> Self {
         Self {
-            roulette: Roulette::new(seed, units),
+            roulette: LoadRoulette::new(seed, units),
             price: Price::default(),
             units,
             #[cfg(feature = "faults")]
@@ -120,7 +120,7 @@ impl Stragglers {
     }
 
     /// Tells what it came to.
-    pub(super) fn log(&self, prices: &Prices) {
+    pub(super) fn log(&self, prices: &LoadPrices) {
         tracing::info!(
             loads_saved = self.roulette.loads_saved,
             share_of_variance = self.roulette.spent / (prices.variance * prices.paths),
@@ -136,7 +136,7 @@ impl Stragglers {
         self.roulette.loads_saved
     }
 
-    /// See [`Roulette::observe`].
+    /// See [`LoadRoulette::observe`].
     pub(super) fn observe(&mut self, seen: &Observation, is_resident: impl Fn(UnitId) -> bool) {
         self.roulette.observe(seen.step, &seen.waiting, is_resident);
     }
@@ -153,7 +153,13 @@ impl Stragglers {
 
     /// Whether a load may begin; rays that wait for it first are weighted or ended in step `next`. Those that will come
     /// to the chunk later on pay their share of it.
-    pub(super) fn agrees(&mut self, proposal: &Proposal, seen: &Observation, prices: &Prices, next: u64) -> bool {
+    pub(super) fn agrees(
+        &mut self,
+        proposal: &LoadProposal,
+        seen: &Observation,
+        prices: &LoadPrices,
+        next: u64,
+    ) -> bool {
         let of = |values: &[u32]| values.get(proposal.unit as usize).copied();
         let (first, later) = (of(&seen.waiting).unwrap_or(0), of(&seen.next).unwrap_or(0));
         let worth = match of(&seen.worth) {
@@ -164,7 +170,7 @@ impl Stragglers {
             _ => f64::INFINITY,
         };
         let share = f64::from(first) / (f64::from(first) + f64::from(later)).max(1.0);
-        let stakes = Stakes { unit: proposal.unit, bytes: proposal.bytes, worth, share };
+        let stakes = LoadStakes { unit: proposal.unit, bytes: proposal.bytes, worth, share };
         #[cfg(feature = "faults")]
         if let Some(per_mille) = self.faults.roulette_per_mille {
             let p = if worth.is_finite() { (f64::from(per_mille) / 1000.0).clamp(LEAST, 1.0) } else { 1.0 };
@@ -175,13 +181,13 @@ impl Stragglers {
 
     /// What is known of costs; what is not, is no number. Of two variances the smaller one.
     #[expect(clippy::cast_precision_loss, reason = "estimates")]
-    pub(super) fn prices(&self, spent: &RenderCost, seen: &Observation) -> Prices {
+    pub(super) fn prices(&self, spent: &RenderCost, seen: &Observation) -> LoadPrices {
         let of_paths = f64::from(seen.roulette.variance);
         let known = spent.variance.into_iter().chain([of_paths]).filter(|variance| *variance > 0.0);
         let secs_per_byte = self.price.secs_per_byte();
         #[cfg(feature = "faults")]
         let secs_per_byte = self.faults.roulette_ns_per_byte.map(|ns| 1e-9 * f64::from(ns)).or(secs_per_byte);
-        Prices {
+        LoadPrices {
             secs_per_byte: secs_per_byte.unwrap_or(f64::NAN),
             secs_per_path: spent.secs / spent.paths as f64,
             variance: known.fold(f64::NAN, f64::min),
@@ -223,8 +229,8 @@ mod tests {
 
     /// Whether load after load of a chunk is agreed to, a hundred times.
     fn agreed(seen: &Observation, is_idle: bool) -> usize {
-        let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9 };
-        let proposal = Proposal { unit: 1, bytes: 1 << 20, is_idle };
+        let prices = LoadPrices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9 };
+        let proposal = LoadProposal { unit: 1, bytes: 1 << 20, is_idle };
         let yes = |seed: u32| Stragglers::new(seed, 2).agrees(&proposal, seen, &prices, 1);
         (0..100).filter(|&seed| yes(seed)).count()
     }
@@ -243,8 +249,8 @@ mod tests {
     fn rays_with_the_chunk_further_along_share_the_load_cost() {
         // A load costs 1000 paths, so one ray has p = 0.1; with 24 others to come it pays for 40 of them: p = 0.5, and
         // with more it is not played.
-        let prices = Prices { secs_per_byte: 1e-6, secs_per_path: 1e-3, variance: 0.2, paths: 1e9 };
-        let proposal = Proposal { unit: 1, bytes: 1_000_000, is_idle: true };
+        let prices = LoadPrices { secs_per_byte: 1e-6, secs_per_path: 1e-3, variance: 0.2, paths: 1e9 };
+        let proposal = LoadProposal { unit: 1, bytes: 1_000_000, is_idle: true };
         let agreed = |later: u32| {
             let seen = Observation { next: vec![0, later], ..seen(1, WORTH_ONE) };
             (0..400).filter(|&seed| Stragglers::new(seed, 2).agrees(&proposal, &seen, &prices, 1)).count()
@@ -301,11 +307,13 @@ mod tests {
 
     #[test]
     fn verdicts_are_encoded_per_chunk() {
-        let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9 };
+        let prices = LoadPrices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9 };
         let mut stragglers = Stragglers::new(7, 200);
         let many = Observation { waiting: vec![1; 200], worth: vec![1; 200], ..Observation::default() };
         let yes: Vec<bool> = (0..199)
-            .map(|chunk| stragglers.agrees(&Proposal { unit: chunk, bytes: 1 << 20, is_idle: true }, &many, &prices, 1))
+            .map(|chunk| {
+                stragglers.agrees(&LoadProposal { unit: chunk, bytes: 1 << 20, is_idle: true }, &many, &prices, 1)
+            })
             .collect();
         let table = stragglers.take_verdicts().expect("something was decided");
         for (entry, yes) in table.iter().zip(&yes) {

@@ -3,13 +3,13 @@
 //!
 //! One thread decodes, another makes coarser levels and tiles, a few bands apart; where other files keep the cores
 //! busy, one does both. Memory: [`BANDS`] bands of rows, and for each level one row of tiles and two rows of sums
-//! (`oocpt_core::texture::Pyramid`); no level is ever whole.
+//! (`oocpt_core::texture::TexturePyramid`); no level is ever whole.
 
 use super::image::{ColorTransform, Image, ImageError};
 use super::texels::Texels;
 use crossbeam_channel::bounded;
 use oocpt_abi::TILE_SIDE;
-use oocpt_core::texture::{Layout, Pyramid};
+use oocpt_core::texture::{TexturePyramid, TileLayout};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Bands between the two threads.
@@ -28,7 +28,7 @@ pub(super) struct Decoding<'a> {
     pub(super) texels: &'a Texels,
     /// How the image's texels are stored, if not so, and what makes them linear.
     pub(super) transform: Option<(&'a Texels, &'a dyn ColorTransform)>,
-    pub(super) layout: &'a Layout,
+    pub(super) layout: &'a TileLayout,
     /// The finest level that is wanted.
     pub(super) first: u32,
 }
@@ -116,7 +116,7 @@ struct TileRow {
 struct Maker<'a> {
     from: &'a Texels,
     transform: Option<&'a dyn ColorTransform>,
-    pyramid: Pyramid,
+    pyramid: TexturePyramid,
     /// Rows of the image that came in.
     taken: u32,
     cutter: Cutter<'a>,
@@ -169,7 +169,7 @@ impl<'a> Maker<'a> {
         let (from, transform) = transform.map_or((texels, None), |(from, transform)| (from, Some(transform)));
         let halves =
             from.is_bounded() && transform.is_none() && layout.size().iter().all(|side| side.is_multiple_of(2));
-        let pyramid = Pyramid::new(layout, texels.channels());
+        let pyramid = TexturePyramid::new(layout, texels.channels());
         Self { from, transform, pyramid, taken: 0, cutter, values, halves, upper: Vec::new() }
     }
 

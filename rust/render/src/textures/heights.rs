@@ -11,7 +11,7 @@ use super::tiles::{Stores, TextureImage};
 use crate::sync::lock;
 use oocpt_abi::TILE_SIDE;
 use oocpt_core::settings::Settings;
-use oocpt_core::texture::{HeightFiles, HeightImage, Layout, TexelFormat, TextureRef, Wrap};
+use oocpt_core::texture::{HeightFiles, HeightImage, TexelFormat, TextureRef, TileLayout, Wrap};
 use std::sync::{Arc, Mutex};
 
 /// See the module.
@@ -67,7 +67,7 @@ impl HeightFiles for HeightTextures {
 struct Height(Arc<TextureImage>);
 
 impl HeightImage for Height {
-    fn layout(&self) -> Layout {
+    fn layout(&self) -> TileLayout {
         *self.0.layout()
     }
 

@@ -9,7 +9,7 @@ use super::image::ImageError;
 use crate::host_memory;
 use crate::sync::lock;
 use oocpt_core::settings::Settings;
-use oocpt_core::texture::Layout;
+use oocpt_core::texture::TileLayout;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, Weak};
@@ -24,7 +24,7 @@ pub(super) struct Levels {
 
 impl Levels {
     /// Room for the levels `first ..` of an image.
-    pub(super) fn new(layout: &Layout, texel_bytes: usize, first: u32) -> Self {
+    pub(super) fn new(layout: &TileLayout, texel_bytes: usize, first: u32) -> Self {
         let level = |level| {
             let size = layout.level_size(level);
             (size, vec![0; size[0] as usize * size[1] as usize * texel_bytes])

@@ -11,7 +11,7 @@ use super::set::TextureCache;
 use super::tiles::TextureImage;
 use oocpt_abi as abi;
 use oocpt_abi::{GpuTexture, MaterialFlags, MaterialInput, NAME_PTEX};
-use oocpt_core::material::{Input, Material};
+use oocpt_core::material::{InputValue, Material};
 use oocpt_core::scene::SurfaceTables;
 use oocpt_core::texture::{OpacityMask, OpacityMaskMaker, OpacityQuery, TextureRef, Wrap, mask_bytes};
 use rayon::prelude::*;
@@ -148,7 +148,7 @@ impl TextureCache {
         if !material.flags.contains(MaterialFlags::PRESENCE) {
             return none;
         }
-        let Input::Texture { texture, uv: Some(set), .. } = *material.input(MaterialInput::Opacity) else {
+        let InputValue::Texture { texture, uv: Some(set), .. } = *material.input(MaterialInput::Opacity) else {
             return none;
         };
         let has_set = material.uv_sets.get(usize::from(set)).is_some_and(|set| set.id != NAME_PTEX);
@@ -171,7 +171,9 @@ impl TextureCache {
 
     /// What mask a material wants of an image.
     fn wanted(&self, material: &Material, file: &TextureRef, member: u32, record: &GpuTexture) -> Option<Wanted> {
-        let Input::Texture { channel, scale, bias, .. } = *material.input(MaterialInput::Opacity) else { return None };
+        let InputValue::Texture { channel, scale, bias, .. } = *material.input(MaterialInput::Opacity) else {
+            return None;
+        };
         if record.levels == 0 || record.flags & abi::TEXTURE_PTEX != 0 {
             return None;
         }
@@ -260,7 +262,7 @@ impl Placing<'_> {
 /// What of a material's opacity native traversal does not look up, in words: Ptex, and floats through the sRGB curve,
 /// which is the device's own function.
 fn only_shaders(material: &Material, records: &[GpuTexture]) -> Option<&'static str> {
-    let Input::Texture { texture, channel, .. } = *material.input(MaterialInput::Opacity) else { return None };
+    let InputValue::Texture { texture, channel, .. } = *material.input(MaterialInput::Opacity) else { return None };
     let record = records.get(texture as usize)?;
     if record.flags & abi::TEXTURE_PTEX != 0 {
         return Some("cutouts by Ptex");

@@ -17,7 +17,7 @@ use super::tx::{Description, TxFile};
 use crate::sync::lock;
 use oocpt_core::again::again;
 use oocpt_core::scene::AssetRef;
-use oocpt_core::texture::Layout;
+use oocpt_core::texture::TileLayout;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, TryLockError, Weak};
 
@@ -113,7 +113,7 @@ pub(super) struct Prepared {
     info: ImageInfo,
     /// The colour space that it is converted from.
     transform: Option<Arc<str>>,
-    layout: Layout,
+    layout: TileLayout,
     texels: Arc<Texels>,
     /// Its key in the cache on disk; none where there is no cache, or nothing that tells the file from others.
     disk: Option<(Arc<DiskCache>, String)>,
@@ -129,7 +129,7 @@ pub(super) struct Making {
     pub(super) source: Source,
     pub(super) info: ImageInfo,
     pub(super) transform: Option<Arc<str>>,
-    pub(super) layout: Layout,
+    pub(super) layout: TileLayout,
     pub(super) texels: Arc<Texels>,
     pub(super) disk: Option<(Arc<DiskCache>, String)>,
     pub(super) memory: Arc<MemoryStore>,

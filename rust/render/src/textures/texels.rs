@@ -115,8 +115,8 @@ impl Texels {
         }
     }
 
-    /// The mean of each 2 x 2 texels of two rows of bytes: the bits that [`Self::decode`] and `Pyramid` give one after
-    /// the other, since factors of 1/2 are exact. For bytes only.
+    /// The mean of each 2 x 2 texels of two rows of bytes: the bits that [`Self::decode`] and `TexturePyramid` give one
+    /// after the other, since factors of 1/2 are exact. For bytes only.
     pub(super) fn halve(&self, upper: &[u8], lower: &[u8], out: &mut Vec<f32>) {
         let unit: [f32; 256] = std::array::from_fn(|byte| byte as f32 / 255.0);
         let tables: [&[f32; 256]; 4] =

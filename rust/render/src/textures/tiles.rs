@@ -12,7 +12,7 @@ use crate::sync::lock;
 use oocpt_abi::TILE_SIDE;
 use oocpt_core::again::again;
 use oocpt_core::scene::AssetRef;
-use oocpt_core::texture::{ColorSpace, FaceLayout, Layout, Piece, TexelFormat, is_srgb};
+use oocpt_core::texture::{ColorSpace, FaceLayout, TexelFormat, TileLayout, TilePiece, is_srgb};
 use rustc_hash::FxHashSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -41,7 +41,7 @@ pub(crate) struct TextureImage {
     name: Arc<str>,
     pixels: Pixels,
     info: ImageInfo,
-    layout: Layout,
+    layout: TileLayout,
     /// Of Ptex: where the texels of faces are.
     faces: Option<Arc<FaceLayout>>,
     texels: Arc<Texels>,
@@ -118,7 +118,7 @@ impl TextureImage {
         let is_srgb = is_srgb(&space, info.is_srgb, info.format, info.channels);
         let texels = Arc::new(Texels::new(&info, is_srgb));
         let bytes = u32::try_from(texels.device_bytes()).unwrap_or(0);
-        let layout = Layout::new(size, bytes).map_err(|error| ImageError(error.to_string()))?;
+        let layout = TileLayout::new(size, bytes).map_err(|error| ImageError(error.to_string()))?;
         let has_all = (0..layout.levels()).all(|l| info.levels.get(l as usize) == Some(&layout.level_size(l)));
         let transform = name_of(space);
         let pixels = match image {
@@ -163,7 +163,7 @@ impl TextureImage {
         let is_srgb = is_srgb(&space, info.is_srgb, info.format, info.channels);
         let texels = Arc::new(Texels::new(&info, is_srgb));
         let bytes = u32::try_from(texels.device_bytes()).unwrap_or(0);
-        let layout = Layout::of_rows(source.layout().texels(), bytes).map_err(|e| ImageError(e.to_string()))?;
+        let layout = TileLayout::of_rows(source.layout().texels(), bytes).map_err(|e| ImageError(e.to_string()))?;
         let key = wanted.key(stores.disk.as_ref(), &space);
         let entry = key.as_ref().and_then(|(disk, key)| disk.find(key));
         let entry = entry.filter(|entry| entry.description().info().levels.first() == Some(&layout.size()));
@@ -204,7 +204,7 @@ impl TextureImage {
     }
 
     /// How it is cut.
-    pub(crate) fn layout(&self) -> &Layout {
+    pub(crate) fn layout(&self) -> &TileLayout {
         &self.layout
     }
 
@@ -282,8 +282,8 @@ impl TextureImage {
         self.piece(&piece, &mut Vec::new(), &mut vec![0; bytes])
     }
 
-    fn piece(&self, piece: &Piece, raw: &mut Vec<u8>, out: &mut [u8]) -> Result<(), ImageError> {
-        let Piece { level, at, size, .. } = *piece;
+    fn piece(&self, piece: &TilePiece, raw: &mut Vec<u8>, out: &mut [u8]) -> Result<(), ImageError> {
+        let TilePiece { level, at, size, .. } = *piece;
         let read = |out: &mut [u8]| match &self.pixels {
             Pixels::File(image) => image.read(level, at, size, out),
             Pixels::Prepared(prepared) => prepared.read(level, at, size, out),

@@ -7,7 +7,7 @@ use crate::scenes::{constant, dome, features, nested, prim, square};
 use crate::support::{perspective, read, render, seeds, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::scene::SceneDb;
-use oocpt_core::settings::{Settings, Value};
+use oocpt_core::settings::{SettingValue, Settings};
 use oocpt_render::{AovKind, Faults, RenderRequest, Session, SessionOptions};
 
 /// Mean of `(x - r)^2 / (r^2 + 0.01)` over pixels and colour channels.
@@ -26,7 +26,7 @@ fn mean(values: &[f64]) -> (f64, f64) {
 }
 
 fn picture(session: &Session, view: &RenderRequest, seed: usize) -> Vec<f32> {
-    session.set_setting("oocpt:seed", Value::Int(i64::try_from(seed).expect("small"))).expect("a seed");
+    session.set_setting("oocpt:seed", SettingValue::Int(i64::try_from(seed).expect("small"))).expect("a seed");
     render(session, view);
     read::<f32>(session, view, AovKind::Color)
 }

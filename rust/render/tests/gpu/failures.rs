@@ -5,9 +5,9 @@ use crate::materials::{Ramps, board, coordinates, textured, with};
 use crate::scenes::{dome, nested, prim, sphere};
 use crate::support::{perspective, read, read_all, render, render_with_messages, request, session, settings};
 use glam::{DMat4, DVec3};
-use oocpt_core::mesh::{LOST_FOR_GOOD, MeshFiles, Payload, PayloadError, StoredEntry};
+use oocpt_core::mesh::{LOST_FOR_GOOD, MeshFiles, PayloadError, StoredBytes, StoredEntry};
 use oocpt_core::scene::{AssetRef, Interpolation};
-use oocpt_core::settings::{Settings, Value};
+use oocpt_core::settings::{SettingValue, Settings};
 use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
 use oocpt_render::{AovKind, Faults, RenderRequest, Session, SessionOptions, Severity};
 use std::sync::Arc;
@@ -29,7 +29,7 @@ fn a_budget_too_small_is_one_error_and_a_larger_one_renders() {
     assert_eq!(messages.len(), 1, "one error: {messages:?}");
     assert_eq!(messages[0].severity, Severity::Error, "it is an error");
     assert!(messages[0].text.contains("budget"), "it names the budget: {}", messages[0].text);
-    let changed = session.set_setting("oocpt:memoryBudget", Value::Int(2048)).expect("a valid budget");
+    let changed = session.set_setting("oocpt:memoryBudget", SettingValue::Int(2048)).expect("a valid budget");
     assert!(changed, "the budget is another one");
     render(&session, &view([32, 32]));
     let stats = session.stats();
@@ -131,7 +131,7 @@ fn a_second_device_loss_ends_the_render() {
 #[derive(Debug)]
 struct Abyss(u64);
 
-impl Payload for Abyss {
+impl StoredBytes for Abyss {
     fn size(&self) -> u64 {
         self.0
     }
@@ -150,9 +150,9 @@ impl MeshFiles for Abyss {
         None
     }
 
-    fn add(&self, _key: Option<u128>, _head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn Payload>>> {
+    fn add(&self, _key: Option<u128>, _head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn StoredBytes>>> {
         let size = |parts: &Vec<&[u8]>| parts.iter().map(|part| part.len() as u64).sum();
-        Some(payloads.iter().map(|parts| Arc::new(Self(size(parts))) as Arc<dyn Payload>).collect())
+        Some(payloads.iter().map(|parts| Arc::new(Self(size(parts))) as Arc<dyn StoredBytes>).collect())
     }
 
     fn damaged(&self, _key: Option<u128>, _error: &PayloadError) {}

@@ -4,9 +4,9 @@
 
 use std::sync::OnceLock;
 
-use oocpt_core::material::{Compiled, Material, compile, describe};
+use oocpt_core::material::{CompiledMaterial, Material, compile, describe};
 use oocpt_core::scene::SceneDb;
-use oocpt_core::{AssetRef, ConnectionDesc, Input, MaterialDesc, NodeDesc, ParamDesc, ParamValue};
+use oocpt_core::{AssetRef, ConnectionDesc, InputValue, MaterialDesc, NodeDesc, ParamDesc, ParamValue};
 use oocpt_materialx::eval::run;
 use oocpt_materialx::library::{NodeDef, standard};
 use proptest::prelude::*;
@@ -141,11 +141,11 @@ fn finite(values: &[f32]) -> bool {
 fn check_material(material: &Material) {
     for input in &material.inputs {
         let is_finite = match input {
-            Input::Constant(value) | Input::Primvar { fallback: value, .. } => finite(value),
-            Input::Texture { scale, bias, transform, .. } => {
+            InputValue::Constant(value) | InputValue::Primvar { fallback: value, .. } => finite(value),
+            InputValue::Texture { scale, bias, transform, .. } => {
                 finite(scale) && finite(bias) && finite(transform.as_flattened())
             }
-            Input::Register(_) => true,
+            InputValue::Register(_) => true,
         };
         assert!(is_finite, "{input:?}");
     }
@@ -161,7 +161,7 @@ fn check_material(material: &Material) {
 
 /// Everything that a material of strangers promises.
 fn check(desc: &MaterialDesc) {
-    let Compiled { material, textures, problems, .. } = compile(desc);
+    let CompiledMaterial { material, textures, problems, .. } = compile(desc);
     assert!(material.is_some() || !problems.is_empty(), "a surface that is none says why");
     material.iter().for_each(check_material);
     assert!(textures.iter().all(|texture| finite(&texture.fallback)), "{textures:?}");

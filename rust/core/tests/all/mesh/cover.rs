@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use oocpt_abi::NodeChild;
 use oocpt_core::mesh::MeshFiles;
 use oocpt_core::scene::{PointsMotion, PointsSample};
-use oocpt_core::texture::{HeightFiles, HeightImage, Layout, TextureRef};
+use oocpt_core::texture::{HeightFiles, HeightImage, TextureRef, TileLayout};
 use oocpt_core::{
     Aabb, Interpolation, MaterialDesc, MeshAsset, MeshDesc, NamedPrimvar, ParamValue, PartitionOptions, Primvar,
     SceneDb, Snapshot, TypedArray, Wrap,
@@ -26,8 +26,8 @@ struct Picture(Shape);
 const SIDE: u16 = 64;
 
 impl HeightImage for Picture {
-    fn layout(&self) -> Layout {
-        Layout::new([SIDE.into(); 2], 4).expect("a layout")
+    fn layout(&self) -> TileLayout {
+        TileLayout::new([SIDE.into(); 2], 4).expect("a layout")
     }
 
     fn wrap(&self) -> Option<[Wrap; 2]> {

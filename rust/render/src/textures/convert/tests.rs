@@ -55,7 +55,7 @@ impl TileSink for Kept {
 }
 
 fn converted(image: &Rows, first: u32) -> Result<Kept, ImageError> {
-    let layout = Layout::new(image.size, 1).expect("supported");
+    let layout = TileLayout::new(image.size, 1).expect("supported");
     let mut kept = Kept::default();
     let texels = Texels::new(&image.info(), false);
     convert(&Decoding { image, texels: &texels, transform: None, layout: &layout, first }, &mut kept)?;
@@ -66,7 +66,7 @@ fn converted(image: &Rows, first: u32) -> Result<Kept, ImageError> {
 fn every_tile_of_every_level_comes_once() {
     for size in [[1, 1], [300, 259], [128, 256], [1, 700], [513, 2]] {
         let kept = converted(&Rows { size, rows: size[1] }, 0).expect("whole");
-        let layout = Layout::new(size, 1).expect("supported");
+        let layout = TileLayout::new(size, 1).expect("supported");
         let mut levels: Vec<Vec<Option<u8>>> = (0..layout.levels())
             .map(|level| vec![None; layout.level_size(level).iter().product::<u32>() as usize])
             .collect();
@@ -124,8 +124,8 @@ fn downsampled_bytes_match_the_pyramid_bit_for_bit() {
         let rows = [0, 1].map(|y| (0..16 * channels).map(|x| byte(x, y)).collect::<Vec<u8>>());
         let mut halved = Vec::new();
         texels.halve(&rows[0], &rows[1], &mut halved);
-        let layout = Layout::new([16, 2], channels.next_power_of_two()).expect("supported");
-        let mut pyramid = Pyramid::new(&layout, channels as usize);
+        let layout = TileLayout::new([16, 2], channels.next_power_of_two()).expect("supported");
+        let mut pyramid = TexturePyramid::new(&layout, channels as usize);
         let mut level = Vec::new();
         for row in &rows {
             let mut values = vec![0.0; row.len()];
@@ -143,7 +143,7 @@ fn downsampled_bytes_match_the_pyramid_bit_for_bit() {
 
 #[test]
 fn nan_texels_do_not_spread_to_coarser_levels() {
-    let layout = Layout::new([4, 4], 4).expect("supported");
+    let layout = TileLayout::new([4, 4], 4).expect("supported");
     let texels = Texels::new(&Wild.info(), false);
     let mut kept = Kept::default();
     let decoding = Decoding { image: &Wild, texels: &texels, transform: None, layout: &layout, first: 0 };
@@ -172,7 +172,7 @@ fn images_with_wrong_row_counts_are_errors() {
         let (longer, result) = (Rows { size: [300, rows], rows }, converted(&image, 0));
         assert_eq!(result.is_ok(), rows >= 259, "{rows} rows");
         if rows > 259 {
-            let layout = Layout::new([300, 259], 1).expect("supported");
+            let layout = TileLayout::new([300, 259], 1).expect("supported");
             let texels = Texels::new(&longer.info(), false);
             let decoding = Decoding { image: &longer, texels: &texels, transform: None, layout: &layout, first: 0 };
             let error = convert(&decoding, &mut Kept::default());

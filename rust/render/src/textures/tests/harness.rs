@@ -6,7 +6,7 @@ use bytemuck::Zeroable;
 use half::f16;
 use oocpt_abi::{Features, FrameConstants, GpuTexture, PushConstants, groups};
 use oocpt_core::scene::AssetRef;
-use oocpt_core::texture::{ColorSpace, Layout, TexelFormat, TextureRef, Wrap, expand, linear_from_srgb};
+use oocpt_core::texture::{ColorSpace, TexelFormat, TextureRef, TileLayout, Wrap, expand, linear_from_srgb};
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, OpenOptions, Pipeline};
 use oocpt_shaders::checks;
 use std::sync::Arc;
@@ -218,7 +218,7 @@ impl Bench {
     }
 
     /// The texels of image `number`, decoded from its tiles, level by level.
-    pub(super) fn texels(&self, number: usize, is_srgb: bool) -> (Layout, Vec<Vec<[f64; 4]>>) {
+    pub(super) fn texels(&self, number: usize, is_srgb: bool) -> (TileLayout, Vec<Vec<[f64; 4]>>) {
         let first: u32 = self.set.images().take(number).map(|(_, count)| count).sum();
         let (image, count) = self.set.images().nth(number).expect("there");
         let (layout, channels, format) = (*image.layout(), image.channels() as usize, image.info().format);

@@ -19,7 +19,7 @@ pub(super) use write::TxWriter;
 
 use super::image::ImageInfo;
 use oocpt_abi::TILE_SIDE;
-use oocpt_core::texture::{Layout, LayoutError, TexelFormat, Wrap};
+use oocpt_core::texture::{LayoutError, TexelFormat, TileLayout, Wrap};
 use serde::{Deserialize, Serialize};
 
 /// Changes whenever files of before cannot be used.
@@ -71,7 +71,7 @@ pub(super) struct Description {
     /// What the source says of itself.
     is_srgb: Option<bool>,
     wrap: Option<[WrapMode; 2]>,
-    /// One level of rows ([`Layout::of_rows`]).
+    /// One level of rows ([`TileLayout::of_rows`]).
     #[serde(default)]
     is_flat: bool,
 }
@@ -155,10 +155,10 @@ impl Description {
     }
 
     /// How level 0 is cut, for texels of 4 bytes: the bytes of a texel change nothing of the sizes of levels.
-    fn layout(&self) -> Result<Layout, LayoutError> {
+    fn layout(&self) -> Result<TileLayout, LayoutError> {
         match self.size {
-            [TILE_SIDE, height] if self.is_flat => Layout::of_rows(height.saturating_mul(TILE_SIDE), 4),
-            size => Layout::new(size, 4),
+            [TILE_SIDE, height] if self.is_flat => TileLayout::of_rows(height.saturating_mul(TILE_SIDE), 4),
+            size => TileLayout::new(size, 4),
         }
     }
 

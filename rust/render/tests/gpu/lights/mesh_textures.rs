@@ -14,7 +14,7 @@ use oocpt_core::scene::{
     Primvar, SceneDb,
 };
 use oocpt_core::texture::TexelFormat;
-use oocpt_core::{Element, TypedArray};
+use oocpt_core::{ArrayElement, TypedArray};
 use oocpt_render::AovKind;
 use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
 use std::f64::consts::PI;
@@ -93,7 +93,7 @@ impl Image for Library {
     }
 }
 
-pub(super) fn add<T: Element + std::fmt::Debug>(
+pub(super) fn add<T: ArrayElement + std::fmt::Debug>(
     desc: &mut MeshDesc,
     name: &str,
     interpolation: Interpolation,

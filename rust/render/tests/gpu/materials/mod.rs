@@ -23,7 +23,7 @@ use oocpt_core::scene::{
     Primvar, SceneDb, SubsetDesc,
 };
 use oocpt_core::texture::TexelFormat;
-use oocpt_core::{Element, TypedArray};
+use oocpt_core::{ArrayElement, TypedArray};
 use oocpt_ptex::{DataType, MeshType, PtexFace, PtexWriter, ReadAt};
 use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
 use oocpt_render::{AovKind, RenderRequest, Session, SessionOptions};
@@ -72,7 +72,7 @@ pub(super) fn board(path: &str, prim_id: i32, material: &str) -> MeshDesc {
     desc
 }
 
-pub(super) fn with<T: Element + std::fmt::Debug>(
+pub(super) fn with<T: ArrayElement + std::fmt::Debug>(
     mut desc: MeshDesc,
     name: &str,
     interpolation: Interpolation,

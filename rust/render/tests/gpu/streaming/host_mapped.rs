@@ -83,7 +83,9 @@ fn a_scene_that_fits_releases_host_mapped_geometry() {
     let request = request_of(&super::BEACH);
     let mut images = Vec::new();
     for budget_kib in [0, 2048, 0, 1024] {
-        session.set_setting("oocpt:geometryBudget", oocpt_core::settings::Value::Int(budget_kib)).expect("a setting");
+        session
+            .set_setting("oocpt:geometryBudget", oocpt_core::settings::SettingValue::Int(budget_kib))
+            .expect("a setting");
         for _ in 0..2 {
             support::render(&session, &request);
             images.push(read_all(&session, &request));

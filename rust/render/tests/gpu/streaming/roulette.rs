@@ -10,7 +10,7 @@
 use super::scenes::{SCENES, Scene};
 use super::{TestFiles, options, percent, planting, request_of, small_chunks, smallest_budget};
 use crate::support::{read, render, seeds};
-use oocpt_core::settings::{Settings, Value};
+use oocpt_core::settings::{SettingValue, Settings};
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{AovKind, AovRequest, Faults, RenderRequest, Session, SessionOptions};
 use std::collections::HashMap;
@@ -75,7 +75,7 @@ impl Renderer {
         if let Some(known) = self.known.get(&seed) {
             return known.clone();
         }
-        self.session.set_setting("oocpt:seed", Value::Int(seed.into())).expect("a seed");
+        self.session.set_setting("oocpt:seed", SettingValue::Int(seed.into())).expect("a seed");
         render(&self.session, &self.view);
         let stats = self.session.stats().streaming;
         self.totals.roulette_paths += stats.roulette_paths;

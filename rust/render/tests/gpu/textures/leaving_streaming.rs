@@ -9,7 +9,7 @@ use crate::support::{self, read_all};
 use glam::{DMat4, DVec3};
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::{HostMapped, Settings};
-use oocpt_core::stats::Stats;
+use oocpt_core::stats::RenderStats;
 use oocpt_gpu::DeviceKind;
 use oocpt_render::{Faults, Session, SessionOptions};
 use std::sync::Arc;
@@ -31,7 +31,7 @@ fn session(settings: Settings, faults: Faults) -> Session {
     session
 }
 
-fn picture(session: &Session) -> (Vec<Vec<u8>>, Stats) {
+fn picture(session: &Session) -> (Vec<Vec<u8>>, RenderStats) {
     support::render(session, &close());
     let picture = (read_all(session, &close()), session.stats());
     session.restart();
