@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Turns the plain structs that cross the boundary into the core's descriptions.
 //!
-//! Pure; any thread. A part whose bytes make no sense is left out and named in [`Complaints`]; the rest of the prim
-//! lives.
+//! Pure; any thread. A part whose bytes make no sense is left out and named in [`ConversionWarnings`]; the rest of the
+//! prim lives.
 
 pub(crate) mod motion;
 mod solid;
@@ -21,9 +21,9 @@ use std::sync::Arc;
 
 /// What was left out: "part: reason" of a prim.
 #[derive(Debug, Default)]
-pub(crate) struct Complaints(pub(crate) Vec<SceneWarning>);
+pub(crate) struct ConversionWarnings(pub(crate) Vec<SceneWarning>);
 
-impl Complaints {
+impl ConversionWarnings {
     pub(crate) fn add(&mut self, path: &str, part: &str, reason: &str) {
         self.0.push(SceneWarning::of_notes(path.into(), vec![format!("{part}: {reason}")]));
     }
@@ -176,7 +176,7 @@ pub(crate) fn prim(desc: ffi::PrimDesc) -> PrimDesc {
 }
 
 /// The core's mesh. Missing topology or points become empty arrays, about which the core warns.
-pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut Complaints) -> MeshDesc {
+pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut ConversionWarnings) -> MeshDesc {
     let prim = prim(desc.prim);
     let path = Arc::clone(&prim.path);
     let solid = complaints.solid(&path, &desc.shape);
@@ -213,7 +213,7 @@ fn link_sets(names: Vec<String>, sizes: &[u32]) -> Vec<Vec<Arc<str>>> {
 }
 
 /// The core's instancer. A prototype without usable indices stays, with no instances.
-pub(crate) fn instancer(desc: ffi::InstancerDesc, complaints: &mut Complaints) -> InstancerDesc {
+pub(crate) fn instancer(desc: ffi::InstancerDesc, complaints: &mut ConversionWarnings) -> InstancerDesc {
     let prim = prim(desc.prim);
     let path = Arc::clone(&prim.path);
     let prototypes = desc
@@ -336,7 +336,7 @@ pub(crate) mod tests {
     fn a_mesh_is_converted_without_copying_its_points() {
         let desc = mesh_desc();
         let address = desc.points.as_ref().expect("points are there").bytes().as_ptr() as usize;
-        let mut complaints = Complaints::default();
+        let mut complaints = ConversionWarnings::default();
         let mesh = mesh(desc, &mut complaints);
         assert!(complaints.0.is_empty(), "nothing is wrong with this mesh: {:?}", complaints.0);
         assert_eq!(mesh.points.identity().0, address, "the points must be borrowed, not copied");
@@ -386,7 +386,7 @@ pub(crate) mod tests {
             values: ffi::copy_array(ffi::ElementTag::Vec3f, &[0; 13]),
             indices: UniquePtr::null(),
         };
-        let mut complaints = Complaints::default();
+        let mut complaints = ConversionWarnings::default();
         let mesh = mesh(desc, &mut complaints);
         assert!(mesh.display_color.is_none(), "13 bytes are not vectors");
         assert_eq!(mesh.points.len(), 3, "the points must survive");
@@ -402,7 +402,7 @@ pub(crate) mod tests {
             values: floats(&[0.0, 0.0, 1.0]),
             indices,
         };
-        let mut complaints = Complaints::default();
+        let mut complaints = ConversionWarnings::default();
         let good = complaints.primvar("/m", "normals", primvar(ints(&[0, 0, 0]))).expect("a good primvar");
         assert_eq!(good.indices.map(|indices| indices.len()), Some(3), "the indices");
         let bad = complaints.primvar("/m", "normals", primvar(ffi::copy_array(ffi::ElementTag::I32, &[1, 2, 3])));
@@ -431,7 +431,7 @@ pub(crate) mod tests {
             ffi::SubsetDesc { path: "/m/b".into(), material: "/Looks/Blue".into(), faces: UniquePtr::null() },
         ];
         desc.categories = vec!["c".into()];
-        let mut complaints = Complaints::default();
+        let mut complaints = ConversionWarnings::default();
         let mesh = mesh(desc, &mut complaints);
         let names: Vec<&str> = mesh.primvars.iter().map(|primvar| &*primvar.name).collect();
         assert_eq!(names, ["st"], "what cannot be read is left out");

@@ -2,7 +2,8 @@
 //! Which value of a setting counts: what was given on the command line, else what the host set explicitly, else the
 //! `OOCPT_*` variable, else the default.
 //!
-//! The variables are read once through the function given to [`Layers::new`]. The command line is one per process.
+//! The variables are read once through the function given to [`SettingLayers::new`]. The command line is one per
+//! process.
 
 use crate::ffi::{ScalarTag, ScalarValue, SettingDescriptor};
 use oocpt_core::settings::{SettingAudience, SettingError, SettingValue, Settings};
@@ -24,14 +25,14 @@ pub(crate) fn set_on_command_line(name: &str, text: &str) -> Result<(), SettingE
 
 /// The explicit settings and the environment's, by key.
 #[derive(Debug, Default)]
-pub(crate) struct Layers {
+pub(crate) struct SettingLayers {
     environment: Vec<(String, SettingValue)>,
     /// In the order in which they were set: of two keys for the same thing the later one counts.
     explicit: Vec<(String, SettingValue)>,
     command_line: Vec<(String, SettingValue)>,
 }
 
-impl Layers {
+impl SettingLayers {
     /// Reads the variable of every setting. Unreadable ones are skipped and named in the returned lines.
     pub(crate) fn new(variable: impl Fn(&str) -> Option<String>) -> (Self, Vec<String>) {
         let command_line = COMMAND_LINE.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -147,8 +148,8 @@ mod tests {
 
     const SAMPLES: &str = "oocpt:samplesPerPixel";
 
-    fn with_variable(name: &'static str, text: &'static str) -> (Layers, Vec<String>) {
-        Layers::new(|wanted| (wanted == name).then(|| text.to_owned()))
+    fn with_variable(name: &'static str, text: &'static str) -> (SettingLayers, Vec<String>) {
+        SettingLayers::new(|wanted| (wanted == name).then(|| text.to_owned()))
     }
 
     #[test]
@@ -193,7 +194,7 @@ mod tests {
 
     #[test]
     fn the_later_of_two_aliased_keys_wins() {
-        let (mut layers, _) = Layers::new(|_| None);
+        let (mut layers, _) = SettingLayers::new(|_| None);
         layers.set("convergedSamplesPerPixel", SettingValue::Int(3));
         layers.set(SAMPLES, SettingValue::Int(4));
         assert_eq!(layers.settings().samples_per_pixel, 4, "the later key");

@@ -98,8 +98,8 @@ impl Buffer {
     }
 
     /// Lends all mapped bytes to `f`, which may split them among threads. No other host thread uses the buffer
-    /// meanwhile, and the caller sees to it that no submission in flight does. Do not read from an `Upload` buffer: it
-    /// may be very slow.
+    /// meanwhile, and the caller sees to it that no submission in flight does. Do not read from an `UploadDecision`
+    /// buffer: it may be very slow.
     ///
     /// # Errors
     /// [`GpuError::Usage`] when the buffer is not mapped or larger than the host can address.

@@ -8,7 +8,7 @@
 use crate::device::WAVE_TIMEOUT;
 use crate::error::RenderError;
 use crate::sync::lock;
-use crate::wave::{Piece, Wave};
+use crate::wave::{Wave, WavePiece};
 use oocpt_abi::{AdaptiveSampling as Block, PushConstants};
 use oocpt_core::adaptive::{AdaptiveSchedule, AdaptiveUsage, RING, STREAMS, VarianceEstimate};
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
@@ -20,7 +20,7 @@ const _: () = assert!(oocpt_core::adaptive::BAND_SHIFT == oocpt_abi::BAND_SHIFT,
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Adaptive {
+pub(crate) struct AdaptiveBuffers {
     gpu: Arc<Gpu>,
     pixels: u64,
     block: Buffer,
@@ -32,7 +32,7 @@ pub(crate) struct Adaptive {
     pub(crate) is_naive: bool,
 }
 
-impl Adaptive {
+impl AdaptiveBuffers {
     /// Memory for an image of so many pixels: 80 bytes each.
     pub(crate) fn new(gpu: &Arc<Gpu>, pixels: u64) -> Result<Self, GpuError> {
         let streams = pixels * STREAMS as u64;
@@ -158,12 +158,12 @@ impl Adaptive {
     }
 
     /// The wave as one piece, but for what is beyond `end`; it completes an octave when an epoch ends with it.
-    pub(crate) fn piece(&self, wave: Wave, end: u64) -> Option<Piece> {
+    pub(crate) fn piece(&self, wave: Wave, end: u64) -> Option<WavePiece> {
         let left = end.saturating_sub(wave.first).min(u64::from(wave.count));
         let count = u32::try_from(left).unwrap_or(u32::MAX);
         let course = lock(&self.course);
         let epoch = course.as_ref()?.epoch();
         let completes = (wave.first + left == epoch.end).then_some(epoch.octave);
-        (count > 0).then_some(Piece { wave: Wave { first: wave.first, count }, offset: 0, completes })
+        (count > 0).then_some(WavePiece { wave: Wave { first: wave.first, count }, offset: 0, completes })
     }
 }

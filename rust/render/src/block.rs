@@ -3,7 +3,7 @@
 //! reads.
 
 use crate::assets::SceneView;
-use crate::setting::Setting;
+use crate::setting::FrameContext;
 use bytemuck::Zeroable;
 use oocpt_abi::{FrameConstants, FrameFlags};
 
@@ -21,8 +21,8 @@ fn error_floor(exposure: f32) -> f32 {
 }
 
 /// The frame block of a setting; path memory is bound by its owner.
-pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> FrameConstants {
-    let Setting { job, lights, rays, film, .. } = *setting;
+pub(crate) fn frame_block(setting: &FrameContext<'_>, scene: &SceneView) -> FrameConstants {
+    let FrameContext { job, lights, rays, film, .. } = *setting;
     let mut flags = FrameFlags::empty();
     flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible());
     let exposure = job.request.camera.exposure();

@@ -4,7 +4,7 @@
 
 use crate::assets::motion_key;
 use crate::error::RenderError;
-use crate::setting::Setting;
+use crate::setting::FrameContext;
 use oocpt_abi::{FrameConstants, GpuCameraKey};
 use oocpt_core::inventory::FeatureInventory;
 use oocpt_core::{CameraMotion, MotionKey};
@@ -12,7 +12,7 @@ use oocpt_gpu::{Buffer, BufferUsage};
 
 /// Uploads what there is, and writes the addresses into the block.
 pub(crate) fn upload(
-    setting: &Setting<'_>,
+    setting: &FrameContext<'_>,
     block: &mut FrameConstants,
     listed: &mut FeatureInventory,
 ) -> Result<[Option<Buffer>; 2], RenderError> {

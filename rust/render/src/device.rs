@@ -10,7 +10,7 @@ use crate::cache_folder::cache_folder;
 use crate::compiled::CompiledPipelines;
 use crate::error::RenderError;
 use crate::loader::Loader;
-use crate::reading::Reading;
+use crate::reading::ReadingLimit;
 use crate::sync::lock;
 use oocpt_abi::{Features, PushConstants, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
 use oocpt_gpu::{
@@ -34,7 +34,7 @@ const UPLOAD_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// What a pipeline is specialised by, in the order of the specialisation constants' ids (`oocpt_abi`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub(crate) struct Specialisation {
+pub(crate) struct PassSpecialisation {
     /// Deepest chain of instance records, at least 1.
     pub(crate) max_levels: u32,
     /// Traversal stack entries of a ray.
@@ -46,7 +46,7 @@ pub(crate) struct Specialisation {
     pub(crate) fault: u32,
 }
 
-impl Specialisation {
+impl PassSpecialisation {
     /// The same without what `module` does not read: it stays as it is whatever that says.
     fn of(mut self, module: &ShaderModule) -> Self {
         self.max_levels = if module.reads_levels { self.max_levels } else { 1 };
@@ -95,7 +95,7 @@ const KEEP_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Pipelines that are not on disk yet, and when some were written last.
 #[derive(Debug, Default)]
-struct Unkept {
+struct UnsavedPipelines {
     count: u32,
     written: Option<Instant>,
 }
@@ -113,10 +113,10 @@ pub(crate) struct Device {
     options: DeviceOptions,
     loader: OnceLock<Loader>,
     /// What the loader reads of meshes at a time.
-    pub(crate) reading: Arc<Reading>,
+    pub(crate) reading: Arc<ReadingLimit>,
     bsdf_tables: [Mutex<Option<Buffer>>; 4],
-    pipelines: Mutex<CompiledPipelines<(&'static str, Specialisation), Pipeline>>,
-    unkept: Mutex<Unkept>,
+    pipelines: Mutex<CompiledPipelines<(&'static str, PassSpecialisation), Pipeline>>,
+    unkept: Mutex<UnsavedPipelines>,
 }
 
 static OPEN: Mutex<Vec<Arc<Device>>> = Mutex::new(Vec::new());
@@ -223,7 +223,7 @@ impl Device {
     pub(crate) fn pipeline(
         &self,
         module: &'static ShaderModule,
-        special: Specialisation,
+        special: PassSpecialisation,
     ) -> Result<Arc<Pipeline>, GpuError> {
         let special = special.of(module);
         let key = (module.name, special);
@@ -257,7 +257,7 @@ impl Device {
         let is_early = !at_end && unkept.written.is_some_and(|written| written.elapsed() < KEEP_INTERVAL);
         if unkept.count > 0 && !is_early {
             self.gpu.save_pipeline_cache();
-            *unkept = Unkept { count: 0, written: Some(Instant::now()) };
+            *unkept = UnsavedPipelines { count: 0, written: Some(Instant::now()) };
         }
     }
 

@@ -76,7 +76,7 @@ pub struct ErrorReport {
 
 #[derive(Deserialize)]
 #[serde(untagged)]
-enum Line {
+enum ReportLine {
     Header(ErrorReportHeader),
     Inventory(InventoryLine<'static>),
     Usage(UsageLine),
@@ -97,11 +97,11 @@ impl ErrorReport {
                 return Err(error);
             }
             match (serde_json::from_str(&line), reports.last_mut()) {
-                (Ok(Line::Header(header)), _) => reports.push(Self { header, ..Self::default() }),
-                (Ok(Line::Inventory(line)), Some(report)) => report.inventory = Some(line.inventory.into_owned()),
-                (Ok(Line::Row(row)), Some(report)) => report.rows.push(*row),
-                (Ok(Line::Usage(line)), Some(report)) => report.usage = Some(line.usage),
-                (Ok(Line::Row(_) | Line::Inventory(_) | Line::Usage(_)), None) => {
+                (Ok(ReportLine::Header(header)), _) => reports.push(Self { header, ..Self::default() }),
+                (Ok(ReportLine::Inventory(line)), Some(report)) => report.inventory = Some(line.inventory.into_owned()),
+                (Ok(ReportLine::Row(row)), Some(report)) => report.rows.push(*row),
+                (Ok(ReportLine::Usage(line)), Some(report)) => report.usage = Some(line.usage),
+                (Ok(ReportLine::Row(_) | ReportLine::Inventory(_) | ReportLine::Usage(_)), None) => {
                     return Err(bad(path, number, "a row before the first render"));
                 }
                 (Err(error), _) => broken = Some(bad(path, number, &error.to_string())),

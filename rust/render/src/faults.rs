@@ -7,7 +7,7 @@ use oocpt_gpu::{DriverMemory, PlantedFailure};
 
 /// What a session does wrong, or otherwise than its scene asks for; nothing by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Faults {
+pub struct PlantedFaults {
     /// Makes rays forget chunks that they would have to wait for (`SPEC_FAULT`): the picture is wrong. 0 = none.
     pub lost_chunks: u32,
     /// The probability, in thousandths, with which roulette on loads (`oocpt:stragglerRoulette`) loads whatever it
@@ -42,7 +42,7 @@ pub struct Faults {
 
 /// What became of them, and what the driver gave, when a render ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Witness {
+pub struct FaultWitness {
     /// Failures that struck since the device was opened.
     pub struck: u64,
     /// Bytes by the driver's own function.
@@ -53,7 +53,7 @@ pub struct Witness {
     pub on_the_books: u64,
 }
 
-impl Witness {
+impl FaultWitness {
     pub(crate) fn of(gpu: &oocpt_gpu::Gpu) -> Self {
         let memory = gpu.memory();
         Self {

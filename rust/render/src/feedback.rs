@@ -21,7 +21,7 @@ const COUNT_BYTES: u64 = size_of::<TextureFeedback>() as u64 - COUNTS;
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Feedback {
+pub(crate) struct FeedbackBuffers {
     block: Buffer,
     requested: Buffer,
     wanted: Buffer,
@@ -32,9 +32,9 @@ pub(crate) struct Feedback {
 
 /// A copy that was recorded.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Copy(usize);
+pub(crate) struct FeedbackCopy(usize);
 
-impl Feedback {
+impl FeedbackBuffers {
     /// For a scene of `tiles` tiles and paths whose flags are at `incomplete_paths`.
     pub(crate) fn new(gpu: &Arc<Gpu>, tiles: usize, incomplete_paths: u64) -> Result<Self, GpuError> {
         let device = |name: &str, bytes: u64| Buffer::new(gpu, name, bytes, BufferUsage::Device);
@@ -89,7 +89,7 @@ impl Feedback {
     }
 
     /// Records a copy of what is lacking so far.
-    pub(crate) fn copy_out(&self, commands: &mut CommandList) -> Copy {
+    pub(crate) fn copy_out(&self, commands: &mut CommandList) -> FeedbackCopy {
         let number = self.next.fetch_add(1, Ordering::Relaxed) % COPIES;
         if let Some(copy) = self.copies.get(number) {
             commands.concurrent(|c| {
@@ -97,11 +97,11 @@ impl Feedback {
                 c.copy(&self.wanted, 0, copy, COUNT_BYTES, self.wanted.size());
             });
         }
-        Copy(number)
+        FeedbackCopy(number)
     }
 
     /// The tiles that were lacking when a copy was made, ascending, once its commands are done; `None` if none was.
-    pub(crate) fn read(&self, copy: Copy) -> Result<Option<Vec<u32>>, GpuError> {
+    pub(crate) fn read(&self, copy: FeedbackCopy) -> Result<Option<Vec<u32>>, GpuError> {
         let Some(copy) = self.copies.get(copy.0) else { return Ok(None) };
         copy.map(|bytes| {
             let words: Vec<u32> = bytemuck::pod_collect_to_vec(bytes);

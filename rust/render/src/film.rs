@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The images of a frame on the device and their way to the host.
 
-use crate::adaptive::Adaptive;
+use crate::adaptive::AdaptiveBuffers;
 use crate::aov::{AovKind, AovRequest};
 use crate::error::RenderError;
-use crate::job::Job;
-use crate::publish::Published;
+use crate::job::RenderJob;
+use crate::publish::PublishedImages;
 use crate::request::RenderRequest;
 use crate::sync::lock;
-use crate::wave::{ERROR_SLOTS, Piece, Wave, pieces};
+use crate::wave::{ERROR_SLOTS, Wave, WavePiece, pieces};
 use oocpt_abi::{ERROR_GROUPS, ErrorSums, FilmPixel, FrameConstants, PushConstants, WORKGROUP_SIZE, WavefrontCounters};
 use oocpt_core::adaptive::STREAMS;
 use oocpt_core::inventory::FeatureInventory;
@@ -34,7 +34,7 @@ pub(crate) struct Film {
     /// Whether somebody wants to see the colour; sample counts need it too.
     shows_color: bool,
     /// Only with colour and adaptive sampling; `film` is then twice as long.
-    adaptive: Option<Adaptive>,
+    adaptive: Option<AdaptiveBuffers>,
     planes: Vec<(AovKind, Buffer)>,
     /// One copy of every wanted image, then the counters.
     readback: Buffer,
@@ -62,7 +62,7 @@ impl Film {
         let shows_color = kinds.contains(&AovKind::Color);
         let has_color = shows_color || kinds.contains(&AovKind::SampleCount);
         let parts = error_groups(pixels) as usize * size_of::<ErrorSums>();
-        let adaptive = (has_color && adaptive).then(|| Adaptive::new(gpu, pixels)).transpose()?;
+        let adaptive = (has_color && adaptive).then(|| AdaptiveBuffers::new(gpu, pixels)).transpose()?;
         let film_bytes = film_bytes(pixels, adaptive.is_some()) + parts as u64;
         let film = has_color.then(|| Buffer::new(gpu, "film", film_bytes, BufferUsage::Device)).transpose()?;
         let error_bytes = u64::from(ERROR_SLOTS) * (parts + size_of::<WavefrontCounters>()) as u64;
@@ -85,7 +85,7 @@ impl Film {
     }
 
     /// Decides the first samples of a render of `job`, if it is adaptive.
-    pub(crate) fn begin(&mut self, job: &Job) -> Result<(), RenderError> {
+    pub(crate) fn begin(&mut self, job: &RenderJob) -> Result<(), RenderError> {
         let RenderRequest { width, height, .. } = job.request;
         let samples = job.settings.samples_per_pixel;
         #[cfg(feature = "faults")]
@@ -96,7 +96,7 @@ impl Film {
     }
 
     /// What decides where samples go, if they do not go everywhere alike.
-    pub(crate) fn adaptive(&self) -> Option<&Adaptive> {
+    pub(crate) fn adaptive(&self) -> Option<&AdaptiveBuffers> {
         self.adaptive.as_ref()
     }
 
@@ -109,7 +109,7 @@ impl Film {
     }
 
     /// Cuts a wave where its film is to be measured, and leaves out paths from `end` on.
-    pub(crate) fn pieces(&self, wave: Wave, end: u64) -> Vec<Piece> {
+    pub(crate) fn pieces(&self, wave: Wave, end: u64) -> Vec<WavePiece> {
         let everywhere = || pieces(wave, self.pixels, end);
         self.adaptive.as_ref().map_or_else(everywhere, |adaptive| adaptive.piece(wave, end).into_iter().collect())
     }
@@ -167,7 +167,7 @@ impl Film {
     pub(crate) fn bind(&self, frame: &mut FrameConstants, aovs: &[AovRequest]) {
         frame.film = self.film.as_ref().map_or(0, Buffer::address);
         frame.color = self.color.as_ref().map_or(0, Buffer::address);
-        frame.adaptive = self.adaptive.as_ref().map_or(0, Adaptive::address);
+        frame.adaptive = self.adaptive.as_ref().map_or(0, AdaptiveBuffers::address);
         for (kind, plane) in &self.planes {
             let address = match kind {
                 AovKind::Color => continue,
@@ -236,7 +236,7 @@ impl Film {
     }
 
     /// Publishes what [`Film::copy_out`] copied, once its commands are done; returns the counters.
-    pub(crate) fn publish(&self, published: &Mutex<Published>) -> Result<WavefrontCounters, GpuError> {
+    pub(crate) fn publish(&self, published: &Mutex<PublishedImages>) -> Result<WavefrontCounters, GpuError> {
         let mut counters = WavefrontCounters::default();
         self.readback.map(|bytes| {
             let mut published = lock(published);

@@ -6,7 +6,7 @@
 //! need ([`ForcedFeatures`]): the same picture, bit for bit.
 
 use crate::assets::SceneView;
-use crate::device::Specialisation;
+use crate::device::PassSpecialisation;
 use crate::lights::LightTable;
 use oocpt_abi::{CarryRule, FEATURES, FeatureRow, Features};
 use oocpt_core::camera::CameraRays;
@@ -47,8 +47,8 @@ pub(crate) fn has_cutouts(snapshot: &Snapshot) -> bool {
 }
 
 /// The specialisation of the passes for these features.
-pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialisation {
-    Specialisation {
+pub(crate) fn specialisation(features: Features, scene: &SceneView) -> PassSpecialisation {
+    PassSpecialisation {
         max_levels: scene.max_levels,
         stack_size: scene.stack_size,
         features,

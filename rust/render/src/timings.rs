@@ -27,7 +27,7 @@ pub struct LeftMoment {
 
 /// Where the time of the current or last render went.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Timings {
+pub struct RenderTimings {
     /// Making meshes, instance records and tables ready and handing them to the device, seconds.
     pub upload_secs: f64,
     /// Filling the tables that rays go through, seconds.
@@ -64,7 +64,7 @@ pub struct Timings {
     pub passes: Vec<PassTime>,
 }
 
-impl Timings {
+impl RenderTimings {
     /// Adds one measured pass.
     pub(crate) fn add_pass(&mut self, name: &str, secs: f64) {
         match self.passes.iter_mut().find(|pass| pass.name == name) {

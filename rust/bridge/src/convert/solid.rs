@@ -4,14 +4,14 @@
 //! Numbers: the axis (0 x, 1 y, 2 z), whether half balls end it (0 or 1), then four for each size: part of the shutter,
 //! radii at the lower and the upper end, height. The first size is the frame's own.
 
-use crate::convert::Complaints;
+use crate::convert::ConversionWarnings;
 use crate::ffi;
 use oocpt_core::scene::{SolidDesc, SolidSize};
 
 /// [`ffi::ShapeDesc::kind`] of a solid of revolution.
 const SOLID: u8 = 3;
 
-impl Complaints {
+impl ConversionWarnings {
     /// The solid that a prim is, if it is one.
     pub(super) fn solid(&mut self, path: &str, desc: &ffi::ShapeDesc) -> Option<SolidDesc> {
         if desc.kind != SOLID {
@@ -41,7 +41,7 @@ mod tests {
     fn a_solid_arrives_with_its_sizes() {
         let numbers = vec![1.0, 1.0, 9.0, 1.0, 2.0, 3.0, 0.0, 4.0, 5.0, 6.0, 1.0, 7.0, 8.0, f64::NAN, 11.0];
         let shape = |solid| ffi::ShapeDesc { kind: 3, solid, ..no_shape() };
-        let mut complaints = Complaints::default();
+        let mut complaints = ConversionWarnings::default();
         let converted = mesh(ffi::MeshDesc { shape: shape(numbers), ..mesh_desc() }, &mut complaints);
         let solid = converted.solid.expect("a solid");
         assert_eq!((solid.size, solid.axis), (SolidSize { radii: [1.0, 2.0], height: 3.0 }, 1), "the frame's own");

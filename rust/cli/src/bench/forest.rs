@@ -6,7 +6,7 @@
 
 use anyhow::{Context, Result};
 use oocpt_core::inventory::FeatureInventory;
-use oocpt_render::{RenderRequest, Session, SessionOptions, Timings};
+use oocpt_render::{RenderRequest, RenderTimings, Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -124,7 +124,13 @@ fn request(arguments: &Arguments) -> RenderRequest {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
-fn report(arguments: &Arguments, session: &Session, first: &Timings, runs: &[Timings], commit_secs: f64) -> Report {
+fn report(
+    arguments: &Arguments,
+    session: &Session,
+    first: &RenderTimings,
+    runs: &[RenderTimings],
+    commit_secs: f64,
+) -> Report {
     let (stats, profiled) = (session.stats(), session.timings());
     let trace_secs: Vec<f64> = runs.iter().map(|run| run.trace_secs).collect();
     let median_secs = median(trace_secs.clone());

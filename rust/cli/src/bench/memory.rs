@@ -10,7 +10,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use oocpt_core::settings::SettingValue;
 use oocpt_core::stats::{RenderStats, StreamingStats};
-use oocpt_render::{Session, Timings, host_peak_bytes};
+use oocpt_render::{RenderTimings, Session, host_peak_bytes};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -50,7 +50,7 @@ struct Run {
 }
 
 impl Run {
-    fn new(timings: &Timings, stats: RenderStats) -> Self {
+    fn new(timings: &RenderTimings, stats: RenderStats) -> Self {
         let upload_secs = timings.upload_secs + timings.build_secs;
         let RenderStats { gpu_peak_bytes, streaming, .. } = stats;
         Self { secs: upload_secs + timings.trace_secs, upload_secs, gpu_peak_bytes, streaming }

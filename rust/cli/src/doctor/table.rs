@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The report of a scene in words. Pure.
 
-use super::scene::{Build, SceneReport};
+use super::scene::{PassBuild, SceneReport};
 use oocpt_core::inventory::{BufferUse, FeatureInventory};
 use std::fmt::Write as _;
 
@@ -38,7 +38,7 @@ fn features(text: &mut String, inventory: &FeatureInventory) {
     }
 }
 
-fn passes(text: &mut String, own: &Build, all: Option<&Build>) {
+fn passes(text: &mut String, own: &PassBuild, all: Option<&PassBuild>) {
     _ = writeln!(text, "\n{:<26}{:>10}{:>12}{:>14}", "pass", "pipeline", "compile s", "everything s");
     for pass in &own.inventory.passes {
         let made = if pass.made { "made" } else { "left out" };
@@ -81,8 +81,8 @@ fn primvars(text: &mut String, inventory: &FeatureInventory) {
     }
 }
 
-fn sums(text: &mut String, own: &Build, all: Option<&Build>) {
-    let row = |build: &Build| {
+fn sums(text: &mut String, own: &PassBuild, all: Option<&PassBuild>) {
+    let row = |build: &PassBuild| {
         format!("{:>10}{:>16}{:>12.3}{:>10.4}", build.pipelines, build.bytes, build.compile_secs, build.trace_secs)
     };
     _ = writeln!(text, "\n{:<14}{:>10}{:>16}{:>12}{:>10}", "build", "pipelines", "bytes", "compile s", "trace s");
@@ -109,8 +109,13 @@ mod tests {
         inventory.leave_out("cones", 80);
         inventory.primvars =
             vec![PrimvarUse { name: "s\u{1b}t".into(), left_out: 3, saved: 24, ..PrimvarUse::default() }];
-        let build =
-            |bytes| Build { inventory: inventory.clone(), pipelines: 1, bytes, compile_secs: 0.25, trace_secs: 0.5 };
+        let build = |bytes| PassBuild {
+            inventory: inventory.clone(),
+            pipelines: 1,
+            bytes,
+            compile_secs: 0.25,
+            trace_secs: 0.5,
+        };
         let report = SceneReport {
             scene: "forest".into(),
             by: "generated",

@@ -6,7 +6,7 @@
 //! its interval. The dashed line falls as the inverse of the time from the last row on: relMSE is a squared error, so
 //! that is the slope -1/2 of the root.
 
-use super::chart::{Chart, Curve};
+use super::chart::{Chart, ChartCurve};
 use anyhow::{Context, Result};
 use oocpt_core::stats::ErrorRow;
 use oocpt_render::error_report::ErrorReport;
@@ -58,11 +58,11 @@ fn chart(reports: &[(String, ErrorReport)]) -> Chart {
     for (number, (name, report)) in reports.iter().enumerate() {
         let points: Vec<[f64; 4]> = report.rows.iter().filter_map(point).collect();
         let last = points.last().copied();
-        curves.push(Curve { name: name.clone(), points, color_of: number, ..Curve::default() });
+        curves.push(ChartCurve { name: name.clone(), points, color_of: number, ..ChartCurve::default() });
         if let (0, Some([x, y, ..])) = (number, last) {
             let ideal = [1e-6, 1e6].map(|factor| [x * factor, y / factor, 0.0, 0.0]);
             let name = "ideal: slope -1 (RMSE -1/2)".to_owned();
-            curves.push(Curve { name, points: ideal.to_vec(), is_dashed: true, color_of: 1 });
+            curves.push(ChartCurve { name, points: ideal.to_vec(), is_dashed: true, color_of: 1 });
         }
     }
     Chart { curves, x_title: "seconds tracing", y_title: "relMSE" }

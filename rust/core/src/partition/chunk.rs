@@ -392,8 +392,8 @@ fn local(present: &[u32], member: u32) -> u32 {
 }
 
 /// Box of a few records in the assembly's frame, and the largest
-/// [`Footprint::spread`](crate::instancing::placement::InstanceFootprint), measured exactly: what is much smaller than
-/// a step of the lattice gets a frame about its own middle. `None` for many.
+/// [`InstanceFootprint::spread`](crate::instancing::placement::InstanceFootprint), measured exactly: what is much
+/// smaller than a step of the lattice gets a frame about its own middle. `None` for many.
 fn measured_box(members: &[AssemblyMember], ranks: &[u32], which: &IndexSet) -> Option<([DVec3; 2], f64)> {
     if ranks.len() > SCATTERED {
         return None;

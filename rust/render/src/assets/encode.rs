@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Writes an asset's bytes into staging memory piece by piece and records the copies. Runs on the loader's threads.
 
-use super::level::Piece;
-use super::load::Copied;
+use super::level::EncodedPiece;
+use super::load::CopiedAssets;
 use super::source::MeshLayout;
 use super::surfaces::attributes;
 use crate::error::RenderError;
@@ -23,7 +23,7 @@ const SIDES: usize = SUBSET + 2;
 const PTEX: usize = std::mem::offset_of!(GpuTriangle, ptex);
 
 /// Copies of one asset under way.
-pub(crate) struct Writer<'a> {
+pub(crate) struct AssetCopier<'a> {
     gpu: &'a Arc<Gpu>,
     ring: &'a StagingRing,
     commands: Option<CommandList>,
@@ -32,7 +32,7 @@ pub(crate) struct Writer<'a> {
     bytes: u64,
 }
 
-impl<'a> Writer<'a> {
+impl<'a> AssetCopier<'a> {
     pub(crate) fn new(gpu: &'a Arc<Gpu>, ring: &'a StagingRing) -> Self {
         Self { gpu, ring, commands: None, pending: 0, submissions: Vec::new(), bytes: 0 }
     }
@@ -101,13 +101,13 @@ impl<'a> Writer<'a> {
     }
 
     /// Submits what is left; what to wait for, and the bytes copied.
-    pub(crate) fn finish(mut self) -> Result<Copied, RenderError> {
+    pub(crate) fn finish(mut self) -> Result<CopiedAssets, RenderError> {
         self.submit()?;
-        Ok(Copied { submissions: self.submissions, bytes: self.bytes, ..Copied::default() })
+        Ok(CopiedAssets { submissions: self.submissions, bytes: self.bytes, ..CopiedAssets::default() })
     }
 
     /// Copies pieces of an asset.
-    pub(crate) fn pieces(&mut self, pieces: &[Piece], target: &dyn DeviceRange) -> Result<(), RenderError> {
+    pub(crate) fn pieces(&mut self, pieces: &[EncodedPiece], target: &dyn DeviceRange) -> Result<(), RenderError> {
         pieces.iter().try_for_each(|piece| self.bytes(target, piece.offset, &piece.bytes))
     }
 
@@ -241,7 +241,7 @@ mod tests {
             let (gpu, ring, done) = (Arc::clone(&gpu), Arc::clone(&ring), done.clone());
             std::thread::spawn(move || {
                 let target = Buffer::new(&gpu, "target", bytes, BufferUsage::Readback).expect("memory");
-                let mut writer = Writer::new(&gpu, &ring);
+                let mut writer = AssetCopier::new(&gpu, &ring);
                 let data = vec![thread; usize::try_from(bytes).expect("small")];
                 let written = writer.bytes(&target, 0, &data).and_then(|()| writer.finish());
                 let written = written.expect("written");

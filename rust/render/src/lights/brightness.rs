@@ -7,7 +7,7 @@ use oocpt_abi::LightTablePointers;
 
 /// See the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Brightness {
+pub(super) struct SceneBrightness {
     /// Sum of what local lights give at distance 1 where they shine.
     pub(super) local: f64,
     /// Irradiance that domes give.
@@ -18,7 +18,7 @@ pub(super) struct Brightness {
     axis: [f64; 3],
 }
 
-impl Brightness {
+impl SceneBrightness {
     /// Adds a distant light in a unit direction.
     pub(super) fn add_distant(&mut self, direction: [f32; 3], irradiance: f64) {
         self.distant += irradiance;
@@ -50,10 +50,10 @@ mod tests {
 
     #[test]
     fn brightness_of_present_lights_is_positive_and_finite() {
-        let nothing = Brightness::default().put(LightTablePointers::default(), false, None);
+        let nothing = SceneBrightness::default().put(LightTablePointers::default(), false, None);
         let all = [nothing.local_brightness, nothing.mesh_brightness, nothing.dome_irradiance];
         assert!(all.iter().all(|value| value.to_bits() == 0), "no lights: {all:?}");
-        let mut endless = Brightness { local: 0.0, domes: f64::INFINITY, ..Brightness::default() };
+        let mut endless = SceneBrightness { local: 0.0, domes: f64::INFINITY, ..SceneBrightness::default() };
         endless.add_distant([0.0, 0.0, 1.0], 1e300);
         let put = endless.put(LightTablePointers::default(), true, Some(f64::NAN));
         let all = [put.local_brightness, put.mesh_brightness, put.dome_irradiance, put.distant_irradiance];

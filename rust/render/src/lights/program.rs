@@ -24,7 +24,7 @@ const MOST_WORK: usize = 1 << 24;
 const FLOOR: f64 = 0.05;
 
 /// What a corner of a triangle has: both sets of texture coordinates (u, v, u, v), and two primvars.
-pub(super) type Corner = [[f32; 4]; 3];
+pub(super) type EmissionCorner = [[f32; 4]; 3];
 
 /// See the module. Two are equal when they emit the same.
 #[derive(Clone, Debug)]
@@ -109,8 +109,8 @@ impl EmissionProgram {
     }
 
     /// What the corners of a triangle have that the program reads.
-    pub(super) fn corners(&self, mesh: &MeshAsset, triangle: usize) -> [Corner; 3] {
-        let mut corners = [Corner::default(); 3];
+    pub(super) fn corners(&self, mesh: &MeshAsset, triangle: usize) -> [EmissionCorner; 3] {
+        let mut corners = [EmissionCorner::default(); 3];
         for (k, set) in self.sets.iter().enumerate() {
             let Some((name, [u, v])) = *set else { continue };
             let values = primvar(mesh, name, triangle).unwrap_or([[u, v, 0.0, 1.0]; 3]);
@@ -146,7 +146,7 @@ impl EmissionProgram {
         lattice(steps).map(|weights| self.weight_at(&corners, weights)).sum::<f64>() / count
     }
 
-    fn weight_at(&self, [a, b, c]: &[Corner; 3], [v, w]: [f64; 2]) -> f64 {
+    fn weight_at(&self, [a, b, c]: &[EmissionCorner; 3], [v, w]: [f64; 2]) -> f64 {
         let mix = |row: usize, k: usize| {
             let [a, b, c] = [a, b, c].map(|corner| f64::from(corner[row][k]));
             narrow(a * (1.0 - v - w) + b * v + c * w)
@@ -205,7 +205,7 @@ pub(super) fn primvar(mesh: &MeshAsset, name: u32, triangle: usize) -> Option<[[
 #[cfg(test)]
 mod tests {
     use super::super::emission::{EmittedPower, PrimEmission};
-    use super::super::emitter::Emitter;
+    use super::super::emitter::MeshEmitter;
     use super::*;
     use oocpt_abi::{MaterialFlags, MaterialInput};
     use oocpt_core::material::{InputValue, PrimvarSlot, UvSet};
@@ -262,7 +262,7 @@ mod tests {
     fn weights(material: &Material) -> Option<Vec<f32>> {
         let power = EmittedPower::Program(Arc::new(made(material).expect("light can be asked for it")));
         let emission = PrimEmission { by_slot: vec![power], scale: 1.0 };
-        Emitter::new(&squares(), &emission).map(|emitter| emitter.face_weights)
+        MeshEmitter::new(&squares(), &emission).map(|emitter| emitter.face_weights)
     }
 
     #[test]

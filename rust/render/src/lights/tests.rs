@@ -157,7 +157,7 @@ pub(super) mod probe {
     use super::super::{FileCache, LightTable, LightTables};
     use crate::NoFiles;
     use crate::assets::SurfaceEntries;
-    use crate::device::{Device, DeviceOptions, Specialisation};
+    use crate::device::{Device, DeviceOptions, PassSpecialisation};
     use bytemuck::Zeroable;
     use oocpt_abi::{Features, FrameConstants, PushConstants, Ray, groups};
     use oocpt_core::{LightDesc, LightKind, PrimDesc, SceneDb};
@@ -263,7 +263,7 @@ pub(super) mod probe {
             block.material_slots = put(bytemuck::cast_slice(slots));
         }
         frame.write(0, bytemuck::bytes_of(&block)).expect("mapped");
-        let special = Specialisation { max_levels: 1, stack_size: 64, features, fault: 0 };
+        let special = PassSpecialisation { max_levels: 1, stack_size: 64, features, fault: 0 };
         let pipeline = device.pipeline(&passes::LIGHT_PROBE, special).expect("it compiles");
         modes.map(|mode| {
             let push = PushConstants::wave(frame.address(), 0, RECEIVERS, RECEIVERS).with(0, mode);

@@ -7,8 +7,8 @@
 
 use super::MeshLights;
 use super::picture::EncodedPicture;
-use super::table::{LightTable, Map};
-use crate::assets::Writer;
+use super::table::{LightTable, PlacedPicture};
+use crate::assets::AssetCopier;
 use crate::device::Device;
 use crate::error::RenderError;
 use oocpt_abi::{GpuLightMap, LightTablePointers};
@@ -22,7 +22,7 @@ const WRITE_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// A picture on the device.
 #[derive(Debug)]
-struct Resident {
+struct ResidentPicture {
     picture: Arc<EncodedPicture>,
     texels: HeapRange,
     cells: Option<HeapRange>,
@@ -78,7 +78,7 @@ impl MeshTables {
 /// See the module.
 #[derive(Debug, Default)]
 pub(crate) struct LightTables {
-    pictures: Vec<Resident>,
+    pictures: Vec<ResidentPicture>,
     meshes: Option<ResidentMeshes>,
     tables: Vec<HeapRange>,
     /// Address of the [`LightTablePointers`]; 0 before the first [`Self::sync`].
@@ -92,10 +92,10 @@ impl LightTables {
         self.lighting = 0;
         self.pictures.retain(|have| lights.maps.iter().any(|map| Arc::ptr_eq(&map.picture, &have.picture)));
         let ring = device.loader()?.ring();
-        let mut writer = Writer::new(&device.gpu, ring);
+        let mut writer = AssetCopier::new(&device.gpu, ring);
         for map in &lights.maps {
             if !self.pictures.iter().any(|have| Arc::ptr_eq(&map.picture, &have.picture)) {
-                self.pictures.push(Resident::new(device, &mut writer, &map.picture)?);
+                self.pictures.push(ResidentPicture::new(device, &mut writer, &map.picture)?);
             }
         }
         let meshes = self.sync_meshes(device, &mut writer, lights.meshes.as_ref())?;
@@ -150,7 +150,7 @@ impl LightTables {
     fn sync_meshes(
         &mut self,
         device: &Device,
-        writer: &mut Writer<'_>,
+        writer: &mut AssetCopier<'_>,
         wanted: Option<&Arc<MeshLights>>,
     ) -> Result<MeshTables, RenderError> {
         self.meshes = self.meshes.take().filter(|have| wanted.is_some_and(|wanted| Arc::ptr_eq(wanted, &have.lights)));
@@ -161,7 +161,7 @@ impl LightTables {
         Ok(MeshTables(std::array::from_fn(|at| table(at).map_or(0, HeapRange::address))))
     }
 
-    fn entry(&self, map: &Map) -> GpuLightMap {
+    fn entry(&self, map: &PlacedPicture) -> GpuLightMap {
         let have = self.pictures.iter().find(|have| Arc::ptr_eq(&map.picture, &have.picture));
         let EncodedPicture { width, height, format, columns, rows, .. } = *map.picture;
         let [x, y, z] = map.rows;
@@ -172,7 +172,7 @@ impl LightTables {
 }
 
 impl ResidentMeshes {
-    fn new(device: &Device, writer: &mut Writer<'_>, lights: &Arc<MeshLights>) -> Result<Self, RenderError> {
+    fn new(device: &Device, writer: &mut AssetCopier<'_>, lights: &Arc<MeshLights>) -> Result<Self, RenderError> {
         let mut put = |name: &str, bytes: &[u8]| -> Result<Option<HeapRange>, RenderError> {
             if bytes.is_empty() {
                 return Ok(None);
@@ -199,8 +199,8 @@ impl ResidentMeshes {
     }
 }
 
-impl Resident {
-    fn new(device: &Device, writer: &mut Writer<'_>, picture: &Arc<EncodedPicture>) -> Result<Self, RenderError> {
+impl ResidentPicture {
+    fn new(device: &Device, writer: &mut AssetCopier<'_>, picture: &Arc<EncodedPicture>) -> Result<Self, RenderError> {
         let texels = device.heap.alloc("light picture", picture.bytes.len() as u64, 16)?;
         writer.bytes(&texels, 0, &picture.bytes)?;
         let mut cells = None;

@@ -2,10 +2,10 @@
 //! The memory of a streaming render: paths in slots, lists of rays that wait, the demand for
 //! units, and what the host reads of it.
 
-use super::needs::Needs;
-use super::observe::{Extents, Observation};
+use super::needs::StreamingNeeds;
+use super::observe::{StepExtents, StepObservation};
 use super::optional_buffers::{LOOKUP_BYTES, RouletteBuffers, TextureBuffers, list_questions, question_bytes};
-use super::places::{Bounds, Places, device_bytes};
+use super::places::{PlaceBounds, RadiancePlaces, device_bytes};
 use crate::error::RenderError;
 use crate::wavefront::{PathBuffers, PathNeeds};
 use oocpt_abi::{
@@ -24,10 +24,10 @@ const MOST_LISTED: u32 = 1 << 16;
 pub(crate) struct StreamBuffers {
     /// One entry for each slot.
     pub(crate) paths: PathBuffers,
-    pub(crate) ended: Places,
+    pub(crate) ended: RadiancePlaces,
     /// Paths in flight and in all that were asked for; there may have been no memory for so many.
     asked: (u64, u64),
-    needs: Needs,
+    needs: StreamingNeeds,
     textures: Option<TextureBuffers>,
     roulette: Option<RouletteBuffers>,
     progress: Buffer,
@@ -60,18 +60,18 @@ impl StreamBuffers {
         gpu: &Arc<Gpu>,
         capacity: u32,
         (asked, host_bytes): ((u64, u64), u64),
-        needs: Needs,
+        needs: StreamingNeeds,
     ) -> Result<Self, GpuError> {
         let array = |name: &str, count: u32, stride: usize| {
             Buffer::new(gpu, name, u64::from(count) * stride as u64, BufferUsage::Device)
         };
         let slots = |name: &str, stride: usize| array(name, capacity, stride);
         let needs = needs.at_least_one();
-        let Needs { levels, geometry, units, .. } = needs;
-        let ended = Places::new(gpu, capacity, Bounds { total: asked.1, host_bytes })?;
+        let StreamingNeeds { levels, geometry, units, .. } = needs;
+        let ended = RadiancePlaces::new(gpu, capacity, PlaceBounds { total: asked.1, host_bytes })?;
         let segment_count = ended.segment_count;
         let played = if needs.roulette { size_of::<RouletteStats>() + 4 * geometry as usize } else { 0 };
-        let demand_bytes = Extents::demand_bytes(listed(needs) as usize);
+        let demand_bytes = StepExtents::demand_bytes(listed(needs) as usize);
         let visited = if needs.visits { 4 * geometry as usize } else { 0 };
         let read = size_of::<WavefrontCounters>()
             + segment_count as usize * size_of::<PathSegment>()
@@ -158,7 +158,7 @@ impl StreamBuffers {
     }
 
     /// Whether this memory serves such a scene and so many paths, or is as much as there could be for them.
-    pub(crate) fn serves(&self, needs: Needs, asked: (u64, u64)) -> bool {
+    pub(crate) fn serves(&self, needs: StreamingNeeds, asked: (u64, u64)) -> bool {
         let enough = self.asked.0 >= asked.0 && self.asked.1 >= asked.1;
         self.needs == needs.at_least_one() && enough
     }
@@ -290,8 +290,8 @@ impl StreamBuffers {
     }
 
     /// Puts what step `number` left, once it has ended, into `seen`.
-    pub(crate) fn observe(&self, number: u64, seen: &mut Observation) -> Result<(), RenderError> {
-        let extents = Extents {
+    pub(crate) fn observe(&self, number: u64, seen: &mut StepObservation) -> Result<(), RenderError> {
+        let extents = StepExtents {
             segments: self.ended.segment_count as usize,
             listed: listed(self.needs) as usize,
             units: self.needs.units as usize,
@@ -316,23 +316,23 @@ pub(super) fn verdict_table(number: u64) -> u32 {
 }
 
 /// Most units in the lists of demand.
-fn listed(needs: Needs) -> u32 {
+fn listed(needs: StreamingNeeds) -> u32 {
     needs.units.min(MOST_LISTED)
 }
 
 /// As many chunks as have the keys that deferred rays, and with textures materials, are sorted by.
-fn sorted(needs: Needs) -> u32 {
+fn sorted(needs: StreamingNeeds) -> u32 {
     if needs.textures { needs.chunks + TILE_KEYS / 2 } else { needs.chunks }
 }
 
 /// What the paths in slots need.
-fn path_needs(needs: Needs) -> PathNeeds {
-    let Needs { textures, light_paths, shadows, .. } = needs;
+fn path_needs(needs: StreamingNeeds) -> PathNeeds {
+    let StreamingNeeds { textures, light_paths, shadows, .. } = needs;
     PathNeeds { shadows, textures, light_paths, feedback: false, deferred_cutouts: false }
 }
 
 /// Bytes of device memory that a slot takes, at most.
-pub(super) fn slot_bytes(gpu: &Gpu, needs: Needs) -> u64 {
+pub(super) fn slot_bytes(gpu: &Gpu, needs: StreamingNeeds) -> u64 {
     let textures = if needs.textures { 8 + u64::from(needs.lookups) * LOOKUP_BYTES as u64 } else { 0 };
     let materials = if needs.materials { size_of::<GpuSurfaceMaterial>() as u64 } else { 0 };
     let cutouts = if needs.cutouts { 2 * question_bytes(needs) as u64 } else { 0 };
@@ -354,7 +354,7 @@ mod tests {
         let gpu = Gpu::open(&OpenOptions { selector, ..OpenOptions::default() }).expect("a device");
         for bits in 0..32_u32 {
             let [textures, cutouts, materials, light_paths, shadows] = [0, 1, 2, 3, 4].map(|bit| bits >> bit & 1 == 1);
-            let needs = Needs {
+            let needs = StreamingNeeds {
                 levels: 2,
                 chunks: 3,
                 geometry: 4,

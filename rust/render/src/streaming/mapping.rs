@@ -3,10 +3,10 @@
 //! device has no room for. Render thread only.
 
 use super::reach::MappedUnits;
-use super::residency::Residency;
+use super::residency::SceneResidency;
 use crate::assets::HostHeapFiller;
 use crate::error::RenderError;
-use crate::shared::Gate;
+use crate::shared::FrameGate;
 use oocpt_core::residency::{AssetId, RayDemand, UnitId, UnitState};
 use rustc_hash::FxHashSet;
 use std::time::{Duration, Instant};
@@ -25,7 +25,7 @@ const LONGEST_WAIT: Duration = Duration::from_secs(1);
 const SETTLED_SHARE: u64 = 32;
 const SETTLING_RAYS: u64 = 1 << 22;
 
-impl Residency<'_> {
+impl SceneResidency<'_> {
     /// Shows what host memory has of earlier frames and the device has not.
     pub(super) fn take_over_mapped(&mut self) {
         if !self.store.maps_any() {
@@ -90,7 +90,7 @@ impl Residency<'_> {
 
     /// Brings all geometry into host memory before any ray waits for it, one unit after the other. Leaves off when the
     /// gate says no, or when nothing comes.
-    pub(super) fn map_all(&mut self, gate: &Gate<'_>) -> Result<(), RenderError> {
+    pub(super) fn map_all(&mut self, gate: &FrameGate<'_>) -> Result<(), RenderError> {
         let (mut came, mut count) = (Instant::now(), 0);
         while !self.is_all_there() && came.elapsed() < LONGEST_WAIT && gate.proceed() {
             self.map_demanded(&RayDemand::default())?;

@@ -7,7 +7,7 @@ use oocpt_core::residency::UnitId;
 
 /// How many there are of what a step leaves behind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Extents {
+pub(crate) struct StepExtents {
     /// Segments.
     pub(crate) segments: usize,
     /// Most entries of the list of demand.
@@ -18,7 +18,7 @@ pub(crate) struct Extents {
     pub(crate) visited: usize,
 }
 
-impl Extents {
+impl StepExtents {
     /// Bytes of the counts and the list of demand.
     pub(crate) fn demand_bytes(listed: usize) -> usize {
         2 * size_of::<u32>() + listed * size_of::<UnitDemand>()
@@ -27,7 +27,7 @@ impl Extents {
 
 /// See the module. What a step leaves replaces what is there; that costs what was asked for, not the scene.
 #[derive(Debug, Default)]
-pub(crate) struct Observation {
+pub(crate) struct StepObservation {
     /// The step that left it; 0 = none yet.
     pub(crate) step: u64,
     pub(crate) counters: WavefrontCounters,
@@ -50,18 +50,18 @@ pub(crate) struct Observation {
     pub(crate) worth: Vec<u32>,
 }
 
-impl Observation {
+impl StepObservation {
     /// Whether all paths of a segment are known to be dead; `begun`: the step of each segment's beginning.
-    pub(crate) fn is_finished(&self, begun: &[u64], segment: &segments::Segment) -> bool {
+    pub(crate) fn is_finished(&self, begun: &[u64], segment: &segments::LiveSegment) -> bool {
         let since = begun.get(segment.index as usize).copied().unwrap_or(u64::MAX);
         since <= self.step && self.alive(segment.index) == Some(0)
     }
 
     /// Reads what [`super::StreamBuffers::copy_out`] wrote.
-    pub(crate) fn read(&mut self, step: u64, bytes: &[u8], extents: Extents) {
+    pub(crate) fn read(&mut self, step: u64, bytes: &[u8], extents: StepExtents) {
         let (counters, rest) = bytes.split_at(size_of::<WavefrontCounters>());
         let (table, rest) = rest.split_at(extents.segments * size_of::<PathSegment>());
-        let (demand, rest) = rest.split_at(Extents::demand_bytes(extents.listed));
+        let (demand, rest) = rest.split_at(StepExtents::demand_bytes(extents.listed));
         let (visited, played) = rest.split_at(4 * extents.visited);
         let (roulette, worth) = played.split_at(size_of::<RouletteStats>().min(played.len()));
         self.step = step;
@@ -128,7 +128,7 @@ impl Observation {
 mod tests {
     use super::*;
 
-    const EXTENTS: Extents = Extents { segments: 2, listed: 3, units: 9, visited: 0 };
+    const EXTENTS: StepExtents = StepExtents { segments: 2, listed: 3, units: 9, visited: 0 };
 
     fn bytes(list: &[[u32; 4]], count: u32) -> Vec<u8> {
         let mut counters = WavefrontCounters { shadow_count: 7, deferred_parity: 1, ..WavefrontCounters::default() };
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn feedback_sections_are_read_from_their_offsets() {
-        let mut seen = Observation::default();
+        let mut seen = StepObservation::default();
         seen.read(3, &bytes(&[[6, 10, 20, 3], [2, 0, 21, 0]], 2), EXTENTS);
         assert!(seen.worth.is_empty(), "nobody plays");
         assert_eq!((seen.step, seen.active(), seen.waiting(), seen.paths_alive()), (3, 12, 9, 7), "counters, segments");
@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn demand_comes_from_the_last_step_only() {
-        let mut seen = Observation::default();
+        let mut seen = StepObservation::default();
         seen.read(1, &bytes(&[[6, 10, 20, 9], [2, 1, 0, 0], [8, 1, 1, 0]], 3), EXTENTS);
         seen.read(2, &bytes(&[[2, 0, 4, 0]], 1), EXTENTS);
         assert_eq!((&*seen.waiting, &*seen.asked), (&[0; 9][..], &[2][..]), "the others ask no more");
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn out_of_range_feedback_is_ignored() {
-        let mut seen = Observation::default();
+        let mut seen = StepObservation::default();
         seen.read(1, &bytes(&[[0, 1, 2, 0], [9, 3, 3, 0], [5, 1, 0, 77]], 4_000_000_000), EXTENTS);
         assert_eq!(seen.asked, [0, 5], "unit 9 of 9 is none, a fourth entry was not kept");
     }

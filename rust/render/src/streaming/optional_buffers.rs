@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Memory of a streaming render that only some scenes need: for textures, for roulette on loads.
 
-use super::needs::Needs;
+use super::needs::StreamingNeeds;
 use oocpt_abi::{CUTOUT_LOOKUPS, DeferredAlphaTest, RouletteStats, WORTH_SUMS};
 use oocpt_core::inventory::FeatureInventory;
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
@@ -43,7 +43,10 @@ impl RouletteBuffers {
 }
 
 impl TextureBuffers {
-    pub(super) fn new(needs: Needs, slots: impl Fn(&str, usize) -> Result<Buffer, GpuError>) -> Result<Self, GpuError> {
+    pub(super) fn new(
+        needs: StreamingNeeds,
+        slots: impl Fn(&str, usize) -> Result<Buffer, GpuError>,
+    ) -> Result<Self, GpuError> {
         let bytes = question_bytes(needs);
         let questions = || Ok([slots("questions", bytes)?, slots("shadow_questions", bytes)?]);
         Ok(Self {
@@ -66,7 +69,7 @@ pub(super) fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inv
 }
 
 /// Bytes of a question, with what programs keep behind all of them.
-pub(super) fn question_bytes(needs: Needs) -> usize {
+pub(super) fn question_bytes(needs: StreamingNeeds) -> usize {
     let kept = if needs.cutout_programs { LOOKUP_BYTES * (CUTOUT_LOOKUPS as usize - 1) } else { 0 };
     size_of::<DeferredAlphaTest>() + kept
 }

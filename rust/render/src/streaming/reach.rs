@@ -10,7 +10,7 @@ use rustc_hash::FxHashMap;
 
 /// Where a unit is on its way into host memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum State {
+enum MappingState {
     #[default]
     Absent,
     /// So many of its assets are not there yet.
@@ -21,7 +21,7 @@ enum State {
 /// See the module.
 #[derive(Debug, Default)]
 pub(super) struct MappedUnits {
-    states: Vec<State>,
+    states: Vec<MappingState>,
     /// Units that wait for an asset.
     dependents: FxHashMap<AssetId, Vec<UnitId>>,
     /// By unit, for the planner: whether it is there.
@@ -40,7 +40,7 @@ impl MappedUnits {
     /// Nothing is there of so many units, of which the first so many are chunks and meshes, whose visits are counted.
     pub(super) fn new(units: usize, geometry: usize) -> Self {
         Self {
-            states: vec![State::Absent; units],
+            states: vec![MappingState::Absent; units],
             mapped: vec![false; units],
             visits: vec![0; geometry],
             counted: vec![0; geometry],
@@ -60,7 +60,7 @@ impl MappedUnits {
 
     /// Whether it is neither there nor on its way.
     pub(super) fn is_absent(&self, unit: UnitId) -> bool {
-        self.states.get(unit as usize) == Some(&State::Absent)
+        self.states.get(unit as usize) == Some(&MappingState::Absent)
     }
 
     /// A unit is there as soon as these assets are.
@@ -68,13 +68,13 @@ impl MappedUnits {
         for &asset in missing {
             self.dependents.entry(asset).or_default().push(unit);
         }
-        self.set(unit, if missing.is_empty() { State::There } else { State::Coming(missing.len()) });
+        self.set(unit, if missing.is_empty() { MappingState::There } else { MappingState::Coming(missing.len()) });
     }
 
-    fn set(&mut self, unit: UnitId, state: State) {
+    fn set(&mut self, unit: UnitId, state: MappingState) {
         let at = unit as usize;
         if let (Some(known), Some(mapped)) = (self.states.get_mut(at), self.mapped.get_mut(at)) {
-            (*known, *mapped) = (state, state == State::There);
+            (*known, *mapped) = (state, state == MappingState::There);
         }
     }
 
@@ -82,9 +82,9 @@ impl MappedUnits {
     pub(super) fn arrived(&mut self, asset: AssetId) -> Vec<UnitId> {
         let mut there = Vec::new();
         for unit in self.dependents.remove(&asset).unwrap_or_default() {
-            let Some(State::Coming(missing)) = self.states.get(unit as usize).copied() else { continue };
+            let Some(MappingState::Coming(missing)) = self.states.get(unit as usize).copied() else { continue };
             let left = missing.saturating_sub(1);
-            self.set(unit, if left == 0 { State::There } else { State::Coming(left) });
+            self.set(unit, if left == 0 { MappingState::There } else { MappingState::Coming(left) });
             if left == 0 {
                 there.push(unit);
             }
@@ -110,7 +110,7 @@ impl MappedUnits {
         self.waiting.resize(demand.waiting.len(), 0);
         for &unit in demand.asked.unwrap_or_default() {
             let at = unit as usize;
-            let comes = self.states.get(at).is_some_and(|state| *state != State::Absent);
+            let comes = self.states.get(at).is_some_and(|state| *state != MappingState::Absent);
             if let (false, Some(rays), Some(waiting)) = (comes, self.waiting.get_mut(at), demand.waiting.get(at)) {
                 *rays = *waiting;
                 self.asked.push(unit);

@@ -32,7 +32,7 @@ const PAUSES: [Duration; 3] = [Duration::from_millis(20), Duration::from_millis(
 
 pub use file::{CacheEntry, FileReport, TextureFile};
 pub(crate) use heights::HeightTextures;
-pub use image::{BAND_BYTES, ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
+pub use image::{BAND_BYTES, ColorTransform, ImageError, ImageInfo, ImageLibrary, SourceImage};
 pub(crate) use opacity_masks::OpacityMasks;
 pub(crate) use set::{TextureCache, TextureSet};
 pub(crate) use tiles::TextureImage;

@@ -14,7 +14,7 @@ const STEPS: usize = 4096;
 
 /// See the module.
 #[derive(Debug)]
-pub(super) struct Texels {
+pub(super) struct StoredTexels {
     /// 1 to 4.
     channels: usize,
     format: TexelFormat,
@@ -28,7 +28,7 @@ pub(super) struct Texels {
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "tables of values between 0 and 1")]
-impl Texels {
+impl StoredTexels {
     pub(super) fn new(info: &ImageInfo, is_srgb: bool) -> Self {
         let value = |byte: f64| if is_srgb { linear_from_srgb(byte / 255.0) } else { byte / 255.0 };
         let mut decoded = [0.0; 256];
@@ -226,10 +226,10 @@ fn unit_byte(value: f32) -> u8 {
 mod tests {
     use super::*;
 
-    fn texels(channels: u32, format: TexelFormat, is_srgb: bool) -> Texels {
+    fn texels(channels: u32, format: TexelFormat, is_srgb: bool) -> StoredTexels {
         let info =
             ImageInfo { levels: vec![[1, 1]], channels, format, tile_friendly: false, is_srgb: None, wrap: None };
-        Texels::new(&info, is_srgb)
+        StoredTexels::new(&info, is_srgb)
     }
 
     #[test]

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Records what the device does with paths: the ray's straight line from camera to film.
 //!
-//! A round is [`Recorder::trace`], then [`Recorder::shade`]. A wave in core has all its rounds one after the other; a
-//! step of streaming has some, between waking rays and counting demand (`streaming/record.rs`). Passes that a frame has
-//! not are left out.
+//! A round is [`WavefrontRecorder::trace`], then [`WavefrontRecorder::shade`]. A wave in core has all its rounds one
+//! after the other; a step of streaming has some, between waking rays and counting demand (`streaming/record.rs`).
+//! Passes that a frame has not are left out.
 
-use super::{Native, Passes};
+use super::{NativeTraversal, WavefrontPasses};
 use crate::film::{Film, error_groups};
 use crate::wave::Wave;
 use oocpt_abi::{
@@ -17,7 +17,7 @@ use oocpt_shaders::{DispatchSize, Pass};
 
 /// What paths are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum PathKind {
     /// First hits through pixel centres; a path is a pixel.
     Aovs,
     /// Samples of the colour.
@@ -26,7 +26,7 @@ pub(crate) enum Kind {
 
 /// The rays of a round that are traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Traced {
+pub(crate) enum TracedRays {
     /// Those that continue paths.
     Closest,
     /// Those that look for light from the surfaces shaded last.
@@ -37,52 +37,54 @@ pub(crate) enum Traced {
 
 /// See the module.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Recorder<'a> {
-    pub(crate) passes: &'a Passes,
+pub(crate) struct WavefrontRecorder<'a> {
+    pub(crate) passes: &'a WavefrontPasses,
     pub(crate) film: &'a Film,
     pub(crate) counters: &'a Buffer,
     /// Device address of the frame block.
     pub(crate) frame: u64,
     pub(crate) pixels: u32,
     /// Where the host walks the rays.
-    pub(crate) native: Option<Native<'a>>,
+    pub(crate) native: Option<NativeTraversal<'a>>,
 }
 
-impl Recorder<'_> {
+impl WavefrontRecorder<'_> {
     /// The push constants of passes over all paths in flight.
-    pub(crate) fn push(&self, kind: Kind) -> PushConstants {
+    pub(crate) fn push(&self, kind: PathKind) -> PushConstants {
         let push = PushConstants::wave(self.frame, 0, 0, self.pixels);
-        if kind == Kind::Aovs { push.flagged(PushFlags::AOVS) } else { push }
+        if kind == PathKind::Aovs { push.flagged(PushFlags::AOVS) } else { push }
     }
 
     /// The push constants of passes over the paths of `wave`.
-    pub(crate) fn push_of(&self, kind: Kind, wave: Wave) -> PushConstants {
+    pub(crate) fn push_of(&self, kind: PathKind, wave: Wave) -> PushConstants {
         match kind {
-            Kind::Aovs => PushConstants::wave(self.frame, wave.first, wave.count, self.pixels).flagged(PushFlags::AOVS),
-            Kind::Samples => self.film.push(self.frame, wave).0,
+            PathKind::Aovs => {
+                PushConstants::wave(self.frame, wave.first, wave.count, self.pixels).flagged(PushFlags::AOVS)
+            }
+            PathKind::Samples => self.film.push(self.frame, wave).0,
         }
     }
 
     /// Starts `count` paths; `push` is that of their wave or segment.
-    pub(crate) fn generate(&self, commands: &mut CommandList, kind: Kind, push: PushConstants, count: u32) {
+    pub(crate) fn generate(&self, commands: &mut CommandList, kind: PathKind, push: PushConstants, count: u32) {
         let pass = match kind {
-            Kind::Aovs => Pass::GenerateAovRays,
-            Kind::Samples => Pass::GenerateCameraRays,
+            PathKind::Aovs => Pass::GenerateAovRays,
+            PathKind::Samples => Pass::GenerateCameraRays,
         };
         self.direct(commands, pass, push, count);
     }
 
     /// Traces the rays of a round.
-    pub(crate) fn trace(&self, commands: &mut CommandList, q: PushConstants, round: u32, traced: Traced) {
+    pub(crate) fn trace(&self, commands: &mut CommandList, q: PushConstants, round: u32, traced: TracedRays) {
         self.direct(commands, Pass::PrepareDispatch, q.with(round, PREPARE_TRACE), 1);
         if let Some(native) = self.native {
             return native.trace(commands, q.with(round, 0), traced);
         }
         commands.concurrent(|c| {
-            if traced != Traced::Shadow {
+            if traced != TracedRays::Shadow {
                 self.indirect(c, Pass::IntersectClosest, q.with(round, 0));
             }
-            if traced != Traced::Closest {
+            if traced != TracedRays::Closest {
                 self.indirect(c, Pass::IntersectShadow, q.with(round, 0));
             }
         });
@@ -96,7 +98,7 @@ impl Recorder<'_> {
     }
 
     /// Shades what the rays of a round met; with streaming those of earlier rounds too whose last ray is done now.
-    pub(crate) fn shade(&self, commands: &mut CommandList, kind: Kind, q: PushConstants, round: u32) {
+    pub(crate) fn shade(&self, commands: &mut CommandList, kind: PathKind, q: PushConstants, round: u32) {
         let resolve = [Pass::ResolveMaterials, Pass::ResolveLights].into_iter().find(|pass| self.has(*pass));
         let first = if resolve.is_some() { PREPARE_RESOLVE } else { PREPARE_SHADE };
         commands.concurrent(|c| {
@@ -108,11 +110,11 @@ impl Recorder<'_> {
             self.direct(commands, Pass::PrepareDispatch, q.with(round, PREPARE_SHADE), 1);
         }
         commands.concurrent(|c| match kind {
-            Kind::Aovs => {
+            PathKind::Aovs => {
                 self.indirect_by(c, Pass::ShadeAovs, q.with(round, AOV_SURFACES), WavefrontCounters::SURFACE_ARGS);
                 self.indirect_by(c, Pass::ShadeAovs, q.with(round, AOV_ESCAPED), WavefrontCounters::ESCAPED_ARGS);
             }
-            Kind::Samples => {
+            PathKind::Samples => {
                 self.indirect(c, Pass::ShadeBackground, q.with(round, 0));
                 self.indirect(c, Pass::ShadeSurface, q.with(round, 0));
             }
@@ -138,7 +140,7 @@ impl Recorder<'_> {
     /// Asks the film for its error; the answer goes to `slot`.
     pub(crate) fn measure(&self, commands: &mut CommandList, slot: u32) {
         let groups = [error_groups(u64::from(self.pixels)), 1, 1];
-        self.workgroups(commands, Pass::MeasureError, self.push(Kind::Samples), groups);
+        self.workgroups(commands, Pass::MeasureError, self.push(PathKind::Samples), groups);
         self.film.copy_error(commands, self.counters, slot);
     }
 
@@ -146,8 +148,8 @@ impl Recorder<'_> {
     pub(crate) fn copy_out(&self, commands: &mut CommandList) {
         if self.film.has_color() {
             commands.concurrent(|c| {
-                self.direct(c, Pass::Resolve, self.push(Kind::Samples), self.pixels);
-                self.direct(c, Pass::CountSamples, self.push(Kind::Samples), self.pixels);
+                self.direct(c, Pass::Resolve, self.push(PathKind::Samples), self.pixels);
+                self.direct(c, Pass::CountSamples, self.push(PathKind::Samples), self.pixels);
             });
         }
         self.film.copy_out(commands, self.counters);

@@ -14,7 +14,7 @@ use oocpt_abi::Features;
 use oocpt_core::inventory::FeatureInventory;
 use oocpt_core::scene::TransformSample;
 use oocpt_core::settings::{HostMapped, Settings};
-use oocpt_render::{AovKind, Faults, Session, SessionOptions};
+use oocpt_render::{AovKind, PlantedFaults, Session, SessionOptions};
 use rows::{Also, BARE, Names, Row};
 use scenes::shown;
 use std::collections::BTreeSet;
@@ -36,7 +36,7 @@ fn render(row: &Row, carry: &str) -> (FeatureInventory, Vec<Vec<u8>>) {
         ..settings(4, 2)
     };
     let more_features = if row.also == Also::ToyLobe { Features::TOY_LOBE } else { Features::empty() };
-    let faults = Faults { more_features, ..Faults::default() };
+    let faults = PlantedFaults { more_features, ..PlantedFaults::default() };
     let options = SessionOptions { validation: true, force_streaming: streams, faults, ..SessionOptions::default() };
     let session = Session::with_options(settings, options).with_images(Arc::new(Ramps));
     session.set_light_files(Arc::new(TestFiles));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Procedural images, and a device that looks them up.
 
-use crate::textures::{Image, ImageError, ImageInfo, ImageLibrary, TextureCache, TextureSet};
+use crate::textures::{ImageError, ImageInfo, ImageLibrary, SourceImage, TextureCache, TextureSet};
 use bytemuck::Zeroable;
 use half::f16;
 use oocpt_abi::{Features, FrameConstants, GpuTexture, PushConstants, groups};
@@ -44,7 +44,7 @@ pub(super) fn encoded(byte: u8, format: TexelFormat) -> Vec<u8> {
     }
 }
 
-impl Image for Procedural {
+impl SourceImage for Procedural {
     fn info(&self) -> ImageInfo {
         self.info.clone()
     }
@@ -68,11 +68,11 @@ impl Image for Procedural {
 struct Library(Vec<Arc<Procedural>>);
 
 impl ImageLibrary for Library {
-    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
         let missing = || ImageError("no such image".into());
         let name = asset.resolved.trim_end_matches("_1001").trim_end_matches("_1002").trim_end_matches("_1012");
         let number: usize = name.parse().map_err(|_not_a_number| missing())?;
-        let image: Arc<dyn Image> = Arc::clone(self.0.get(number).ok_or_else(missing)?) as Arc<dyn Image>;
+        let image: Arc<dyn SourceImage> = Arc::clone(self.0.get(number).ok_or_else(missing)?) as Arc<dyn SourceImage>;
         Ok(image)
     }
 }

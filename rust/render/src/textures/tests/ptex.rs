@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Ptex: blocks with borders against their neighbours, and the shaders' lookups against the filter in f64.
 
-use super::super::image::{Image, ImageError, ImageLibrary};
+use super::super::image::{ImageError, ImageLibrary, SourceImage};
 use super::super::set::TextureCache;
 use super::harness::{Answer, Bench, Query, hash, number_of};
 use super::{DONE, FALLBACK};
@@ -96,7 +96,7 @@ pub(in crate::textures) fn ptex_file(
 pub(in crate::textures) struct PtexLibrary(pub(in crate::textures) Vec<Arc<[u8]>>);
 
 impl ImageLibrary for PtexLibrary {
-    fn open(&self, _: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+    fn open(&self, _: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
         Err(ImageError("is no image".into()))
     }
 

@@ -25,7 +25,7 @@ use oocpt_core::scene::{
 use oocpt_core::texture::TexelFormat;
 use oocpt_core::{ArrayElement, TypedArray};
 use oocpt_ptex::{DataType, MeshType, PtexFace, PtexWriter, ReadAt};
-use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
+use oocpt_render::textures::{ImageError, ImageInfo, ImageLibrary, SourceImage};
 use oocpt_render::{AovKind, RenderRequest, Session, SessionOptions};
 use std::sync::Arc;
 
@@ -100,7 +100,7 @@ pub(super) fn shown(build: impl FnOnce(&mut SceneDb), samples: u32) -> (Session,
 pub(super) struct Ramps;
 
 impl ImageLibrary for Ramps {
-    fn open(&self, _: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+    fn open(&self, _: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
         Ok(Arc::new(Self))
     }
 
@@ -118,7 +118,7 @@ pub(super) fn ptex_file() -> Result<Box<dyn ReadAt>, ImageError> {
     Ok(Box::new(written.map_err(|error| ImageError(error.to_string()))?))
 }
 
-impl Image for Ramps {
+impl SourceImage for Ramps {
     fn info(&self) -> ImageInfo {
         ImageInfo {
             levels: vec![[2, 2]],

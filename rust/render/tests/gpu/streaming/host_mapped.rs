@@ -6,7 +6,7 @@ use super::{Render, SCENES, options, percent, planting, request_of, small_chunks
 use crate::support::{self, read_all, settings};
 use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_gpu::DeviceKind;
-use oocpt_render::{Faults, Session};
+use oocpt_render::{PlantedFaults, Session};
 
 /// Most pictures until all that rays ask for is in host memory: a GPU has rendered many before its pages are made.
 pub(crate) const MOST_PICTURES: u32 = 400;
@@ -115,7 +115,8 @@ fn a_fully_resident_scene_leaves_streaming() {
         let (images, in_core) = picture(&whole);
         let budget = percent(in_core.streaming.scene_bytes, 25).max(smallest_budget(scene));
         let settings = Settings { geometry_budget_kib: budget, host_mapped: HostMapped::On, ..long };
-        let session = Session::with_options(settings, planting(Faults { leaves_soon: true, ..Faults::default() }));
+        let session =
+            Session::with_options(settings, planting(PlantedFaults { leaves_soon: true, ..PlantedFaults::default() }));
         session.with_scene(scene.build);
         on_processor |= session.device_report().is_some_and(|device| device.kind == DeviceKind::Cpu);
         let mut without = 0;

@@ -9,7 +9,7 @@ use crate::support::{self, read_all, render_with_messages};
 use oocpt_abi::FAULT_ONE_IN;
 use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_gpu::{DriverCall, PlantedFailure};
-use oocpt_render::{Faults, Message, Session, SessionOptions, Severity};
+use oocpt_render::{Message, PlantedFaults, Session, SessionOptions, Severity};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -21,7 +21,7 @@ fn quarter(scene: &Scene, whole: &Render) -> Settings {
 
 /// Whether the picture shows that chunk instances are lost (`SPEC_FAULT`).
 fn shows(scene: &Scene, whole: &Render, lost_chunks: u32) -> bool {
-    let planted = planting(Faults { lost_chunks, ..Faults::default() });
+    let planted = planting(PlantedFaults { lost_chunks, ..PlantedFaults::default() });
     let part = render(scene, quarter(scene, whole), SessionOptions { force_streaming: true, ..planted });
     part.images != whole.images
 }
@@ -59,7 +59,7 @@ fn needs_device(call: DriverCall) -> bool {
 /// Renders with a failure planted, and after an error once more without.
 fn failed(scene: &Scene, settings: Settings, streams: bool, failure: PlantedFailure, whole: &Render) -> Failed {
     static DEVICES: AtomicU32 = AtomicU32::new(0);
-    let planted = planting(Faults { failure: Some(failure), ..Faults::default() });
+    let planted = planting(PlantedFaults { failure: Some(failure), ..PlantedFaults::default() });
     let memory_budget_mib =
         if needs_device(failure.call) { 1000 + DEVICES.fetch_add(1, Ordering::Relaxed) } else { 999 };
     let settings = Settings { memory_budget_mib, ..settings };

@@ -3,7 +3,7 @@
 //! Python programs. Pure.
 //!
 //! Tasks of `cargo xtask` come from clap itself. Those of `oocpt` are read from its source, since xtask depends on
-//! nothing of the product: subcommands are the variants of `enum Command`, flags the fields under `#[arg(long)]`.
+//! nothing of the product: subcommands are the variants of `enum ..Command`, flags the fields under `#[arg(long)]`.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -150,12 +150,10 @@ fn text_of<'a>(files: &'a [FileText], name: &str) -> &'a str {
     files.iter().find(|(file, _)| file == name).map_or("", |(_, text)| text)
 }
 
-/// Variants of `enum Command`, as clap names them.
+/// Variants of the enumeration whose name ends with `Command`, as clap names them.
 fn subcommands(text: &str) -> Vec<String> {
-    let Some((_, after)) = text.split_once("enum Command {\n") else {
-        return Vec::new();
-    };
-    let body = after.split("\n}").next().unwrap_or(after).lines();
+    let after = text.lines().skip_while(|line| !(line.contains("enum ") && line.ends_with("Command {"))).skip(1);
+    let body = after.take_while(|line| *line != "}");
     let variants =
         body.filter_map(|line| line.strip_prefix("    ")).filter(|line| line.starts_with(char::is_uppercase));
     variants.filter_map(|line| words(line).first().map(|(_, name)| kebab(name))).collect()
@@ -220,7 +218,7 @@ mod tests {
             .subcommand(Command::new("record"))
             .subcommand(Command::new("test").arg(Arg::new("full").long("full")));
         let files = [
-            ("rust/cli/src/main.rs", "enum Command {\n    /// Measures.\n    Bench(bench::Arguments),\n}\n"),
+            ("rust/cli/src/main.rs", "enum OocptCommand {\n    /// Measures.\n    Bench(bench::Arguments),\n}\n"),
             (
                 "rust/cli/src/bench/mod.rs",
                 "enum Command {\n    WoodsMemory(A),\n    Island {\n        #[arg(long)]\n        out: P,\n    },\n}\n",
