@@ -6,7 +6,7 @@
 
 use crate::ffi::{NamedValue, ScalarTag, ScalarValue};
 use oocpt_core::adaptive::AdaptiveUsage;
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::stats::{ErrorRow, RenderStats, StreamingStats};
 
 /// The list of pairs, sorted as below. Memory in bytes, times in seconds.
@@ -49,8 +49,8 @@ pub(crate) fn named_values(stats: &RenderStats) -> Vec<NamedValue> {
 }
 
 /// What the render is made of, and what was left out for it, as lists parted by semicolons.
-fn inventory(inventory: &FeatureInventory) -> [NamedValue; 15] {
-    let FeatureInventory { features, passes, buffers, primvars, .. } = inventory;
+fn inventory(inventory: &RenderInventory) -> [NamedValue; 15] {
+    let RenderInventory { features, passes, buffers, primvars, .. } = inventory;
     let with_bytes = |name: &str, bytes: u64| format!("{name} {bytes}");
     let features_present = features.iter().filter(|f| f.present).map(|f| f.name.clone());
     let features_carried = features.iter().filter(|f| f.carried).map(|f| f.name.clone());

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::adaptive::AdaptiveUsage;
 use crate::convergence::ErrorEstimate;
 use crate::desc::DroppedData;
-use crate::inventory::FeatureInventory;
+use crate::inventory::RenderInventory;
 
 /// A reading of a render in progress or done.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -47,7 +47,7 @@ pub struct RenderStats {
     pub passes: Vec<(String, f64, u64)>,
     /// What it consists of, and what was left out; empty until the passes are compiled.
     #[serde(default)]
-    pub inventory: FeatureInventory,
+    pub inventory: RenderInventory,
     /// Placements of meshes, multiplied out.
     pub instances: u64,
     /// Triangles stored once per mesh.

@@ -6,7 +6,7 @@ use crate::assets::motion_key;
 use crate::error::RenderError;
 use crate::setting::FrameContext;
 use oocpt_abi::{FrameConstants, GpuCameraKey};
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::{CameraMotion, MotionKey};
 use oocpt_gpu::{Buffer, BufferUsage};
 
@@ -14,7 +14,7 @@ use oocpt_gpu::{Buffer, BufferUsage};
 pub(crate) fn upload(
     setting: &FrameContext<'_>,
     block: &mut FrameConstants,
-    listed: &mut FeatureInventory,
+    listed: &mut RenderInventory,
 ) -> Result<[Option<Buffer>; 2], RenderError> {
     let mut upload = |name: &str, bytes: &[u8]| -> Result<Option<Buffer>, RenderError> {
         if bytes.is_empty() {

@@ -16,7 +16,7 @@ use crate::shared::SharedState;
 use crate::sync::lock;
 use crate::wave::next_boundary;
 use oocpt_core::convergence::{ConvergenceEstimator, ErrorEstimate, of_halves};
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::stats::{ErrorRow, RenderUsage};
 use serde::Serialize;
 use std::borrow::Cow;
@@ -162,7 +162,7 @@ impl ErrorLog {
     }
 
     /// Writes what the render is made of.
-    pub(crate) fn inventory(&mut self, shared: &SharedState, inventory: &FeatureInventory) {
+    pub(crate) fn inventory(&mut self, shared: &SharedState, inventory: &RenderInventory) {
         self.line(shared, &InventoryLine { inventory: Cow::Borrowed(inventory) });
     }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The report of error against time that `oocpt:report` names: a JSON object a line, first one about the render, one
-//! about what it is made of ([`FeatureInventory`]), then an [`ErrorRow`] at each power of two of the samples and at the
+//! about what it is made of ([`RenderInventory`]), then an [`ErrorRow`] at each power of two of the samples and at the
 //! end, last one about what it used ([`RenderUsage`]).
 //! `oocpt report plot` draws it.
 //!
@@ -8,7 +8,7 @@
 //! session empties the file, later ones go on: each begins with its own [`ErrorReportHeader`]. A file that is no report
 //! is left as it is: its name may come from a scene of strangers.
 
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::stats::{ErrorRow, RenderUsage};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -52,7 +52,7 @@ pub struct ErrorReportHeader {
 /// The line that says what a render is made of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct InventoryLine<'a> {
-    pub(crate) inventory: Cow<'a, FeatureInventory>,
+    pub(crate) inventory: Cow<'a, RenderInventory>,
 }
 
 /// The line that says what a render has used.
@@ -67,7 +67,7 @@ pub struct ErrorReport {
     /// What was rendered.
     pub header: ErrorReportHeader,
     /// What it is made of, and what was left out; none if it ended before its passes were compiled.
-    pub inventory: Option<FeatureInventory>,
+    pub inventory: Option<RenderInventory>,
     /// Ascending samples.
     pub rows: Vec<ErrorRow>,
     /// What it has used; none if it did not come to an end.
@@ -202,7 +202,7 @@ mod tests {
         let row = |samples| ErrorRow { samples, seconds: 0.5, ..ErrorRow::default() };
         for (seed, is_first) in [(7, true), (1, true), (2, false)] {
             let mut writer = ReportWriter::begin(&path, is_first, &header(seed)).expect("a temporary file");
-            let inventory = FeatureInventory { max_levels: seed, ..FeatureInventory::default() };
+            let inventory = RenderInventory { max_levels: seed, ..RenderInventory::default() };
             writer.line(&InventoryLine { inventory: Cow::Borrowed(&inventory) }).expect("a line");
             writer.line(&row(1)).expect("a line");
             writer.line(&row(2)).expect("a line");

@@ -5,7 +5,7 @@
 //! Render thread only.
 
 use oocpt_abi::{TextureFeedback, WavefrontCounters};
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::{Buffer, BufferUsage, CommandList, Gpu, GpuError};
 use std::mem::offset_of;
 use std::sync::Arc;
@@ -62,7 +62,7 @@ impl FeedbackBuffers {
     }
 
     /// Lists the memory there is.
-    pub(crate) fn list(&self, inventory: &mut FeatureInventory) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         for buffer in [&self.block, &self.requested, &self.wanted].into_iter().chain(&self.copies) {
             inventory.add(buffer.name(), buffer.size());
         }

@@ -11,7 +11,7 @@ use crate::sync::lock;
 use crate::wave::{ERROR_SLOTS, Wave, WavePiece, pieces};
 use oocpt_abi::{ERROR_GROUPS, ErrorSums, FilmPixel, FrameConstants, PushConstants, WORKGROUP_SIZE, WavefrontCounters};
 use oocpt_core::adaptive::STREAMS;
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::{Buffer, BufferUsage, CommandList, Gpu, GpuError};
 use std::sync::{Arc, Mutex};
 
@@ -141,7 +141,7 @@ impl Film {
     }
 
     /// Lists the images, and those that nobody wants.
-    pub(crate) fn list(&self, inventory: &mut FeatureInventory) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         for buffer in self.film.iter().chain(&self.errors).chain(&self.color) {
             inventory.add(buffer.name(), buffer.size());
         }

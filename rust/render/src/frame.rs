@@ -24,7 +24,7 @@ use crate::sync::lock;
 use crate::upload::UploadDecision;
 use crate::wavefront::{BackgroundCompile, PathBuffers};
 use oocpt_abi::{Features, FrameConstants};
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::scene::Snapshot;
 #[cfg(feature = "faults")]
 use oocpt_gpu::{DriverCall, PlantedFailure};
@@ -341,7 +341,7 @@ impl Renderer {
         let tiles = scene.assets.textures.tile_count();
         let feedback = paths.incomplete_paths();
         let feedback = feedback.map(|paths| FeedbackBuffers::new(&device.gpu, tiles, paths.address())).transpose()?;
-        let mut listed = FeatureInventory::default();
+        let mut listed = RenderInventory::default();
         scene.list(&mut listed, true);
         paths.list(&mut listed);
         if let Some(feedback) = &feedback {

@@ -7,7 +7,7 @@ use crate::setting::FrameContext;
 use crate::specialise;
 use crate::wavefront::{TraversalBackend, WavefrontPasses};
 use oocpt_abi::Features;
-use oocpt_core::inventory::{FeatureInventory, PassUse};
+use oocpt_core::inventory::{PassUse, RenderInventory};
 use oocpt_shaders::ALL;
 
 /// What the passes of a frame are.
@@ -24,12 +24,12 @@ pub(crate) struct CompiledPasses<'a> {
 pub(crate) fn of_frame(
     setting: &FrameContext<'_>,
     compiled: CompiledPasses<'_>,
-    listed: FeatureInventory,
-) -> FeatureInventory {
+    listed: RenderInventory,
+) -> RenderInventory {
     let FrameContext { device, job, film, tables, .. } = *setting;
     let CompiledPasses { special, carried, .. } = compiled;
     let features = special.features;
-    let mut inventory = FeatureInventory {
+    let mut inventory = RenderInventory {
         features: specialise::list(features, carried),
         passes: passes(device, compiled.passes),
         max_levels: special.max_levels,

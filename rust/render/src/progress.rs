@@ -21,7 +21,7 @@ use crate::timings::RenderTimings;
 use crate::wave::{LAST_SLOT, Wave, next_boundary};
 use oocpt_abi::WavefrontCounters;
 use oocpt_core::adaptive::AdaptiveUsage;
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::stats::{RenderStats, RenderUsage, StreamingStats};
 use oocpt_gpu::Gpu;
 use std::sync::atomic::Ordering;
@@ -166,7 +166,7 @@ impl<'a> FrameProgress<'a> {
     }
 
     /// Says in the stats and the report what this render was specialised to do without, and what it is made of.
-    pub(crate) fn made_of(&mut self, left_out: Vec<String>, inventory: FeatureInventory) {
+    pub(crate) fn made_of(&mut self, left_out: Vec<String>, inventory: RenderInventory) {
         self.log.inventory(self.shared, &inventory);
         let mut stats = lock(&self.shared.stats);
         stats.features_left_out = left_out;

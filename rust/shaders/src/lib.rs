@@ -33,7 +33,7 @@
 //! (`WavefrontCounters::freed`). Nothing is left to do when every segment is done. When no chunk is absent no ray is
 //! deferred. When `ray_count[r & 1] + shadow_count` is 0 after a submission, all living paths wait for chunks.
 //!
-//! [`PushConstants`]: oocpt_abi::Push
+//! [`PushConstants`]: oocpt_abi::PushConstants
 //! [`Features::MATERIALS`]: oocpt_abi::Features::MATERIALS
 //! [`Features::STREAMING`]: oocpt_abi::Features::STREAMING
 //! [`TextureFeedback`]: oocpt_abi::TextureFeedback

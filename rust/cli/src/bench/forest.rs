@@ -5,7 +5,7 @@
 //! is not used, since timestamps cost a little.
 
 use anyhow::{Context, Result};
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_render::{RenderRequest, RenderTimings, Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -170,7 +170,7 @@ fn report(
 }
 
 /// Bytes of the arrays by path.
-fn path_bytes(inventory: &FeatureInventory) -> u64 {
+fn path_bytes(inventory: &RenderInventory) -> u64 {
     let names = ["rays", "shadow_rays", "hits", "paths", "radiance", "cones", "light_paths", "incomplete_paths"];
     let queues = ["ray_queue 0", "ray_queue 1", "shadow_queue", "surface_queue", "escaped_queue", "settle_queue"];
     let is_of_paths = |name: &str| names.contains(&name) || queues.contains(&name) || name == "settle_hits";

@@ -10,7 +10,7 @@
 //! up, then all builds of a scene in turn, `--runs` times.
 
 use anyhow::{Context, Result, ensure};
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::settings::Settings;
 use oocpt_render::{RenderRequest, Session, SessionOptions};
 use serde::Serialize;
@@ -87,7 +87,7 @@ struct Row {
     /// To the scene's own build; the median of the ratios of runs made in turn.
     ratio: f64,
     different_pixels: u64,
-    inventory: FeatureInventory,
+    inventory: RenderInventory,
 }
 
 #[derive(Debug, Serialize)]

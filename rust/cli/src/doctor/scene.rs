@@ -12,7 +12,7 @@ use crate::bench::{all_images, finish};
 use crate::scene::generated::GeneratedScene;
 use crate::scene::pictures::GeneratedPictures;
 use anyhow::{Context, Result, bail};
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::settings::Settings;
 use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
 use serde::Serialize;
@@ -62,7 +62,7 @@ pub(crate) struct SceneCheckOptions {
 /// One build of the passes with its memory.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct PassBuild {
-    pub(super) inventory: FeatureInventory,
+    pub(super) inventory: RenderInventory,
     pub(super) pipelines: usize,
     pub(super) bytes: u64,
     /// Compiling all pipelines, one after the other, when they were first needed.
@@ -72,7 +72,7 @@ pub(super) struct PassBuild {
 }
 
 impl PassBuild {
-    fn new(inventory: FeatureInventory, trace_secs: f64) -> Self {
+    fn new(inventory: RenderInventory, trace_secs: f64) -> Self {
         Self {
             pipelines: inventory.pipelines(),
             bytes: inventory.bytes(),

@@ -2,7 +2,7 @@
 //! The report of a scene in words. Pure.
 
 use super::scene::{PassBuild, SceneReport};
-use oocpt_core::inventory::{BufferUse, FeatureInventory};
+use oocpt_core::inventory::{BufferUse, RenderInventory};
 use std::fmt::Write as _;
 
 /// The report as text.
@@ -26,8 +26,8 @@ pub(super) fn text(report: &SceneReport) -> String {
 
 // Writing to a string cannot fail, here and below.
 
-fn features(text: &mut String, inventory: &FeatureInventory) {
-    let FeatureInventory { max_levels, stack_size, .. } = inventory;
+fn features(text: &mut String, inventory: &RenderInventory) {
+    let RenderInventory { max_levels, stack_size, .. } = inventory;
     let levels = if *max_levels == 1 { "level" } else { "levels" };
     _ = writeln!(text, "\nfeatures ({max_levels} {levels} of instances, stack of {stack_size})");
     for present in [true, false] {
@@ -50,20 +50,20 @@ fn passes(text: &mut String, own: &PassBuild, all: Option<&PassBuild>) {
     }
 }
 
-fn buffers(text: &mut String, own: &FeatureInventory, all: Option<&FeatureInventory>) {
+fn buffers(text: &mut String, own: &RenderInventory, all: Option<&RenderInventory>) {
     _ = writeln!(text, "\n{:<32}{:>14}{:>14}{:>14}", "buffer", "bytes", "left out", "everything");
     let nothing = BufferUse::default();
     let more =
         all.iter().flat_map(|all| &all.buffers).filter(|other| !own.buffers.iter().any(|b| b.name == other.name));
     for name in own.buffers.iter().chain(more).map(|buffer| &buffer.name) {
-        let find = |inventory: &FeatureInventory| inventory.buffers.iter().find(|buffer| buffer.name == *name).cloned();
+        let find = |inventory: &RenderInventory| inventory.buffers.iter().find(|buffer| buffer.name == *name).cloned();
         let here = find(own).unwrap_or_else(|| nothing.clone());
         let there = all.map_or("-".to_owned(), |all| find(all).map_or(0, |buffer| buffer.bytes).to_string());
         _ = writeln!(text, "{name:<32}{:>14}{:>14}{there:>14}", here.bytes, here.saved);
     }
 }
 
-fn primvars(text: &mut String, inventory: &FeatureInventory) {
+fn primvars(text: &mut String, inventory: &RenderInventory) {
     if inventory.primvars.is_empty() {
         return;
     }
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn the_table_separates_present_from_omitted_parts() {
-        let mut inventory = FeatureInventory { max_levels: 2, stack_size: 48, ..FeatureInventory::default() };
+        let mut inventory = RenderInventory { max_levels: 2, stack_size: 48, ..RenderInventory::default() };
         let feature = |name: &str, present| FeatureUse { name: name.into(), present, ..FeatureUse::default() };
         inventory.features = vec![feature("COAT", false), feature("LENS", true)];
         let pass = |name: &str, made| PassUse { name: name.into(), made, compile_secs: 0.25 };

@@ -23,7 +23,7 @@ pub(super) const BLOCK: usize = 1 << 10;
 const FEW: usize = 64;
 
 /// Which part of its assembly's order an item is in.
-pub(crate) trait BucketSort: std::fmt::Debug + Sync {
+pub(crate) trait ItemBucketing: std::fmt::Debug + Sync {
     /// A number below [`UNUSABLE`] for an item that is not on a lattice yet.
     fn bucket(&self, item: PlacementItem) -> u8;
 }
@@ -39,7 +39,7 @@ pub(crate) enum ScanOutput<'a> {
     /// The items, 24 bytes each.
     Items,
     /// The bucket of each rank, a byte.
-    Buckets(&'a dyn BucketSort),
+    Buckets(&'a dyn ItemBucketing),
 }
 
 /// What a scan kept, until somebody takes it.
@@ -57,7 +57,7 @@ pub(super) enum ScannedRanks {
 pub(super) enum ScanSlots<'a> {
     Nothing,
     Items(&'a mut [PlacementItem]),
-    Buckets(&'a mut [u8], &'a dyn BucketSort),
+    Buckets(&'a mut [u8], &'a dyn ItemBucketing),
 }
 
 /// What a stretch of ranks gives.
@@ -206,7 +206,7 @@ impl InstanceRun {
     }
 
     /// The bucket of each rank: those kept by the scan, else, and where `anew` says so, worked out now.
-    pub(crate) fn take_buckets(&self, by: &dyn BucketSort, anew: bool) -> Vec<u8> {
+    pub(crate) fn take_buckets(&self, by: &dyn ItemBucketing, anew: bool) -> Vec<u8> {
         let kept = std::mem::take(&mut *self.kept.lock().unwrap_or_else(PoisonError::into_inner));
         if let ScannedRanks::Buckets(buckets) = kept
             && !anew

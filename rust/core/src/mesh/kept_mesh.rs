@@ -19,7 +19,7 @@ use super::footprint::BuildFootprint;
 use super::host_memory::{HeldMemory, HostMemory, ReservedMemory};
 use super::payload::{parts, payload_bytes, ptex_words};
 use super::scene_mesh::{SceneMesh, StoredAsset};
-use super::store::{MeshFiles, PayloadError, StoredBytes};
+use super::store::{MeshFiles, PayloadError, PayloadSource};
 use super::summary::MeshSummary;
 use super::{MeshAsset, WantedPrimvar};
 use crate::desc::{DroppedData, MeshDesc};
@@ -195,12 +195,13 @@ impl KeptMesh {
                 payloads.extend(cluster.payloads);
             }
         }
-        let fits = |(mesh, payload): (&MeshSummary, &Arc<dyn StoredBytes>)| payload_bytes(mesh) == Some(payload.size());
+        let fits =
+            |(mesh, payload): (&MeshSummary, &Arc<dyn PayloadSource>)| payload_bytes(mesh) == Some(payload.size());
         if meshes.len() != payloads.len() || (!is_split && meshes.len() != 1) || !meshes.iter().zip(&payloads).all(fits)
         {
             return Err(PayloadError::Damaged);
         }
-        let mesh = |(number, (summary, payload)): (usize, (MeshSummary, Arc<dyn StoredBytes>))| {
+        let mesh = |(number, (summary, payload)): (usize, (MeshSummary, Arc<dyn PayloadSource>))| {
             let key = if is_split { cluster_key(key, number) } else { key };
             let stored = Some(StoredAsset::new(payload, number, Some(key), recipe, shelf));
             Arc::new(SceneMesh { summary, host: OnceLock::new(), stored })

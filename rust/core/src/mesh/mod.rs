@@ -73,7 +73,7 @@ pub use refine::MAX_REFINED_TRIANGLES;
 pub use scene_mesh::LOST_FOR_GOOD;
 pub use scene_mesh::{SceneMesh, StoredError};
 pub use split::split_mesh;
-pub use store::{MeshFiles, PayloadError, StoredBytes, StoredEntry};
+pub use store::{MeshFiles, PayloadError, PayloadSource, StoredEntry};
 pub use summary::{AttributeSummary, MeshSummary, PrimvarSummary};
 
 /// Device bytes of a triangle.

@@ -121,10 +121,8 @@ fn try_refine(
     let tessellate = |points: &[[f32; 3]]| {
         // Points of no face may be anything.
         let positions: Vec<[f32; 3]> = points.iter().map(|p| if p[0].is_nan() { [0.0; 3] } else { *p }).collect();
-        surface.tessellate(
-            &rates,
-            &SurfaceData { positions: positions.as_flattened(), vertex, varying, channels: &channels },
-        )
+        let data = SurfaceData { positions: positions.as_flattened(), vertex, varying, channels: &channels };
+        surface.tessellate(&rates, &data)
     };
     let mut facets = tessellate(&topology.points)?;
     // The rates are those of the frame's own time, so all poses are cut alike.

@@ -10,7 +10,7 @@ use super::MeshAsset;
 use super::host_memory::HeldMemory;
 use super::kept_mesh::{MeshRecipe, MeshStorage};
 use super::payload;
-use super::store::{PayloadError, StoredBytes};
+use super::store::{PayloadError, PayloadSource};
 use super::summary::MeshSummary;
 use crate::again::again;
 use crate::texture::HeightCache;
@@ -33,7 +33,7 @@ pub struct StoredError {
 /// An asset in a file.
 #[derive(Debug)]
 pub(super) struct StoredAsset {
-    payload: Arc<dyn StoredBytes>,
+    payload: Arc<dyn PayloadSource>,
     /// Of the assets of its recipe.
     number: usize,
     key: Option<u128>,
@@ -43,7 +43,7 @@ pub(super) struct StoredAsset {
 
 impl StoredAsset {
     pub(super) fn new(
-        payload: Arc<dyn StoredBytes>,
+        payload: Arc<dyn PayloadSource>,
         number: usize,
         key: Option<u128>,
         recipe: &Arc<MeshRecipe>,

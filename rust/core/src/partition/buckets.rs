@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use super::lattice::MortonLattice;
 use crate::instancing::item::PlacementItem;
-use crate::instancing::scan::{BucketSort, UNUSABLE};
+use crate::instancing::scan::{ItemBucketing, UNUSABLE};
 use crate::mesh::Aabb;
 
 /// In place of a bucket: the item is in a cell without samples.
@@ -192,7 +192,7 @@ impl OrderBuckets {
     }
 }
 
-impl BucketSort for OrderBuckets {
+impl ItemBucketing for OrderBuckets {
     #[inline]
     fn bucket(&self, mut item: PlacementItem) -> u8 {
         self.lattice.place(&mut item, 0);

@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rustc_hash::FxHashMap;
 
-use super::{ColorSpace, ReferenceSampler, TextureRef, TileLayout, Wrap};
+use super::{ColorSpace, TextureRef, TextureSampler, TileLayout, Wrap};
 
 /// Most texels of a level, each channel counted: a quarter of a gibibyte.
 const MOST_TEXELS: u64 = 1 << 26;
@@ -154,7 +154,7 @@ pub(crate) struct HeightLevel {
     /// Of an image that has this level only.
     layout: TileLayout,
     wrap: [Wrap; 2],
-    /// As of [`ReferenceSampler`].
+    /// As of [`TextureSampler`].
     outside: [f64; 4],
     /// Those that were asked for.
     texels: [Option<Arc<Vec<f32>>>; 4],
@@ -170,7 +170,7 @@ impl HeightLevel {
             [0, 1, 2, 3].map(|k: usize| f64::from(self.texels[k].as_ref().and_then(of).unwrap_or(0.0)))
         };
         let Self { layout, wrap, outside, .. } = *self;
-        ReferenceSampler { layout, wrap, outside, texel }.bilinear(st, 0)
+        TextureSampler { layout, wrap, outside, texel }.bilinear(st, 0)
     }
 }
 

@@ -28,7 +28,7 @@ pub(crate) use heights::{HeightLevel, member_of, numbered};
 pub use layout::{LayoutError, MAX_SIDE, TileLayout, TilePiece};
 pub use opacity_mask::{OpacityMask, OpacityMaskMaker, OpacityQuery, mask_bytes};
 pub use pyramid::{TexturePyramid, weights};
-pub use twin::{PtexSampler, ReferenceSampler, pack_ptex, select_level, unpack_ptex};
+pub use twin::{PtexSampler, TextureSampler, pack_ptex, select_level, unpack_ptex};
 
 pub use crate::material::{ColorSpace, TextureRef, Wrap};
 

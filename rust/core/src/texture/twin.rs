@@ -78,7 +78,7 @@ impl<T: Fn(u32) -> [f64; 4]> PtexSampler<'_, T> {
 
 /// An image and how to look it up.
 #[derive(Clone, Copy, Debug)]
-pub struct ReferenceSampler<T> {
+pub struct TextureSampler<T> {
     /// Levels.
     pub layout: TileLayout,
     /// Along s and t.
@@ -89,7 +89,7 @@ pub struct ReferenceSampler<T> {
     pub texel: T,
 }
 
-impl<T: Fn(u32, u32, u32) -> [f64; 4]> ReferenceSampler<T> {
+impl<T: Fn(u32, u32, u32) -> [f64; 4]> TextureSampler<T> {
     /// The value at `st`, by a filter of `width`.
     pub fn lookup(&self, st: [f64; 2], width: f64) -> [f64; 4] {
         let (level, blend) = select_level(width, self.layout.levels());

@@ -14,7 +14,7 @@ use crate::shared::FrameGate;
 use crate::textures::{ImageLibrary, TextureCache};
 use crate::timings::RenderTimings;
 use oocpt_abi::MAX_LEVELS;
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::residency::AssetId;
 use oocpt_core::scene::Snapshot;
 use oocpt_core::settings::Settings;
@@ -323,7 +323,7 @@ impl DeviceScene {
     }
 
     /// Lists the tables, and, when all of the scene is there, its assets by what they hold.
-    pub(crate) fn list(&self, inventory: &mut FeatureInventory, in_core: bool) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory, in_core: bool) {
         if let Some(tables) = &self.tables {
             tables.list(inventory);
         }

@@ -12,7 +12,7 @@ use super::source::{AssetKey, AssetSource};
 use crate::error::RenderError;
 use crate::textures::{OpacityMasks, TextureSet};
 use oocpt_abi::{LevelNode, MAX_LEVELS};
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::mesh::level_nodes;
 use oocpt_core::partition::PartitionedWorld;
 use oocpt_core::residency::{AssetId, UnitCatalog, UnitId};
@@ -203,7 +203,7 @@ impl SceneAssets {
     }
 
     /// Lists the bytes of the assets that some unit needs, by what they hold.
-    pub(crate) fn list(&self, inventory: &mut FeatureInventory) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         for (name, bytes) in AssetSource::SECTIONS.into_iter().zip(self.sections) {
             inventory.add(name, bytes);
         }

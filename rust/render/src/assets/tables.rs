@@ -14,7 +14,7 @@ use crate::error::RenderError;
 use crate::textures::TextureSet;
 use bytemuck::{Pod, Zeroable};
 use oocpt_abi::{GpuAssembly, GpuChunk, GpuChunkInstance, GpuMesh, GpuTexture, LevelNode, PAGE_BROKEN, TEXTURE_SRGB};
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::partition::{ChunkInstance, PlacedValues};
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{CommandList, HeapRange};
@@ -168,7 +168,7 @@ impl SceneTables {
     }
 
     /// Lists the tables there are.
-    pub(crate) fn list(&self, inventory: &mut FeatureInventory) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         let Self { top_nodes, chunk_instances, chunks, assemblies, meshes, .. } = self;
         for table in [top_nodes, chunk_instances, chunks, assemblies, meshes] {
             inventory.add(table.name(), table.size());

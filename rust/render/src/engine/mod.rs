@@ -29,7 +29,7 @@ use crate::wavefront::{NativeTraversal, PathBuffers, PathKind, TraversalBackend,
 use crate::{assets::SceneView, device::WAVE_TIMEOUT};
 use drive::{StageOutcome, run};
 use oocpt_abi::{Features, FrameConstants};
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::settings::TraversalKind;
 use oocpt_gpu::{Buffer, BufferUsage, CommandList, Submission};
 
@@ -113,7 +113,7 @@ impl<'a> WavefrontTracer<'a> {
         setting: &'a FrameContext<'a>,
         paths: &'a PathBuffers,
         (view, parts): (&SceneView, CompiledFeatures),
-        mut listed: FeatureInventory,
+        mut listed: RenderInventory,
         bind: impl FnOnce(&mut FrameConstants),
         progress: &mut FrameProgress<'_>,
     ) -> Result<Self, RenderError> {

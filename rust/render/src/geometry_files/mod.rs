@@ -15,7 +15,7 @@ use crate::cache_folder::cache_folder;
 use crate::request::Severity;
 use crate::shared::SharedState;
 use crate::sync::lock;
-use oocpt_core::mesh::{MeshFiles, PayloadError, StoredBytes, StoredEntry};
+use oocpt_core::mesh::{MeshFiles, PayloadError, PayloadSource, StoredEntry};
 use oocpt_core::settings::Settings;
 use pack::PackFile;
 use std::fs::{self, File};
@@ -205,7 +205,7 @@ impl MeshFiles for GeometryFiles {
         None
     }
 
-    fn add(&self, key: Option<u128>, head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn StoredBytes>>> {
+    fn add(&self, key: Option<u128>, head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn PayloadSource>>> {
         if self.failed.load(Ordering::Relaxed) {
             return None;
         }

@@ -7,7 +7,7 @@
 
 use crate::sync::lock;
 use bytemuck::{Pod, Zeroable};
-use oocpt_core::mesh::{PayloadError, StoredBytes, StoredEntry};
+use oocpt_core::mesh::{PayloadError, PayloadSource, StoredEntry};
 use rustc_hash::FxHashMap;
 use std::fs::File;
 use std::io;
@@ -161,7 +161,7 @@ impl PackFile {
         if hash_of([bytemuck::cast_slice(&places), &head[..]]) != header.head_hash {
             return Err(PayloadError::Damaged);
         }
-        let mut payloads: Vec<Arc<dyn StoredBytes>> = Vec::with_capacity(places.len());
+        let mut payloads: Vec<Arc<dyn PayloadSource>> = Vec::with_capacity(places.len());
         for PayloadPlace { offset, bytes, hash } in places {
             let end = offset.checked_add(bytes).filter(|end| *end <= header.record_bytes);
             end.ok_or(PayloadError::Damaged)?;
@@ -176,7 +176,7 @@ impl PackFile {
         key: u128,
         head: &[u8],
         payloads: &[Vec<&[u8]>],
-    ) -> io::Result<Vec<Arc<dyn StoredBytes>>> {
+    ) -> io::Result<Vec<Arc<dyn PayloadSource>>> {
         let size = |payload: &Vec<&[u8]>| payload.iter().map(|part| part.len() as u64).sum::<u64>();
         let too_large = || io::Error::from(io::ErrorKind::FileTooLarge);
         let table = (payloads.len() * size_of::<PayloadPlace>()) as u64;
@@ -213,7 +213,7 @@ impl PackFile {
         }
         let payload = |place: &PayloadPlace| {
             let PayloadPlace { offset, bytes, hash } = *place;
-            Arc::new(PackPayload { pack: self.clone(), offset: at + offset, bytes, hash }) as Arc<dyn StoredBytes>
+            Arc::new(PackPayload { pack: self.clone(), offset: at + offset, bytes, hash }) as Arc<dyn PayloadSource>
         };
         Ok(places.iter().map(payload).collect())
     }
@@ -241,7 +241,7 @@ struct PackPayload {
     hash: u64,
 }
 
-impl StoredBytes for PackPayload {
+impl PayloadSource for PackPayload {
     fn size(&self) -> u64 {
         self.bytes
     }

@@ -4,7 +4,7 @@
 use super::pack::PackFile;
 use super::{GeometryFiles, GeometrySetting};
 use crate::shared::SharedState;
-use oocpt_core::mesh::{MeshFiles, PayloadError, StoredBytes};
+use oocpt_core::mesh::{MeshFiles, PayloadError, PayloadSource};
 use oocpt_core::settings::Settings;
 use std::fs::{self, File};
 use std::path::PathBuf;
@@ -41,14 +41,14 @@ impl Drop for Folder {
     }
 }
 
-fn read(payload: &Arc<dyn StoredBytes>) -> Result<Vec<u8>, PayloadError> {
+fn read(payload: &Arc<dyn PayloadSource>) -> Result<Vec<u8>, PayloadError> {
     let mut bytes = vec![0; usize::try_from(payload.size()).expect("small")];
     let (first, rest) = bytes.split_at_mut(payload.size().min(3) as usize);
     payload.read(&mut [first, rest])?;
     Ok(bytes)
 }
 
-fn add(files: &GeometryFiles, key: u128, byte: u8, count: usize) -> Vec<Arc<dyn StoredBytes>> {
+fn add(files: &GeometryFiles, key: u128, byte: u8, count: usize) -> Vec<Arc<dyn PayloadSource>> {
     let (small, large) = (vec![byte; 5], vec![byte; count]);
     files.add(Some(key), &[byte; 4], &[vec![&small, &[]], vec![&large, &[byte, byte]]]).expect("written")
 }

@@ -12,7 +12,7 @@ use crate::assets::AssetCopier;
 use crate::device::Device;
 use crate::error::RenderError;
 use oocpt_abi::{GpuLightMap, LightTablePointers};
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::HeapRange;
 use std::sync::Arc;
 use std::time::Duration;
@@ -138,7 +138,7 @@ impl LightTables {
     }
 
     /// Lists what is on the device.
-    pub(crate) fn list(&self, inventory: &mut FeatureInventory) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         let pictures = self.pictures.iter().flat_map(|have| std::iter::once(&have.texels).chain(&have.cells));
         let meshes = self.meshes.iter().flat_map(|meshes| meshes.tables.iter().flatten());
         for range in pictures.chain(meshes).chain(&self.tables) {

@@ -12,7 +12,7 @@ use oocpt_abi::{
     FrameConstants, GpuSurface, GpuSurfaceMaterial, PathSegment, PendingItems, RouletteStats, StreamingPointers,
     TILE_KEYS, UnitDemand, WORTH_SUMS, WavefrontCounters, sort_blocks,
 };
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::{Buffer, BufferUsage, CommandList, Gpu, GpuError};
 use std::sync::Arc;
 
@@ -113,7 +113,7 @@ impl StreamBuffers {
     }
 
     /// Lists the memory there is, and what is left out of it.
-    pub(crate) fn list(&self, inventory: &mut FeatureInventory) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         self.paths.list(inventory);
         let Self { progress, places, free_slots, pending, surfaces, deferred, readback, .. } = self;
         let waiting = [progress, places, free_slots, pending, surfaces, &deferred[0], &deferred[1]];
@@ -373,7 +373,7 @@ mod tests {
             let of = |capacity: u32| {
                 let paths = 1 << 40;
                 let made = StreamBuffers::new(&gpu, capacity, ((u64::from(capacity), paths), 1 << 40), needs);
-                let mut listed = FeatureInventory::default();
+                let mut listed = RenderInventory::default();
                 made.expect("memory").list(&mut listed);
                 let of_host = ["ended_radiance", "steps 0", "steps 1", "streaming"];
                 let of_host = &of_host[usize::from(gpu.is_unified())..];

@@ -49,7 +49,7 @@ use left::PathsLeftLog;
 use needs::StreamingNeeds;
 use observe::StepObservation;
 use oocpt_abi::{Features, FrameConstants, MAX_PENDING};
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::MemoryUse;
 use residency::{ResidencyStart, SceneResidency};
 use share::ShareRequest;
@@ -111,7 +111,7 @@ pub(crate) fn render(
     let budget = geometry_budget(setting, scene, buffers);
     reserve(setting, scene, budget)?;
     let policy = job.settings.policy;
-    let mut listed = FeatureInventory::default();
+    let mut listed = RenderInventory::default();
     scene.list(&mut listed, false);
     buffers.list(&mut listed);
     listed.add("geometry and textures, at most", budget);

@@ -3,7 +3,7 @@
 
 use super::needs::StreamingNeeds;
 use oocpt_abi::{CUTOUT_LOOKUPS, DeferredAlphaTest, RouletteStats, WORTH_SUMS};
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use std::sync::Arc;
 
@@ -59,7 +59,7 @@ impl TextureBuffers {
 }
 
 /// Lists the questions of cutouts, or what is left out of them.
-pub(super) fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inventory: &mut FeatureInventory) {
+pub(super) fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inventory: &mut RenderInventory) {
     for (at, name) in ["questions", "shadow_questions"].into_iter().enumerate() {
         match questions {
             Some(questions) => inventory.add(name, questions[at].size()),

@@ -6,7 +6,7 @@
 use oocpt_abi::{
     FrameConstants, LIGHT_PATH_BYTES, MAX_LEVELS, PathState, Ray, ShadowRay, WavefrontCounters, hit_stride,
 };
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use std::sync::Arc;
 
@@ -181,7 +181,7 @@ impl PathBuffers {
     }
 
     /// Lists the memory there is, and what is left out of it.
-    pub(crate) fn list(&self, inventory: &mut FeatureInventory) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         let capacity = u64::from(self.capacity);
         inventory.paths = capacity;
         for array in PathArray::ALL {
@@ -258,7 +258,7 @@ mod tests {
                 let bytes: u64 = made.arrays.iter().flatten().map(Buffer::size).sum();
                 assert_eq!(bytes, needs.bytes(capacity, levels), "{needs:?}, {capacity} paths, {levels} levels");
                 assert_eq!(bytes, needs.bytes_a_path(levels) * u64::from(capacity), "{needs:?}: the same each");
-                let mut listed = FeatureInventory::default();
+                let mut listed = RenderInventory::default();
                 made.list(&mut listed);
                 let listed: u64 = listed.buffers.iter().map(|buffer| buffer.bytes).sum();
                 assert_eq!(listed, bytes + made.counters.size(), "{needs:?}: as it is listed");

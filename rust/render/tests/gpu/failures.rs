@@ -5,7 +5,7 @@ use crate::materials::{Ramps, board, coordinates, textured, with};
 use crate::scenes::{dome, nested, prim, sphere};
 use crate::support::{perspective, read, read_all, render, render_with_messages, request, session, settings};
 use glam::{DMat4, DVec3};
-use oocpt_core::mesh::{LOST_FOR_GOOD, MeshFiles, PayloadError, StoredBytes, StoredEntry};
+use oocpt_core::mesh::{LOST_FOR_GOOD, MeshFiles, PayloadError, PayloadSource, StoredEntry};
 use oocpt_core::scene::{AssetRef, Interpolation};
 use oocpt_core::settings::{SettingValue, Settings};
 use oocpt_render::textures::{ImageError, ImageInfo, ImageLibrary, SourceImage};
@@ -131,7 +131,7 @@ fn a_second_device_loss_ends_the_render() {
 #[derive(Debug)]
 struct Abyss(u64);
 
-impl StoredBytes for Abyss {
+impl PayloadSource for Abyss {
     fn size(&self) -> u64 {
         self.0
     }
@@ -150,9 +150,9 @@ impl MeshFiles for Abyss {
         None
     }
 
-    fn add(&self, _key: Option<u128>, _head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn StoredBytes>>> {
+    fn add(&self, _key: Option<u128>, _head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn PayloadSource>>> {
         let size = |parts: &Vec<&[u8]>| parts.iter().map(|part| part.len() as u64).sum();
-        Some(payloads.iter().map(|parts| Arc::new(Self(size(parts))) as Arc<dyn StoredBytes>).collect())
+        Some(payloads.iter().map(|parts| Arc::new(Self(size(parts))) as Arc<dyn PayloadSource>).collect())
     }
 
     fn damaged(&self, _key: Option<u128>, _error: &PayloadError) {}

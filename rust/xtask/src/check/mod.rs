@@ -6,6 +6,7 @@ mod columns;
 mod graph;
 mod modules;
 mod text;
+mod types;
 
 use std::process::Command;
 use std::time::Instant;
@@ -35,6 +36,7 @@ const STEPS: &[CheckStep] = &[
     (CheckDepth::Text, "words", text::check),
     (CheckDepth::Text, "columns", columns::check),
     (CheckDepth::Text, "modules", modules::check),
+    (CheckDepth::Text, "names of types", types::check),
     (CheckDepth::Text, "documents", book::check),
     (CheckDepth::Text, "crate graph", graph::check),
     (CheckDepth::Text, "no faults in the product", graph::product),

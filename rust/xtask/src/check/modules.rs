@@ -146,7 +146,7 @@ fn used(text: &str, module: &ModulePath) -> BTreeSet<ModulePath> {
 
 /// The lines of a file without its modules of tests: what is below them ships. A module with a body ends at the first
 /// line that is the brace at its own indentation, as rustfmt lays code out.
-fn shipped(text: &str) -> Vec<&str> {
+pub(super) fn shipped(text: &str) -> Vec<&str> {
     let mut kept = Vec::new();
     let mut lines = text.lines();
     while let Some(line) = lines.next() {

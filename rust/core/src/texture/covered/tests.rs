@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::*;
 use crate::desc::AssetRef;
 use crate::material::TextureRef;
-use crate::texture::{ColorSpace, HeightImage, OpacityQuery, ReferenceSampler, TileLayout};
+use crate::texture::{ColorSpace, HeightImage, OpacityQuery, TextureSampler, TileLayout};
 
 /// A generator of numbers (Steele et al. 2014, `SplitMix64`).
 pub(crate) struct Random(pub(crate) u64);
@@ -51,7 +51,7 @@ impl Picture {
     pub(crate) fn share(&self, query: &OpacityQuery, st: [f64; 2]) -> f64 {
         let layout = TileLayout::new(self.size, 4).expect("a layout");
         let texel = |_, x: u32, y: u32| [f64::from(self.texels[(y * self.size[0] + x) as usize]); 4];
-        let sampler = ReferenceSampler { layout, wrap: query.wrap, outside: [query.outside.into(); 4], texel };
+        let sampler = TextureSampler { layout, wrap: query.wrap, outside: [query.outside.into(); 4], texel };
         let opacity = sampler.bilinear(st, 0)[0] * f64::from(query.scale) + f64::from(query.bias);
         if query.threshold > 0.0 { f64::from(u8::from(opacity >= query.threshold.into())) } else { opacity.max(0.0) }
     }

@@ -3,7 +3,7 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "levels, cells and numbers of choices are small")]
 
-use super::super::ReferenceSampler;
+use super::super::TextureSampler;
 use super::*;
 
 /// A generator of numbers (Steele et al. 2014, `SplitMix64`).
@@ -121,7 +121,7 @@ fn coverage_of_a_disc_is_the_same_whatever_the_size_of_its_cells() {
 
 /// What lookups of level 0 give in the mean over a cell.
 fn share_by_lookups(
-    sampler: &ReferenceSampler<impl Fn(u32, u32, u32) -> [f64; 4]>,
+    sampler: &TextureSampler<impl Fn(u32, u32, u32) -> [f64; 4]>,
     query: &OpacityQuery,
     cell: [[f64; 2]; 2],
 ) -> f64 {
@@ -151,7 +151,7 @@ fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) {
         for _ in 0..12 {
             let query = query(&mut random);
             let of = |_, x: u32, y: u32| [f64::from(values[(y * size[0] + x) as usize]); 4];
-            let sampler = ReferenceSampler { layout, wrap: query.wrap, outside: [query.outside.into(); 4], texel: of };
+            let sampler = TextureSampler { layout, wrap: query.wrap, outside: [query.outside.into(); 4], texel: of };
             let masks = [MOST_SIDE, 64, 16, 3, 1].map(|side| sized(&layout, &values, &query, side));
             let read = masks.each_ref().map(|mask| cells(mask, &layout));
             for _ in 0..400 {

@@ -122,8 +122,7 @@ impl Waiting {
         let push = PushConstants::wave(upload(bytemuck::bytes_of(&frame)), 0, 0, PIXELS);
         let [low, high] = (Features::STREAMING | Features::ROULETTE).constants();
         let spec = [(0, 2), (1, 64), low, high];
-        let pipeline =
-            Pipeline::new(gpu, module.name, &module.specialised(&spec), &spec, 32).expect("the pass compiles");
+        let pipeline = Pipeline::new(gpu, module.name, &module.specialised(&spec), &spec, 32).expect("it compiles");
         let mut commands = gpu.commands("roulette").expect("a list");
         commands.fill(&worth, 0, worth.size(), 0);
         commands.fill(&sums, 0, sums.size(), 0);

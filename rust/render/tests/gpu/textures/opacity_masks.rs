@@ -7,7 +7,7 @@
 use super::test_images::LEAF_AREA;
 use super::*;
 use oocpt_abi::Features;
-use oocpt_core::inventory::FeatureInventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::settings::TraversalKind;
 
 /// Image, wrap modes, factor, summand, threshold (0: a probability).
@@ -121,7 +121,7 @@ pub(super) fn masked(
     let wanted = settings.traversal;
     let session = session(settings, SessionOptions { faults, force_streaming, ..options() }, build);
     render_with_messages(&session, &close());
-    let FeatureInventory { features: listed, traversal: used, passes, .. } = session.stats().inventory;
+    let RenderInventory { features: listed, traversal: used, passes, .. } = session.stats().inventory;
     assert!(wanted != TraversalKind::Native || used.backend == "native", "{used:?}");
     let has = |name: &str| listed.iter().find(|feature| feature.name == name).expect("a feature").present;
     assert_eq!(has("OPACITY_MASKS"), are_there, "masks are used where they are wanted");
