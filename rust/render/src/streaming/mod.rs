@@ -272,7 +272,7 @@ fn most_paths(setting: &Setting<'_>) -> u64 {
 fn host_share(setting: &Setting<'_>, scene: &mut Scene, maps: bool) -> Result<Option<HostHeapFiller>, RenderError> {
     let Setting { device, job, .. } = *setting;
     if !maps {
-        scene.unmap(device);
+        scene.unmap(device, false);
         let kept = scene.store.kept();
         kept.limit(host_memory::limit_of(Part::Encoded, &job.settings, kept.bytes(), job.fixed_host_bytes));
         return Ok(None);
