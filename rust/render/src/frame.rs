@@ -9,14 +9,14 @@ use crate::engine::{self, CompiledFeatures, FrameTiles, WaveSource, WavefrontTra
 use crate::error::RenderError;
 use crate::feedback::FeedbackBuffers;
 use crate::film::Film;
-use crate::host_memory;
+use crate::host_memory::{self, HostMemoryUser};
 use crate::in_core::{path_needs, roomy_waves, share_of_waves};
 use crate::in_flight;
 use crate::job::RenderJob;
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
 use crate::progress::FrameProgress;
 use crate::request::Severity;
-use crate::setting::{FrameContext, geometry_cap, in_flight, is_cpu, paths, shrinking};
+use crate::setting::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
 use crate::shared::FrameGate;
 use crate::specialise::ForcedFeatures;
 use crate::streaming::{self, StreamBuffers};
@@ -36,6 +36,19 @@ const PACKING: u64 = 24;
 
 /// A scene counts as fitting only when it leaves room for tiles of textures of so many bytes (or for all there are).
 const FEWEST_TILES: u64 = 8 << 20;
+
+/// Sets the limit of host memory in which rays read tiles of textures that find no room on the device, where they may.
+/// A cap on geometry counts them: then there is none.
+fn let_tiles_be_mapped(setting: &FrameContext<'_>, scene: &DeviceScene) -> Result<(), RenderError> {
+    let FrameContext { device, job, .. } = *setting;
+    if scene.assets.tile_bytes > 0 && maps_host(device, &job.settings) && geometry_cap(job).is_none() {
+        let heap = device.host_heap()?;
+        let held = heap.stats().arena_bytes + heap.stats().dedicated_bytes;
+        let limit = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, held, job.fixed_host_bytes);
+        heap.set_limit(Some(limit));
+    }
+    Ok(())
+}
 
 /// What the render thread keeps from frame to frame.
 #[derive(Debug, Default)]
@@ -213,7 +226,8 @@ impl Renderer {
         if in_core {
             self.stream = None;
             scene.store.kept().limit(0);
-            scene.unmap(device);
+            scene.unmap(device, maps_host(device, &job.settings));
+            let_tiles_be_mapped(setting, scene)?;
             match scene.load_all(device, gate, &mut progress.timings) {
                 Ok(true) => {}
                 Ok(false) => {

@@ -289,9 +289,9 @@ impl DeviceScene {
         Ok(())
     }
 
-    /// Gives back the host memory that rays read across the bus.
-    pub(crate) fn unmap(&mut self, device: &Device) {
-        self.store.unmap();
+    /// Gives back the host memory that rays read across the bus; if `keeps_tiles`, not that of tiles of textures.
+    pub(crate) fn unmap(&mut self, device: &Device, keeps_tiles: bool) {
+        self.store.unmap(keeps_tiles);
         if let Some(heap) = device.host_heap_if_made() {
             heap.trim();
         }

@@ -97,8 +97,7 @@ impl DeviceScene {
         Ok(TilesOutcome::All(shown))
     }
 
-    /// Whether tiles that find no room on the device are read in host memory: where the scene has streamed, and so
-    /// there is a limit of it.
+    /// Whether tiles that find no room on the device are read in host memory: where there is a limit of it.
     pub(crate) fn maps_tiles(&self, device: &Device) -> bool {
         device.host_heap_if_made().is_some_and(|heap| heap.limit().is_some())
     }
@@ -125,15 +124,14 @@ impl DeviceScene {
     }
 
     /// Those of `tiles` that are not there, in the order to bring them: the first of each image, then the second of
-    /// each, so that
-    /// several files are decoded at a time.
+    /// each, so that several files are decoded at a time.
     fn missing_tiles(&self, tiles: &[u32]) -> Vec<AssetId> {
         let mut seen: FxHashMap<u64, u32> = FxHashMap::default();
         let mut wanted: Vec<(u32, AssetId)> = Vec::with_capacity(tiles.len());
         for &tile in tiles {
             let Some((image, number)) = self.assets.textures.locate(tile) else { continue };
             let asset = self.assets.first_tile() + tile;
-            if self.assets.key(asset).is_none_or(|key| self.store.get(&key).is_some()) {
+            if self.assets.key(asset).is_none_or(|key| self.store.reached(&key).is_some()) {
                 continue;
             }
             image.expect(number);

@@ -116,10 +116,10 @@ impl AssetStore {
         self.promoting.clear();
     }
 
-    /// Forgets what lies in host memory.
-    pub(crate) fn unmap(&mut self) {
+    /// Forgets what lies in host memory, or, if `keeps_tiles`, all of it but tiles of textures.
+    pub(crate) fn unmap(&mut self, keeps_tiles: bool) {
         self.host.forget_arriving();
-        self.host.ready.clear();
+        self.host.ready.retain(|key, _| keeps_tiles && matches!(key, AssetKey::Tile(..)));
         self.mapping.clear();
     }
 

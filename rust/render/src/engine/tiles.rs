@@ -45,7 +45,9 @@ impl FrameTiles<'_> {
         let mut commands = tracer.commands("tiles")?;
         let held = self.scene.tile_bytes_held();
         let (loads, paged) = (progress.timings.tiles, progress.timings.tile_bytes);
+        let mapped = tracer.setting.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes);
         progress.streaming(|stats| {
+            stats.mapped_bytes = mapped;
             (stats.loads, stats.bytes_paged) = (loads, paged);
             (stats.texture_loads, stats.texture_bytes_paged, stats.texture_bytes) = (loads, paged, held);
         });

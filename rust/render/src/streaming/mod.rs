@@ -282,7 +282,7 @@ fn host_share(
 ) -> Result<Option<HostHeapFiller>, RenderError> {
     let FrameContext { device, job, .. } = *setting;
     if !maps {
-        scene.unmap(device);
+        scene.unmap(device, false);
         let kept = scene.store.kept();
         kept.limit(host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, kept.bytes(), job.fixed_host_bytes));
         return Ok(None);
