@@ -6,11 +6,11 @@
 
 use crate::ffi::{NamedValue, ScalarTag, ScalarValue};
 use oocpt_core::adaptive::AdaptiveUsage;
-use oocpt_core::inventory::Inventory;
-use oocpt_core::stats::{ErrorRow, Stats, StreamingStats};
+use oocpt_core::inventory::RenderInventory;
+use oocpt_core::stats::{ErrorRow, RenderStats, StreamingStats};
 
 /// The list of pairs, sorted as below. Memory in bytes, times in seconds.
-pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
+pub(crate) fn named_values(stats: &RenderStats) -> Vec<NamedValue> {
     let dropped = stats.dropped.message().unwrap_or_default();
     let mut values = vec![
         text("rendererName", "OocPT"),
@@ -49,8 +49,8 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
 }
 
 /// What the render is made of, and what was left out for it, as lists parted by semicolons.
-fn inventory(inventory: &Inventory) -> [NamedValue; 15] {
-    let Inventory { features, passes, buffers, primvars, .. } = inventory;
+fn inventory(inventory: &RenderInventory) -> [NamedValue; 15] {
+    let RenderInventory { features, passes, buffers, primvars, .. } = inventory;
     let with_bytes = |name: &str, bytes: u64| format!("{name} {bytes}");
     let features_present = features.iter().filter(|f| f.present).map(|f| f.name.clone());
     let features_carried = features.iter().filter(|f| f.carried).map(|f| f.name.clone());
@@ -156,7 +156,7 @@ fn streaming(stats: &StreamingStats) -> [NamedValue; 37] {
     ]
 }
 
-fn stage(stats: &Stats) -> &'static str {
+fn stage(stats: &RenderStats) -> &'static str {
     if stats.samples_target > 0 && stats.samples_completed >= stats.samples_target { "done" } else { "rendering" }
 }
 
@@ -192,14 +192,14 @@ mod tests {
 
     #[test]
     fn stats_have_the_keys_that_hosts_read() {
-        let stats = Stats {
+        let stats = RenderStats {
             percent_done: 25.0,
             samples_completed: 16,
             samples_target: 64,
             gpu_bytes: 1 << 20,
             annotation: "16 of 64 samples".into(),
             passes: vec![("resolve".into(), 0.25, 3), ("accumulate".into(), 1.5, 12)],
-            ..Stats::default()
+            ..RenderStats::default()
         };
         let values = named_values(&stats);
         let find = |key: &str| &values.iter().find(|entry| entry.key == key).expect(key).value;
@@ -224,7 +224,7 @@ mod tests {
             *field = if field.is_boolean() { true.into() } else { value.into() };
         }
         let streaming: StreamingStats = serde_json::from_value(fields.clone().into()).expect("the same fields");
-        let values = named_values(&Stats { streaming, ..Stats::default() });
+        let values = named_values(&RenderStats { streaming, ..RenderStats::default() });
         for (name, number) in names.iter().zip(1_i32..) {
             let mut words = name.split('_');
             let first = words.next().unwrap_or_default().to_owned();
@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn inventory_keys_separate_present_from_omitted_parts() {
-        let mut stats = Stats::default();
+        let mut stats = RenderStats::default();
         stats.inventory.add("rays", 640);
         stats.inventory.leave_out("cones", 80);
         stats.inventory.leave_out("hits", 16);
@@ -258,7 +258,7 @@ mod tests {
 
     #[test]
     fn keys_are_distinct_and_huge_counts_saturate() {
-        let values = named_values(&Stats { rays_traced: u64::MAX, ..Stats::default() });
+        let values = named_values(&RenderStats { rays_traced: u64::MAX, ..RenderStats::default() });
         let mut keys: Vec<&str> = values.iter().map(|entry| entry.key.as_str()).collect();
         keys.sort_unstable();
         keys.dedup();

@@ -4,7 +4,7 @@
 //! Scenes and output come from strangers. A file is handed over as an absolute path, in an environment of the user's;
 //! the host is ended after a time; of its output a bounded part is read.
 
-use crate::stop::{self, Folder};
+use crate::stop::{self, TemporaryFolder};
 use anyhow::{Context as _, Result, bail};
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -80,14 +80,14 @@ pub(crate) fn usdrecord(named: Option<&OsString>) -> OsString {
 }
 
 /// A folder of its own for what a host is asked for.
-pub(crate) fn temporary(name: &str) -> Result<Folder> {
+pub(crate) fn temporary(name: &str) -> Result<TemporaryFolder> {
     let number = FOLDERS.fetch_add(1, Ordering::Relaxed);
-    Folder::create(std::env::temp_dir().join(format!("oocpt-{name}-{}-{number}", std::process::id())))
+    TemporaryFolder::create(std::env::temp_dir().join(format!("oocpt-{name}-{}-{number}", std::process::id())))
 }
 
 /// A picture that a host renders of a file.
 #[derive(Debug)]
-pub(crate) struct Picture<'a> {
+pub(crate) struct HostPicture<'a> {
     /// An absolute path.
     pub(crate) file: &'a Path,
     pub(crate) usdrecord: &'a OsStr,
@@ -98,7 +98,7 @@ pub(crate) struct Picture<'a> {
     pub(crate) timeout: Duration,
 }
 
-impl Picture<'_> {
+impl HostPicture<'_> {
     /// Has it rendered; what is left of it is in `folder`. Gives what the host said on standard error: prims with bad
     /// data, files that are not there.
     pub(crate) fn render(&self, folder: &Path) -> Result<Vec<String>> {

@@ -20,11 +20,11 @@ use clap::{Parser, Subcommand};
 #[command(name = "oocpt", version, about = "OocPT: an out-of-core path tracer for Hydra")]
 struct Arguments {
     #[command(subcommand)]
-    command: Command,
+    command: OocptCommand,
 }
 
 #[derive(Subcommand)]
-enum Command {
+enum OocptCommand {
     /// Lists devices, drivers and capabilities; says which device will be used and why.
     Doctor(doctor::Arguments),
     /// Measures the renderer on generated scenes; prints tables and JSON.
@@ -50,13 +50,13 @@ fn main() -> Result<()> {
     result
 }
 
-fn run(command: Command) -> Result<()> {
+fn run(command: OocptCommand) -> Result<()> {
     match command {
-        Command::Doctor(arguments) => doctor::run(&arguments),
-        Command::Bench(arguments) => bench::run(&arguments),
-        Command::Report(arguments) => report::run(&arguments),
-        Command::Scene(arguments) => scene::run(&arguments),
-        Command::Material(arguments) => material::run(&arguments),
-        Command::Texture(arguments) => texture::run(&arguments),
+        OocptCommand::Doctor(arguments) => doctor::run(&arguments),
+        OocptCommand::Bench(arguments) => bench::run(&arguments),
+        OocptCommand::Report(arguments) => report::run(&arguments),
+        OocptCommand::Scene(arguments) => scene::run(&arguments),
+        OocptCommand::Material(arguments) => material::run(&arguments),
+        OocptCommand::Texture(arguments) => texture::run(&arguments),
     }
 }

@@ -4,23 +4,23 @@
 
 use crate::assets::motion_key;
 use crate::error::RenderError;
-use crate::setting::Setting;
-use oocpt_abi::{Frame, GpuCameraKey};
-use oocpt_core::inventory::Inventory;
+use crate::setting::FrameContext;
+use oocpt_abi::{FrameConstants, GpuCameraKey};
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::{CameraMotion, MotionKey};
-use oocpt_gpu::{Buffer, Usage};
+use oocpt_gpu::{Buffer, BufferUsage};
 
 /// Uploads what there is, and writes the addresses into the block.
 pub(crate) fn upload(
-    setting: &Setting<'_>,
-    block: &mut Frame,
-    listed: &mut Inventory,
+    setting: &FrameContext<'_>,
+    block: &mut FrameConstants,
+    listed: &mut RenderInventory,
 ) -> Result<[Option<Buffer>; 2], RenderError> {
     let mut upload = |name: &str, bytes: &[u8]| -> Result<Option<Buffer>, RenderError> {
         if bytes.is_empty() {
             return Ok(None);
         }
-        let buffer = Buffer::new(&setting.device.gpu, name, bytes.len() as u64, Usage::Upload)?;
+        let buffer = Buffer::new(&setting.device.gpu, name, bytes.len() as u64, BufferUsage::Upload)?;
         buffer.write(0, bytes)?;
         listed.add(name, bytes.len() as u64);
         Ok(Some(buffer))

@@ -3,31 +3,31 @@
 //!
 //! Render thread only. What can be kept from frame to frame (device, scene, wave memory, images) is kept.
 
-use crate::assets::{Scene, SceneCache, SceneView};
+use crate::assets::{DeviceScene, SceneCache, SceneView};
 use crate::device::{Device, DeviceOptions, pipeline_folder};
-use crate::engine::{self, Parts, Tiles, Tracer, Waves};
+use crate::engine::{self, CompiledFeatures, FrameTiles, WaveSource, WavefrontTracer};
 use crate::error::RenderError;
-use crate::feedback::Feedback;
+use crate::feedback::FeedbackBuffers;
 use crate::film::Film;
-use crate::host_memory::{self, Part};
+use crate::host_memory::{self, HostMemoryUser};
 use crate::in_core::{path_needs, roomy_waves, share_of_waves};
 use crate::in_flight;
-use crate::job::Job;
+use crate::job::RenderJob;
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
-use crate::progress::Progress;
+use crate::progress::FrameProgress;
 use crate::request::Severity;
-use crate::setting::{Setting, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
-use crate::shared::Gate;
+use crate::setting::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
+use crate::shared::FrameGate;
 use crate::specialise::ForcedFeatures;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
-use crate::upload::Upload;
+use crate::upload::UploadDecision;
 use crate::wavefront::{BackgroundCompile, PathBuffers};
-use oocpt_abi::{Features, Frame};
-use oocpt_core::inventory::Inventory;
+use oocpt_abi::{Features, FrameConstants};
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::scene::Snapshot;
 #[cfg(feature = "faults")]
-use oocpt_gpu::{Call, Failure};
+use oocpt_gpu::{DriverCall, PlantedFailure};
 use oocpt_gpu::{Gpu, GpuError};
 use std::sync::Arc;
 
@@ -39,12 +39,12 @@ const FEWEST_TILES: u64 = 8 << 20;
 
 /// Sets the limit of host memory in which rays read tiles of textures that find no room on the device, where they may.
 /// A cap on geometry counts them: then there is none.
-fn let_tiles_be_mapped(setting: &Setting<'_>, scene: &Scene) -> Result<(), RenderError> {
-    let Setting { device, job, .. } = *setting;
+fn let_tiles_be_mapped(setting: &FrameContext<'_>, scene: &DeviceScene) -> Result<(), RenderError> {
+    let FrameContext { device, job, .. } = *setting;
     if scene.assets.tile_bytes > 0 && maps_host(device, &job.settings) && geometry_cap(job).is_none() {
         let heap = device.host_heap()?;
         let held = heap.stats().arena_bytes + heap.stats().dedicated_bytes;
-        let limit = host_memory::limit_of(Part::Encoded, &job.settings, held, job.fixed_host_bytes);
+        let limit = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, held, job.fixed_host_bytes);
         heap.set_limit(Some(limit));
     }
     Ok(())
@@ -66,15 +66,15 @@ pub(crate) struct Renderer {
     is_frugal: bool,
     /// The scene whose textures did not fit when it was rendered in core: it is streamed.
     outgrown: Option<Arc<Snapshot>>,
-    upload: Upload,
+    upload: UploadDecision,
 }
 
 impl Renderer {
     /// Renders `job` until it is done or `gate` says no; publishes images and stats on the way. A picture whose device
     /// is lost is rendered again from its start, once, on a device that is opened anew.
-    pub(crate) fn render(&mut self, job: &Job, gate: &Gate<'_>) -> Result<(), RenderError> {
+    pub(crate) fn render(&mut self, job: &RenderJob, gate: &FrameGate<'_>) -> Result<(), RenderError> {
         job.request.validate()?;
-        let mut progress = Progress::start(gate.shared(), job);
+        let mut progress = FrameProgress::start(gate.shared(), job);
         match self.render_once(job, gate, &mut progress, 0) {
             Err(error @ RenderError::Gpu(GpuError::DeviceLost { .. })) if gate.proceed() => {
                 gate.shared()
@@ -92,9 +92,9 @@ impl Renderer {
     /// and tries once more with as little as possible.
     fn render_once(
         &mut self,
-        job: &Job,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
+        job: &RenderJob,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
         lost: u32,
     ) -> Result<(), RenderError> {
         let device = self.open(job)?;
@@ -110,7 +110,7 @@ impl Renderer {
             && lost < devices
             && job.generation == 1
         {
-            device.gpu.plant_failure(Failure { call: Call::Submit, after: after.into(), times: 1 });
+            device.gpu.plant_failure(PlantedFailure { call: DriverCall::Submit, after: after.into(), times: 1 });
         }
         #[cfg(not(feature = "faults"))]
         let _ = lost;
@@ -136,7 +136,7 @@ impl Renderer {
         progress.end(&device.gpu);
         #[cfg(feature = "faults")]
         {
-            *lock(&gate.shared().witness) = crate::faults::Witness::of(&device.gpu);
+            *lock(&gate.shared().witness) = crate::faults::FaultWitness::of(&device.gpu);
         }
         if let Err(RenderError::Gpu(GpuError::DeviceLost { .. })) = &result {
             device.forget();
@@ -147,9 +147,9 @@ impl Renderer {
     fn render_on(
         &mut self,
         device: &Arc<Device>,
-        job: &Job,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
+        job: &RenderJob,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
         let origin = job.snapshot.origin;
         let in_motion = job.request.camera.in_motion(origin).unwrap_or_else(|why| {
@@ -182,7 +182,7 @@ impl Renderer {
             return Err(RenderError::Internal("the frame's images were not made".into()));
         };
         let tables = std::mem::take(&mut self.light_tables);
-        let setting = Setting {
+        let setting = FrameContext {
             device,
             job,
             rays: &rays,
@@ -206,9 +206,9 @@ impl Renderer {
     /// Renders from a scene that is all there, or, where it does not fit, from what the rays ask for.
     fn render_scene(
         &mut self,
-        setting: &Setting<'_>,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
+        setting: &FrameContext<'_>,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
         let (device, job) = (setting.device, setting.job);
         progress.stage("uploading the scene");
@@ -259,10 +259,10 @@ impl Renderer {
     /// memory, if it comes to that, and the rest as one in core.
     fn render_beyond(
         &mut self,
-        setting: &Setting<'_>,
-        scene: &mut Scene,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
+        setting: &FrameContext<'_>,
+        scene: &mut DeviceScene,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
         let mut first = None;
         if !(streaming::may_split(setting, scene) && scene.is_all_there()) {
@@ -291,7 +291,7 @@ impl Renderer {
 
     /// Whether a scene that fits, but of which bytes are missing on the device, is rendered while these are loaded. Not
     /// on processors, where loading takes the cores that trace.
-    fn comes_meanwhile(&mut self, setting: &Setting<'_>, missing: u64) -> bool {
+    fn comes_meanwhile(&mut self, setting: &FrameContext<'_>, missing: u64) -> bool {
         #[cfg(feature = "faults")]
         if setting.job.options.faults.streams_first {
             return setting.job.generation == 1;
@@ -301,7 +301,7 @@ impl Renderer {
 
     /// Whether the whole scene, of which bytes are missing on the device, fits what the settings and the device allow,
     /// with room for waves.
-    fn fits(&mut self, setting: &Setting<'_>, scene: &Scene, missing: u64) -> bool {
+    fn fits(&mut self, setting: &FrameContext<'_>, scene: &DeviceScene, missing: u64) -> bool {
         let (gpu, job) = (&setting.device.gpu, setting.job);
         let cap = geometry_cap(job);
         // A report of the chunks counts rays and loads, which only streaming does.
@@ -332,17 +332,17 @@ impl Renderer {
     /// Renders a scene that is all there, or the rest from path `first` on.
     fn render_in_core(
         &mut self,
-        setting: &Setting<'_>,
-        scene: &mut Scene,
+        setting: &FrameContext<'_>,
+        scene: &mut DeviceScene,
         first: Option<u64>,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
         let device = setting.device;
         let held = scene.tile_bytes_held();
         progress.streaming(|stats| stats.texture_bytes = held);
         let view = scene.view(scene.stack_entries())?;
-        let parts = Parts::new(setting, &view, false);
+        let parts = CompiledFeatures::new(setting, &view, false);
         let mut view = if setting.carry.levels { view.deepest(scene.stack_entries()) } else { view };
         if let Some((stack_size, passes)) = self.ahead.serves(parts.compiled_for(setting, &view)?.0) {
             view.stack_size = stack_size;
@@ -354,23 +354,24 @@ impl Renderer {
         };
         let tiles = scene.assets.textures.tile_count();
         let feedback = paths.incomplete_paths();
-        let feedback = feedback.map(|paths| Feedback::new(&device.gpu, tiles, paths.address())).transpose()?;
-        let mut listed = Inventory::default();
+        let feedback = feedback.map(|paths| FeedbackBuffers::new(&device.gpu, tiles, paths.address())).transpose()?;
+        let mut listed = RenderInventory::default();
         scene.list(&mut listed, true);
         paths.list(&mut listed);
         if let Some(feedback) = &feedback {
             feedback.list(&mut listed);
         }
-        let bind = |block: &mut Frame| block.texture_feedback = feedback.as_ref().map_or(0, Feedback::address);
-        let mut tracer = Tracer::new(setting, paths, (&view, parts), listed, bind, progress)?;
+        let bind =
+            |block: &mut FrameConstants| block.texture_feedback = feedback.as_ref().map_or(0, FeedbackBuffers::address);
+        let mut tracer = WavefrontTracer::new(setting, paths, (&view, parts), listed, bind, progress)?;
         if let (Some(feedback), Some(incomplete_paths)) = (&feedback, paths.incomplete_paths()) {
             tracer.traces_into(feedback.written().into_iter().chain([incomplete_paths]).collect());
         }
-        let tiles = Tiles { scene, cap: geometry_cap(setting.job), feedback: feedback.as_ref() };
-        engine::render(&mut Waves::new(tracer, tiles, feedback.as_ref(), first), gate, progress).map(|_| ())
+        let tiles = FrameTiles { scene, cap: geometry_cap(setting.job), feedback: feedback.as_ref() };
+        engine::render(&mut WaveSource::new(tracer, tiles, feedback.as_ref(), first), gate, progress).map(|_| ())
     }
 
-    fn open(&mut self, job: &Job) -> Result<Arc<Device>, RenderError> {
+    fn open(&mut self, job: &RenderJob) -> Result<Arc<Device>, RenderError> {
         let options = DeviceOptions {
             selector: job.settings.device.clone(),
             validation: job.options.validation,
@@ -387,7 +388,7 @@ impl Renderer {
         Ok(device)
     }
 
-    fn make_images(&mut self, device: &Device, job: &Job) -> Result<(), RenderError> {
+    fn make_images(&mut self, device: &Device, job: &RenderJob) -> Result<(), RenderError> {
         let adaptive = job.settings.adaptive_sampling;
         if !self.film.as_ref().is_some_and(|film| film.fits(&job.request, adaptive)) {
             self.film = None;
@@ -400,12 +401,12 @@ impl Renderer {
     /// ([`share_of_waves`]); less when there is no memory. `tiles`: bytes of all tiles, and whether they are mapped.
     fn make_waves(
         &mut self,
-        setting: &Setting<'_>,
+        setting: &FrameContext<'_>,
         view: &SceneView,
         features: Features,
         tiles: (u64, bool),
     ) -> Result<(), RenderError> {
-        let Setting { device, .. } = *setting;
+        let FrameContext { device, .. } = *setting;
         let textures = features.contains(Features::TEXTURES);
         let needs = path_needs(setting, textures, features.contains(Features::DEFERRED_CUTOUTS));
         let path_bytes = needs.bytes_a_path(view.max_levels);

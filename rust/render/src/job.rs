@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// What to render; immutable once posted.
 #[derive(Clone, Debug)]
-pub(crate) struct Job {
+pub(crate) struct RenderJob {
     pub(crate) snapshot: Arc<Snapshot>,
     pub(crate) request: RenderRequest,
     pub(crate) settings: Settings,
@@ -22,7 +22,7 @@ pub(crate) struct Job {
     pub(crate) primvars: Arc<[PrimvarUse]>,
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
     pub(crate) fixed_host_bytes: u64,
-    /// That of `Control` when it was posted.
+    /// That of `RenderControl` when it was posted.
     pub(crate) generation: u64,
 }
 
@@ -45,5 +45,5 @@ pub struct SessionOptions {
     pub closing_words: bool,
     /// Faults injected by tests.
     #[cfg(feature = "faults")]
-    pub faults: crate::faults::Faults,
+    pub faults: crate::faults::PlantedFaults,
 }

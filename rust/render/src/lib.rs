@@ -67,10 +67,10 @@ pub use aov::{AovKind, AovRequest};
 pub use early::EarlyEnd;
 pub use error::RenderError;
 #[cfg(feature = "faults")]
-pub use faults::{Faults, Witness};
+pub use faults::{FaultWitness, PlantedFaults};
 pub use host_memory::peak as host_peak_bytes;
 pub use job::SessionOptions;
 pub use light_files::{LightFiles, LightPicture, NoFiles};
 pub use request::{MAX_PIXELS, MAX_SIDE, Message, RenderRequest, Severity};
 pub use session::Session;
-pub use timings::{LeftMoment, PassTime, Timings};
+pub use timings::{LeftMoment, PassTime, RenderTimings};

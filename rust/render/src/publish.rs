@@ -5,20 +5,20 @@ use crate::aov::AovKind;
 
 /// The latest images of a session.
 #[derive(Debug, Default)]
-pub(crate) struct Published {
-    images: Vec<Image>,
+pub(crate) struct PublishedImages {
+    images: Vec<PublishedImage>,
     /// Of the image that came last; they are counted from 1.
     version: u64,
 }
 
 #[derive(Debug)]
-struct Image {
+struct PublishedImage {
     kind: AovKind,
     version: u64,
     bytes: Vec<u8>,
 }
 
-impl Published {
+impl PublishedImages {
     /// Replaces the image of `kind`, in the memory that it had: fresh pages would take longer than the copy.
     pub(crate) fn put(&mut self, kind: AovKind, pixels: &[u8]) {
         self.version += 1;
@@ -28,7 +28,7 @@ impl Published {
                 slot.bytes.clear();
                 slot.bytes.extend_from_slice(pixels);
             }
-            None => self.images.push(Image { kind, version: self.version, bytes: pixels.to_vec() }),
+            None => self.images.push(PublishedImage { kind, version: self.version, bytes: pixels.to_vec() }),
         }
     }
 
@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn only_images_of_the_right_size_are_copied() {
-        let mut published = Published::default();
+        let mut published = PublishedImages::default();
         published.put(AovKind::Depth, &[1; 8]);
         let mut out = [0_u8; 8];
         assert_ne!(published.copy(AovKind::Depth, 0, &mut out), 0, "the image is there");
@@ -70,7 +70,7 @@ mod tests {
 
     #[test]
     fn an_image_that_is_known_is_not_copied_again_and_a_new_one_is() {
-        let mut published = Published::default();
+        let mut published = PublishedImages::default();
         published.put(AovKind::Depth, &[1; 8]);
         published.put(AovKind::PrimId, &[2; 8]);
         let mut out = [0_u8; 8];

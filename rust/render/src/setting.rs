@@ -5,7 +5,7 @@ use crate::device::Device;
 use crate::error::RenderError;
 use crate::film::Film;
 use crate::in_flight::InFlight;
-use crate::job::Job;
+use crate::job::RenderJob;
 use crate::lights::{LightTable, LightTables};
 use crate::specialise::ForcedFeatures;
 use oocpt_abi::{ClipPlane, Features};
@@ -18,9 +18,9 @@ use std::sync::Arc;
 
 /// What a frame renders with besides its scene.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Setting<'a> {
+pub(crate) struct FrameContext<'a> {
     pub(crate) device: &'a Arc<Device>,
-    pub(crate) job: &'a Job,
+    pub(crate) job: &'a RenderJob,
     pub(crate) rays: &'a CameraRays,
     /// How the camera moves, if it does.
     pub(crate) camera_motion: Option<&'a CameraMotion>,
@@ -57,18 +57,18 @@ pub(crate) fn shrinking<T>(
 }
 
 /// The user's own cap on geometry, bytes.
-pub(crate) fn geometry_cap(job: &Job) -> Option<u64> {
+pub(crate) fn geometry_cap(job: &RenderJob) -> Option<u64> {
     (job.settings.geometry_budget_kib > 0).then(|| u64::from(job.settings.geometry_budget_kib) << 10)
 }
 
 /// Paths of the whole render.
-pub(crate) fn paths(job: &Job) -> u64 {
+pub(crate) fn paths(job: &RenderJob) -> u64 {
     job.request.pixels() * u64::from(job.settings.samples_per_pixel)
 }
 
 /// How many of them a scene in core has in flight, `path_bytes` each.
-pub(crate) fn in_flight(setting: &Setting<'_>, path_bytes: u64) -> InFlight {
-    let Setting { device, job, film, .. } = *setting;
+pub(crate) fn in_flight(setting: &FrameContext<'_>, path_bytes: u64) -> InFlight {
+    let FrameContext { device, job, film, .. } = *setting;
     // First hits alone take one through each pixel.
     let paths = if film.has_color() { paths(job) } else { job.request.pixels() };
     let device_bytes = device.gpu.report().device_bytes();
@@ -76,18 +76,18 @@ pub(crate) fn in_flight(setting: &Setting<'_>, path_bytes: u64) -> InFlight {
 }
 
 /// What lights and what is carried with them have compiled in.
-fn light_features(setting: &Setting<'_>) -> Features {
+fn light_features(setting: &FrameContext<'_>) -> Features {
     setting.lights.features | (setting.carry.features & setting.light_carry)
 }
 
 /// Whether some light asks for shadow rays.
-pub(crate) fn has_shadow_rays(setting: &Setting<'_>) -> bool {
+pub(crate) fn has_shadow_rays(setting: &FrameContext<'_>) -> bool {
     let any = Features::DOME | Features::DISTANT | Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
     light_features(setting).intersects(any)
 }
 
 /// Whether paths keep what lights ask of the surface that a ray left (`HAS_PREVIOUS_VERTICES` of the shaders).
-pub(crate) fn has_light_paths(setting: &Setting<'_>) -> bool {
+pub(crate) fn has_light_paths(setting: &FrameContext<'_>) -> bool {
     let near = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
     light_features(setting).intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
 }

@@ -6,9 +6,9 @@
 //! need ([`ForcedFeatures`]): the same picture, bit for bit.
 
 use crate::assets::SceneView;
-use crate::device::Specialisation;
+use crate::device::PassSpecialisation;
 use crate::lights::LightTable;
-use oocpt_abi::{CarryRule, FEATURES, Feature, Features};
+use oocpt_abi::{CarryRule, FEATURES, FeatureRow, Features};
 use oocpt_core::camera::CameraRays;
 use oocpt_core::inventory::FeatureUse;
 use oocpt_core::mesh::LeafKind;
@@ -47,8 +47,8 @@ pub(crate) fn has_cutouts(snapshot: &Snapshot) -> bool {
 }
 
 /// The specialisation of the passes for these features.
-pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialisation {
-    Specialisation {
+pub(crate) fn specialisation(features: Features, scene: &SceneView) -> PassSpecialisation {
+    PassSpecialisation {
         max_levels: scene.max_levels,
         stack_size: scene.stack_size,
         features,
@@ -95,7 +95,7 @@ impl ForcedFeatures {
     pub(crate) fn possible(&self, needed: Features, of_lights: Features) -> Features {
         let has_materials = needed.contains(Features::MATERIALS);
         let in_core = !needed.contains(Features::STREAMING);
-        let may = |feature: &&Feature| match feature.carry {
+        let may = |feature: &&FeatureRow| match feature.carry {
             CarryRule::Never => false,
             CarryRule::Always => true,
             CarryRule::Lights => of_lights.contains(feature.bit),
@@ -115,7 +115,7 @@ impl ForcedFeatures {
 
 /// Each feature, and whether it is there.
 pub(crate) fn list(features: Features, carried: Features) -> Vec<FeatureUse> {
-    let entry = |feature: &Feature| FeatureUse {
+    let entry = |feature: &FeatureRow| FeatureUse {
         name: feature.name.to_owned(),
         what: feature.what.to_owned(),
         present: features.contains(feature.bit),

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Where the time of a render went, for benches and reports.
 
-use oocpt_core::stats::Usage;
+use oocpt_core::stats::RenderUsage;
 
 /// GPU time of one pass over a whole render; only measured when the session profiles.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,7 +29,7 @@ pub struct LeftMoment {
 
 /// Where the time of the current or last render went.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Timings {
+pub struct RenderTimings {
     /// Making meshes, instance records and tables ready and handing them to the device, seconds.
     pub upload_secs: f64,
     /// Filling the tables that rays go through, seconds.
@@ -66,10 +66,10 @@ pub struct Timings {
     pub passes: Vec<PassTime>,
 }
 
-impl Timings {
+impl RenderTimings {
     /// `usage` with what these timings say of it.
-    pub(crate) fn add_to(&self, usage: Usage) -> Usage {
-        Usage {
+    pub(crate) fn add_to(&self, usage: RenderUsage) -> RenderUsage {
+        RenderUsage {
             seconds_uploading: self.upload_secs,
             seconds_compiling: self.compile_secs,
             seconds_texture_tiles: self.tile_secs,

@@ -3,7 +3,7 @@
 //! policies. A budget may be too small for the largest chunk; such a row fails by itself, and the bench at its end.
 
 use anyhow::{Result, bail, ensure};
-use oocpt_core::settings::Value;
+use oocpt_core::settings::SettingValue;
 use oocpt_render::Session;
 use serde::Serialize;
 
@@ -28,9 +28,9 @@ pub(crate) fn check(budgets: &[f64]) -> Result<()> {
 /// Sets what holds for all rows: all device memory in MiB and the size of chunks in KiB, each as it is by itself where
 /// it is 0.
 pub(crate) fn limit(session: &Session, memory_mib: u32, chunk_kib: u32) -> Result<()> {
-    session.set_setting("oocpt:memoryBudget", Value::Int(memory_mib.into()))?;
+    session.set_setting("oocpt:memoryBudget", SettingValue::Int(memory_mib.into()))?;
     if chunk_kib > 0 {
-        session.set_setting("oocpt:chunkSize", Value::Int(chunk_kib.into()))?;
+        session.set_setting("oocpt:chunkSize", SettingValue::Int(chunk_kib.into()))?;
     }
     Ok(())
 }
@@ -38,9 +38,9 @@ pub(crate) fn limit(session: &Session, memory_mib: u32, chunk_kib: u32) -> Resul
 /// Sets a row's budget, `percent` of `bytes`, and its policy, if it has one; gives the budget in KiB.
 pub(crate) fn set(session: &Session, percent: f64, bytes: u64, policy: &str) -> Result<u32> {
     let budget = budget_kib(percent, bytes);
-    session.set_setting("oocpt:geometryBudget", Value::Int(budget.into()))?;
+    session.set_setting("oocpt:geometryBudget", SettingValue::Int(budget.into()))?;
     if !policy.is_empty() {
-        session.set_setting("oocpt:policy", Value::Text(policy.into()))?;
+        session.set_setting("oocpt:policy", SettingValue::Text(policy.into()))?;
     }
     Ok(budget)
 }

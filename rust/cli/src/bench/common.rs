@@ -4,8 +4,8 @@
 use anyhow::{Context, Result, bail, ensure};
 use oocpt_core::camera::Camera;
 use oocpt_core::settings::{HostMapped, Settings, TraversalKind};
-use oocpt_core::stats::Stats;
-use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, Severity, Timings};
+use oocpt_core::stats::RenderStats;
+use oocpt_render::{AovKind, AovRequest, RenderRequest, RenderTimings, Session, Severity};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -159,8 +159,8 @@ pub(crate) fn finish(session: &Session) -> Result<()> {
 pub(crate) struct Runs {
     pub(crate) trace_secs: Vec<f64>,
     /// Of the run with the median time.
-    pub(crate) timings: Timings,
-    pub(crate) stats: Stats,
+    pub(crate) timings: RenderTimings,
+    pub(crate) stats: RenderStats,
     /// The most that a run's picture had.
     pub(crate) different_pixels: u64,
 }
@@ -175,7 +175,7 @@ pub(crate) fn measure(
     reference: &mut Vec<u8>,
 ) -> Result<Runs> {
     finish(session).context("warm-up render")?;
-    let mut runs: Vec<(Timings, Stats)> = Vec::new();
+    let mut runs: Vec<(RenderTimings, RenderStats)> = Vec::new();
     let mut different_pixels = 0;
     for run in 0..count.max(1) {
         if run > 0 || !is_cold {
@@ -202,7 +202,7 @@ pub(crate) struct PassRow {
 }
 
 /// The passes of the last, profiled run.
-pub(crate) fn passes_of(timings: &Timings) -> Vec<PassRow> {
+pub(crate) fn passes_of(timings: &RenderTimings) -> Vec<PassRow> {
     let total: f64 = timings.passes.iter().map(|pass| pass.secs).sum();
     let row = |pass: &oocpt_render::PassTime| PassRow {
         name: pass.name.clone(),

@@ -5,8 +5,8 @@
 //! is not used, since timestamps cost a little.
 
 use anyhow::{Context, Result};
-use oocpt_core::inventory::Inventory;
-use oocpt_render::{RenderRequest, Session, SessionOptions, Timings};
+use oocpt_core::inventory::RenderInventory;
+use oocpt_render::{RenderRequest, RenderTimings, Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -124,7 +124,13 @@ fn request(arguments: &Arguments) -> RenderRequest {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
-fn report(arguments: &Arguments, session: &Session, first: &Timings, runs: &[Timings], commit_secs: f64) -> Report {
+fn report(
+    arguments: &Arguments,
+    session: &Session,
+    first: &RenderTimings,
+    runs: &[RenderTimings],
+    commit_secs: f64,
+) -> Report {
     let (stats, profiled) = (session.stats(), session.timings());
     let trace_secs: Vec<f64> = runs.iter().map(|run| run.trace_secs).collect();
     let median_secs = median(trace_secs.clone());
@@ -164,7 +170,7 @@ fn report(arguments: &Arguments, session: &Session, first: &Timings, runs: &[Tim
 }
 
 /// Bytes of the arrays by path.
-fn path_bytes(inventory: &Inventory) -> u64 {
+fn path_bytes(inventory: &RenderInventory) -> u64 {
     let names = ["rays", "shadow_rays", "hits", "paths", "radiance", "cones", "light_paths", "incomplete_paths"];
     let queues = ["ray_queue 0", "ray_queue 1", "shadow_queue", "surface_queue", "escaped_queue", "settle_queue"];
     let is_of_paths = |name: &str| names.contains(&name) || queues.contains(&name) || name == "settle_hits";

@@ -8,7 +8,7 @@
 mod table;
 
 use anyhow::{Context, Result};
-use oocpt_core::settings::Value;
+use oocpt_core::settings::SettingValue;
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::Session;
 use serde::Serialize;
@@ -19,13 +19,13 @@ use super::budgets::{self, Failed};
 use super::common::{self, Machine, PassRow, Reported, Runs, finish, write_picture};
 use super::observe::Observe;
 use super::view::{Made, Seen, View};
-use crate::scene::island::Parameters;
+use crate::scene::island::IslandParameters;
 
 /// Options of `oocpt bench island`.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    view: View<Parameters>,
+    view: View<IslandParameters>,
     /// Geometry budgets in per cent of the scene's geometry; 100 = in core, and has to be the first.
     #[arg(long, value_delimiter = ',', default_value = "100,29,10,5")]
     budgets: Vec<f64>,
@@ -87,7 +87,7 @@ struct Report {
     bench: &'static str,
     machine: Machine,
     #[serde(flatten)]
-    seen: Seen<Parameters>,
+    seen: Seen<IslandParameters>,
     instanced_triangles: u64,
     meshes: u64,
     /// Making the arrays, which a host would do.
@@ -137,7 +137,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let (Some(path), Some(row)) = (&arguments.chunk_report, report.rows.last()) {
         // In a render of its own: counting visits costs time, and a scene in core is streamed for it.
         budgets::set(&session, row.budget_percent, report.seen.scene_bytes, &row.policy)?;
-        session.set_setting("oocpt:chunkReport", Value::Text(path.to_string_lossy().into_owned()))?;
+        session.set_setting("oocpt:chunkReport", SettingValue::Text(path.to_string_lossy().into_owned()))?;
         session.render(arguments.view.request());
         finish(&session).context("render for the chunk report")?;
     }

@@ -5,7 +5,7 @@ use anyhow::{Context, Result, ensure};
 use oocpt_core::camera::Camera;
 use oocpt_core::mesh::level_node_count;
 use oocpt_core::scene::{InstancerDesc, Snapshot};
-use oocpt_core::settings::Value;
+use oocpt_core::settings::SettingValue;
 use oocpt_render::{RenderRequest, Session, SessionOptions};
 use std::sync::Arc;
 use std::time::Instant;
@@ -56,7 +56,7 @@ impl Live {
     pub(crate) fn session(&self) -> Result<Session> {
         let settings = common::plain_settings(1, 1, &self.reported.device);
         let session = Session::with_options(settings, SessionOptions::default());
-        session.set_setting("oocpt:geometryBudget", Value::Int(self.geometry_budget.into()))?;
+        session.set_setting("oocpt:geometryBudget", SettingValue::Int(self.geometry_budget.into()))?;
         Ok(session)
     }
 

@@ -8,9 +8,9 @@
 //! told apart. The others begin with what the one before left on the device. Compiling passes is not counted.
 
 use anyhow::{Context, Result, bail, ensure};
-use oocpt_core::settings::Value;
-use oocpt_core::stats::{Stats, StreamingStats};
-use oocpt_render::{Session, Timings, host_peak_bytes};
+use oocpt_core::settings::SettingValue;
+use oocpt_core::stats::{RenderStats, StreamingStats};
+use oocpt_render::{RenderTimings, Session, host_peak_bytes};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -50,9 +50,9 @@ struct Run {
 }
 
 impl Run {
-    fn new(timings: &Timings, stats: Stats) -> Self {
+    fn new(timings: &RenderTimings, stats: RenderStats) -> Self {
         let upload_secs = timings.upload_secs + timings.build_secs;
-        let Stats { gpu_peak_bytes, streaming, .. } = stats;
+        let RenderStats { gpu_peak_bytes, streaming, .. } = stats;
         Self { secs: upload_secs + timings.trace_secs, upload_secs, gpu_peak_bytes, streaming }
     }
 }
@@ -161,7 +161,7 @@ fn measure<S: Made>(
     reference: &mut Vec<u8>,
 ) -> Result<Row> {
     common::reset_peak();
-    session.set_setting("oocpt:memoryBudget", Value::Int(budget_mib.into()))?;
+    session.set_setting("oocpt:memoryBudget", SettingValue::Int(budget_mib.into()))?;
     session.render(arguments.view.request());
     let size = arguments.view.size();
     let mut different_pixels = 0;

@@ -2,7 +2,7 @@
 //! Reports of error against time that benches write besides: one more render, which counts for nothing else.
 
 use anyhow::{Context, Result};
-use oocpt_core::settings::Value;
+use oocpt_core::settings::SettingValue;
 use oocpt_render::{RenderRequest, Session};
 use std::path::{Path, PathBuf};
 
@@ -25,8 +25,9 @@ impl Observe {
     pub(crate) fn write(&self, session: &Session, request: &RenderRequest, row: &str) -> Result<()> {
         let Some(report) = &self.report else { return Ok(()) };
         let file = of_row(report, row);
-        let text =
-            |file: Option<&Path>| Value::Text(file.map_or_else(String::new, |f| f.to_string_lossy().into_owned()));
+        let text = |file: Option<&Path>| {
+            SettingValue::Text(file.map_or_else(String::new, |f| f.to_string_lossy().into_owned()))
+        };
         session.set_profiling(false);
         session.set_setting("oocpt:report", text(Some(&file)))?;
         session.set_setting("oocpt:reference", text(self.reference.as_deref()))?;

@@ -10,7 +10,7 @@
 //! up, then all builds of a scene in turn, `--runs` times.
 
 use anyhow::{Context, Result, ensure};
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::settings::Settings;
 use oocpt_render::{RenderRequest, Session, SessionOptions};
 use serde::Serialize;
@@ -21,15 +21,15 @@ use super::common::{
     Machine, Reported, all_images, compare, finish, median, only_color, plain_settings, write_picture,
 };
 use super::observe::Observe;
-use crate::scene::generated::Generated;
-use crate::scene::pictures::Pictures;
+use crate::scene::generated::GeneratedScene;
+use crate::scene::pictures::GeneratedPictures;
 
 /// Options of `oocpt bench specialise`.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// Scenes.
-    #[arg(long, value_delimiter = ',', value_enum, default_values_t = Generated::ALL)]
-    scenes: Vec<Generated>,
+    #[arg(long, value_delimiter = ',', value_enum, default_values_t = GeneratedScene::ALL)]
+    scenes: Vec<GeneratedScene>,
     /// How large they are: numbers of instances grow with it.
     #[arg(long, default_value_t = 1)]
     scale: u32,
@@ -66,7 +66,7 @@ pub(crate) struct Arguments {
 /// One build of one scene.
 #[derive(Debug, Serialize)]
 struct Row {
-    scene: Generated,
+    scene: GeneratedScene,
     build: String,
     /// Features that are compiled in, and how many of these the scene does not need.
     features: usize,
@@ -87,7 +87,7 @@ struct Row {
     /// To the scene's own build; the median of the ratios of runs made in turn.
     ratio: f64,
     different_pixels: u64,
-    inventory: Inventory,
+    inventory: RenderInventory,
 }
 
 #[derive(Debug, Serialize)]
@@ -144,7 +144,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// Renders all builds of a scene in turn.
-fn measure(arguments: &Arguments, scene: Generated) -> Result<Vec<Build>> {
+fn measure(arguments: &Arguments, scene: GeneratedScene) -> Result<Vec<Build>> {
     let mut builds = vec![
         build(arguments, scene, "own", "", false)?,
         build(arguments, scene, "features", "features", false)?,
@@ -174,11 +174,11 @@ fn measure(arguments: &Arguments, scene: Generated) -> Result<Vec<Build>> {
 }
 
 /// A build, rendered once to warm up.
-fn build(arguments: &Arguments, scene: Generated, name: &str, carry: &str, streams: bool) -> Result<Build> {
+fn build(arguments: &Arguments, scene: GeneratedScene, name: &str, carry: &str, streams: bool) -> Result<Build> {
     let plain = plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
     let settings = Settings { carry: carry.to_owned(), ..plain };
     let options = SessionOptions { force_streaming: streams, ..SessionOptions::default() };
-    let session = Session::with_options(settings, options).with_images(Arc::new(Pictures));
+    let session = Session::with_options(settings, options).with_images(Arc::new(GeneratedPictures));
     session.with_scene(|db| scene.build(db, arguments.scale))?;
     let images = matches!(carry, "features" | "all");
     session.render(request(arguments, scene, images));
@@ -190,13 +190,13 @@ fn build(arguments: &Arguments, scene: Generated, name: &str, carry: &str, strea
     Ok(Build { name, session, trace_secs: Vec::new(), different_pixels: 0, compile_secs, first_trace_secs })
 }
 
-fn request(arguments: &Arguments, scene: Generated, images: bool) -> RenderRequest {
+fn request(arguments: &Arguments, scene: GeneratedScene, images: bool) -> RenderRequest {
     let Arguments { width, height, scale, .. } = *arguments;
     let aovs = if images { all_images() } else { only_color() };
     RenderRequest { width, height, camera: scene.camera(scale, width, height), aovs }
 }
 
-fn row(scene: Generated, build: &Build, own: &[f64]) -> Row {
+fn row(scene: GeneratedScene, build: &Build, own: &[f64]) -> Row {
     let stats = build.session.stats();
     let inventory = stats.inventory;
     let ratios = build.trace_secs.iter().zip(own).map(|(secs, own)| secs / own).collect();

@@ -10,7 +10,7 @@
 mod table;
 
 use anyhow::{Context, Result, ensure};
-use oocpt_core::settings::Value;
+use oocpt_core::settings::SettingValue;
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{AovKind, LeftMoment, RenderRequest, Session};
 use serde::Serialize;
@@ -19,7 +19,7 @@ use std::path::PathBuf;
 use super::budgets;
 use super::common::{Machine, Reported, finish, median, write_picture};
 use super::view::{Made, Seen, View};
-use crate::scene::island::Parameters;
+use crate::scene::island::IslandParameters;
 
 /// Seed of the reference: none of those of the runs.
 const REFERENCE_SEED: i64 = 1_000_003;
@@ -32,7 +32,7 @@ const SHARES: [f64; 6] = [50.0, 10.0, 1.0, 0.1, 0.01, 0.0];
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    view: View<Parameters>,
+    view: View<IslandParameters>,
     /// Samples per pixel of the picture to compare with, rendered in core.
     #[arg(long, default_value_t = 1024)]
     reference_samples: u32,
@@ -85,7 +85,7 @@ struct Report {
     bench: &'static str,
     machine: Machine,
     #[serde(flatten)]
-    seen: Seen<Parameters>,
+    seen: Seen<IslandParameters>,
     reference_samples: u32,
     rows: Vec<Row>,
     /// Budgets too small for the largest chunk, and what was said.
@@ -99,13 +99,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     budgets::limit(&session, arguments.memory_budget, arguments.chunk_size)?;
     session.with_scene(|db| arguments.view.scene.build(db))?;
     let request = arguments.view.request();
-    session.set_setting("oocpt:seed", Value::Int(REFERENCE_SEED))?;
-    session.set_setting("oocpt:samplesPerPixel", Value::Int(arguments.reference_samples.into()))?;
+    session.set_setting("oocpt:seed", SettingValue::Int(REFERENCE_SEED))?;
+    session.set_setting("oocpt:samplesPerPixel", SettingValue::Int(arguments.reference_samples.into()))?;
     session.render(request.clone());
     finish(&session).context("reference")?;
     ensure!(session.stats().streaming.in_core, "the scene has to fit the device: it gives the reference");
     let reference = picture(&session, &request)?;
-    session.set_setting("oocpt:samplesPerPixel", Value::Int(arguments.view.samples.into()))?;
+    session.set_setting("oocpt:samplesPerPixel", SettingValue::Int(arguments.view.samples.into()))?;
     let mut report = report(arguments, &session);
     table::print_head(&report);
     for (percent, roulette) in rows(&arguments.budget) {
@@ -149,15 +149,15 @@ fn measure(
     reference: &[[f32; 4]],
 ) -> Result<Row> {
     budgets::set(session, percent, scene_bytes, "")?;
-    session.set_setting("oocpt:stragglerRoulette", Value::Bool(roulette))?;
+    session.set_setting("oocpt:stragglerRoulette", SettingValue::Bool(roulette))?;
     let request = arguments.view.request();
-    session.set_setting("oocpt:seed", Value::Int(0))?;
+    session.set_setting("oocpt:seed", SettingValue::Int(0))?;
     session.render(request.clone());
     finish(session).context("warm-up render")?;
     let mut runs = Vec::new();
     let mut errors = Vec::new();
     for seed in 1..=arguments.runs.max(1) {
-        session.set_setting("oocpt:seed", Value::Int(seed.into()))?;
+        session.set_setting("oocpt:seed", SettingValue::Int(seed.into()))?;
         session.render(request.clone());
         finish(session)?;
         errors.push(rel_mse(&picture(session, &request)?, reference));

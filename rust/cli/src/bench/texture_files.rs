@@ -15,7 +15,7 @@ mod scene;
 mod table;
 
 use anyhow::{Context, Result, bail, ensure};
-use oocpt_core::stats::Usage;
+use oocpt_core::stats::RenderUsage;
 use serde::Serialize;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -92,7 +92,7 @@ struct Row {
     /// By the driver's word where it gives one, else by the renderer's.
     device_peak_bytes: u64,
     /// As the renderer says, of the same run.
-    usage: Usage,
+    usage: RenderUsage,
     /// The folder after the row.
     cache_bytes: u64,
     decode_secs: f64,

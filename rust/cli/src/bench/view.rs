@@ -2,11 +2,11 @@
 //! A scene as several benches render it: which one, from where, and with how many samples.
 
 use super::common;
-use crate::scene::{island, pictures::Pictures, woods};
+use crate::scene::{island, pictures::GeneratedPictures, woods};
 use anyhow::Result;
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::SceneDb;
-use oocpt_core::stats::Stats;
+use oocpt_core::stats::RenderStats;
 use oocpt_render::{RenderRequest, Session, SessionOptions};
 use serde::Serialize;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ pub(crate) trait Made: clap::Args + Copy + Serialize {
     fn camera(&self, width: u32, height: u32) -> Camera;
 }
 
-impl Made for island::Parameters {
+impl Made for island::IslandParameters {
     const NAME: &'static str = "island";
 
     fn build(&self, db: &mut SceneDb) -> Result<()> {
@@ -35,7 +35,7 @@ impl Made for island::Parameters {
     }
 }
 
-impl Made for woods::Parameters {
+impl Made for woods::WoodsParameters {
     const NAME: &'static str = "woods";
 
     fn build(&self, db: &mut SceneDb) -> Result<()> {
@@ -92,7 +92,7 @@ impl<S: Made> View<S> {
         let mut settings = common::plain_settings(self.samples, self.bounces, device);
         settings.host_memory_budget_mib = self.host_memory;
         settings.geometry_cache.clone_from(&self.geometry_cache);
-        Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(Pictures))
+        Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(GeneratedPictures))
     }
 
     pub(crate) fn size(&self) -> [u32; 2] {
@@ -104,7 +104,7 @@ impl<S: Made> View<S> {
     }
 
     /// After the scene was rendered.
-    pub(crate) fn seen(&self, stats: &Stats) -> Seen<S> {
+    pub(crate) fn seen(&self, stats: &RenderStats) -> Seen<S> {
         let Self { width, height, samples, bounces, scene, .. } = *self;
         Seen {
             width,

@@ -3,7 +3,7 @@
 //! (`oocpt:report`) says what that was made of. So a file goes the way that it goes in every host: composition, scene
 //! index, delegate.
 
-use crate::host::{Picture, temporary};
+use crate::host::{HostPicture, temporary};
 use anyhow::{Context, Result};
 use oocpt_render::error_report::ErrorReport;
 use std::ffi::OsStr;
@@ -12,7 +12,7 @@ use std::time::Duration;
 
 /// How to ask.
 #[derive(Debug)]
-pub(super) struct Question<'a> {
+pub(super) struct HostQuery<'a> {
     pub(super) file: &'a Path,
     pub(super) usdrecord: &'a OsStr,
     pub(super) camera: Option<&'a str>,
@@ -27,14 +27,14 @@ pub(super) struct Question<'a> {
 
 /// What a host that rendered gave.
 #[derive(Debug)]
-pub(super) struct Answer {
+pub(super) struct HostAnswer {
     pub(super) report: ErrorReport,
     /// What it said on standard error: prims with bad data, files that are not there.
     pub(super) warnings: Vec<String>,
 }
 
 /// Renders the file and gives the report of the last render, and what the host said.
-pub(super) fn ask(question: &Question<'_>) -> Result<Answer> {
+pub(super) fn ask(question: &HostQuery<'_>) -> Result<HostAnswer> {
     let file = std::fs::canonicalize(question.file)
         .with_context(|| format!("cannot open {}: neither a file nor a generated scene", question.file.display()))?;
     let folder = temporary("doctor")?;
@@ -48,8 +48,8 @@ pub(super) fn ask(question: &Question<'_>) -> Result<Answer> {
     if !question.device.is_empty() {
         variables.push(("OOCPT_DEVICE", question.device.into()));
     }
-    let Question { usdrecord, camera, width, timeout, .. } = *question;
-    let picture = Picture { file: &file, usdrecord, camera, width, variables, timeout };
+    let HostQuery { usdrecord, camera, width, timeout, .. } = *question;
+    let picture = HostPicture { file: &file, usdrecord, camera, width, variables, timeout };
     let warnings = picture.render(folder.path())?;
     let mut renders = ErrorReport::read_all(&report).with_context(|| {
         "the host rendered without a report: its OocPT is older than this program, or the file's render settings name \
@@ -58,7 +58,7 @@ pub(super) fn ask(question: &Question<'_>) -> Result<Answer> {
             .to_owned()
     })?;
     let report = renders.pop().context("the report is empty")?;
-    Ok(Answer { report, warnings })
+    Ok(HostAnswer { report, warnings })
 }
 
 #[cfg(test)]
@@ -66,9 +66,9 @@ mod tests {
     use super::*;
     use crate::host::script;
 
-    fn question<'a>(file: &'a Path, usdrecord: &'a OsStr) -> Question<'a> {
+    fn question<'a>(file: &'a Path, usdrecord: &'a OsStr) -> HostQuery<'a> {
         let timeout = Duration::from_millis(300);
-        Question { file, usdrecord, camera: None, width: 4, samples: 1, bounces: 0, device: "", carry: "", timeout }
+        HostQuery { file, usdrecord, camera: None, width: 4, samples: 1, bounces: 0, device: "", carry: "", timeout }
     }
 
     /// What `ask` says when the host is this script.
@@ -109,7 +109,7 @@ mod tests {
              echo No camera >&2; echo 'OocPT: 1 samples, 0.1 s' >&2\n\
              echo 'Status: in F at line 3 of a.cpp -- OocPT: 1 samples, 0.1 s' >&2\n",
         );
-        let Answer { report, warnings } = ask(&question(&program, program.as_os_str())).expect("a report");
+        let HostAnswer { report, warnings } = ask(&question(&program, program.as_os_str())).expect("a report");
         std::fs::remove_file(&program).expect("it is there");
         assert_eq!(warnings, ["OocPT: /A: bad data", "No camera"], "each line once, without where it was said");
         assert_eq!((report.header.device.as_str(), report.header.height), ("d", 3), "what the host wrote");

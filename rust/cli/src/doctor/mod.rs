@@ -15,7 +15,7 @@ pub(crate) struct Arguments {
     #[arg(long, env = "OOCPT_DEVICE")]
     device: Option<String>,
     #[command(flatten)]
-    scene: scene::Options,
+    scene: scene::SceneCheckOptions,
 }
 
 /// Prints the report; fails when no device can be used.

@@ -6,13 +6,13 @@
 //! host's renders are made of. Bytes and pipelines are exact for a picture of this size; for times see `oocpt bench
 //! specialise`.
 
-use super::host::{self, Answer, Question};
+use super::host::{self, HostAnswer, HostQuery};
 use super::table;
 use crate::bench::{all_images, finish};
-use crate::scene::generated::Generated;
-use crate::scene::pictures::Pictures;
+use crate::scene::generated::GeneratedScene;
+use crate::scene::pictures::GeneratedPictures;
 use anyhow::{Context, Result, bail};
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::settings::Settings;
 use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
 use serde::Serialize;
@@ -26,7 +26,7 @@ const EVERYTHING: &str = "all";
 
 /// Options that go with `--scene`.
 #[derive(clap::Args)]
-pub(crate) struct Options {
+pub(crate) struct SceneCheckOptions {
     /// Tells what this scene needs: a USD file, or a generated scene (forest, woods, leaves, cutouts, lamps, island).
     #[arg(long)]
     pub(super) scene: Option<String>,
@@ -61,8 +61,8 @@ pub(crate) struct Options {
 
 /// One build of the passes with its memory.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Build {
-    pub(super) inventory: Inventory,
+pub(super) struct PassBuild {
+    pub(super) inventory: RenderInventory,
     pub(super) pipelines: usize,
     pub(super) bytes: u64,
     /// Compiling all pipelines, one after the other, when they were first needed.
@@ -71,8 +71,8 @@ pub(super) struct Build {
     pub(super) trace_secs: f64,
 }
 
-impl Build {
-    fn new(inventory: Inventory, trace_secs: f64) -> Self {
+impl PassBuild {
+    fn new(inventory: RenderInventory, trace_secs: f64) -> Self {
         Self {
             pipelines: inventory.pipelines(),
             bytes: inventory.bytes(),
@@ -92,16 +92,16 @@ pub(super) struct SceneReport {
     pub(super) device: String,
     pub(super) width: u32,
     pub(super) height: u32,
-    pub(super) own: Build,
+    pub(super) own: PassBuild,
     /// With everything that can be carried.
-    pub(super) everything: Option<Build>,
+    pub(super) everything: Option<PassBuild>,
     /// What the host warned of: bad data by prim, files that are not there.
     pub(super) warnings: Vec<String>,
 }
 
 /// Prints the report of a scene.
-pub(super) fn run(name: &str, options: &Options, device: &str) -> Result<()> {
-    let report = match Generated::named(name).filter(|_| !Path::new(name).is_file()) {
+pub(super) fn run(name: &str, options: &SceneCheckOptions, device: &str) -> Result<()> {
+    let report = match GeneratedScene::named(name).filter(|_| !Path::new(name).is_file()) {
         Some(scene) => of_generated(scene, options, device)?,
         None => of_file(name, options, device)?,
     };
@@ -112,11 +112,11 @@ pub(super) fn run(name: &str, options: &Options, device: &str) -> Result<()> {
     Ok(())
 }
 
-fn of_file(name: &str, options: &Options, device: &str) -> Result<SceneReport> {
+fn of_file(name: &str, options: &SceneCheckOptions, device: &str) -> Result<SceneReport> {
     let usdrecord = crate::host::usdrecord(options.usdrecord.as_ref());
     let mut first = None;
-    let mut ask = |carry: &str| -> Result<Build> {
-        let Answer { report, warnings } = host::ask(&Question {
+    let mut ask = |carry: &str| -> Result<PassBuild> {
+        let HostAnswer { report, warnings } = host::ask(&HostQuery {
             file: Path::new(name),
             usdrecord: &usdrecord,
             camera: options.camera.as_deref(),
@@ -130,7 +130,7 @@ fn of_file(name: &str, options: &Options, device: &str) -> Result<SceneReport> {
         let secs = report.rows.last().map_or(0.0, |row| row.seconds_tracing);
         let inventory = report.inventory.context("the host's OocPT is older than this program: no inventory came")?;
         first.get_or_insert((report.header, warnings));
-        Ok(Build::new(inventory, secs))
+        Ok(PassBuild::new(inventory, secs))
     };
     let own = ask("")?;
     let everything = (!options.alone).then(|| ask(EVERYTHING)).transpose()?;
@@ -139,10 +139,10 @@ fn of_file(name: &str, options: &Options, device: &str) -> Result<SceneReport> {
     Ok(SceneReport { scene: name.to_owned(), by: "host", device, width, height, own, everything, warnings })
 }
 
-fn of_generated(scene: Generated, options: &Options, device: &str) -> Result<SceneReport> {
+fn of_generated(scene: GeneratedScene, options: &SceneCheckOptions, device: &str) -> Result<SceneReport> {
     let (width, height) = (options.width, (options.width * 9 / 16).max(1));
     let mut named = String::new();
-    let mut render = |carry: &str, images: bool| -> Result<Build> {
+    let mut render = |carry: &str, images: bool| -> Result<PassBuild> {
         let settings = Settings {
             samples_per_pixel: options.samples,
             max_bounces: options.bounces,
@@ -151,14 +151,15 @@ fn of_generated(scene: Generated, options: &Options, device: &str) -> Result<Sce
             interactive: false,
             ..Settings::default()
         };
-        let session = Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(Pictures));
+        let session =
+            Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(GeneratedPictures));
         session.with_scene(|db| scene.build(db, options.scale))?;
         let color = vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }];
         let aovs = if images { all_images() } else { color };
         session.render(RenderRequest { width, height, camera: scene.camera(options.scale, width, height), aovs });
         finish(&session)?;
         named = session.device_report().map(|report| report.name).unwrap_or_default();
-        Ok(Build::new(session.stats().inventory, session.timings().trace_secs))
+        Ok(PassBuild::new(session.stats().inventory, session.timings().trace_secs))
     };
     let own = render("", false)?;
     let everything = (!options.alone).then(|| render(EVERYTHING, true)).transpose()?;

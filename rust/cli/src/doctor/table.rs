@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The report of a scene in words. Pure.
 
-use super::scene::{Build, SceneReport};
-use oocpt_core::inventory::{BufferUse, Inventory};
+use super::scene::{PassBuild, SceneReport};
+use oocpt_core::inventory::{BufferUse, RenderInventory};
 use std::fmt::Write as _;
 
 /// The report as text.
@@ -26,8 +26,8 @@ pub(super) fn text(report: &SceneReport) -> String {
 
 // Writing to a string cannot fail, here and below.
 
-fn features(text: &mut String, inventory: &Inventory) {
-    let Inventory { max_levels, stack_size, .. } = inventory;
+fn features(text: &mut String, inventory: &RenderInventory) {
+    let RenderInventory { max_levels, stack_size, .. } = inventory;
     let levels = if *max_levels == 1 { "level" } else { "levels" };
     _ = writeln!(text, "\nfeatures ({max_levels} {levels} of instances, stack of {stack_size})");
     for present in [true, false] {
@@ -38,7 +38,7 @@ fn features(text: &mut String, inventory: &Inventory) {
     }
 }
 
-fn passes(text: &mut String, own: &Build, all: Option<&Build>) {
+fn passes(text: &mut String, own: &PassBuild, all: Option<&PassBuild>) {
     _ = writeln!(text, "\n{:<26}{:>10}{:>12}{:>14}", "pass", "pipeline", "compile s", "everything s");
     for pass in &own.inventory.passes {
         let made = if pass.made { "made" } else { "left out" };
@@ -50,20 +50,20 @@ fn passes(text: &mut String, own: &Build, all: Option<&Build>) {
     }
 }
 
-fn buffers(text: &mut String, own: &Inventory, all: Option<&Inventory>) {
+fn buffers(text: &mut String, own: &RenderInventory, all: Option<&RenderInventory>) {
     _ = writeln!(text, "\n{:<32}{:>14}{:>14}{:>14}", "buffer", "bytes", "left out", "everything");
     let nothing = BufferUse::default();
     let more =
         all.iter().flat_map(|all| &all.buffers).filter(|other| !own.buffers.iter().any(|b| b.name == other.name));
     for name in own.buffers.iter().chain(more).map(|buffer| &buffer.name) {
-        let find = |inventory: &Inventory| inventory.buffers.iter().find(|buffer| buffer.name == *name).cloned();
+        let find = |inventory: &RenderInventory| inventory.buffers.iter().find(|buffer| buffer.name == *name).cloned();
         let here = find(own).unwrap_or_else(|| nothing.clone());
         let there = all.map_or("-".to_owned(), |all| find(all).map_or(0, |buffer| buffer.bytes).to_string());
         _ = writeln!(text, "{name:<32}{:>14}{:>14}{there:>14}", here.bytes, here.saved);
     }
 }
 
-fn primvars(text: &mut String, inventory: &Inventory) {
+fn primvars(text: &mut String, inventory: &RenderInventory) {
     if inventory.primvars.is_empty() {
         return;
     }
@@ -81,8 +81,8 @@ fn primvars(text: &mut String, inventory: &Inventory) {
     }
 }
 
-fn sums(text: &mut String, own: &Build, all: Option<&Build>) {
-    let row = |build: &Build| {
+fn sums(text: &mut String, own: &PassBuild, all: Option<&PassBuild>) {
+    let row = |build: &PassBuild| {
         format!("{:>10}{:>16}{:>12.3}{:>10.4}", build.pipelines, build.bytes, build.compile_secs, build.trace_secs)
     };
     _ = writeln!(text, "\n{:<14}{:>10}{:>16}{:>12}{:>10}", "build", "pipelines", "bytes", "compile s", "trace s");
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn the_table_separates_present_from_omitted_parts() {
-        let mut inventory = Inventory { max_levels: 2, stack_size: 48, ..Inventory::default() };
+        let mut inventory = RenderInventory { max_levels: 2, stack_size: 48, ..RenderInventory::default() };
         let feature = |name: &str, present| FeatureUse { name: name.into(), present, ..FeatureUse::default() };
         inventory.features = vec![feature("COAT", false), feature("LENS", true)];
         let pass = |name: &str, made| PassUse { name: name.into(), made, compile_secs: 0.25 };
@@ -109,8 +109,13 @@ mod tests {
         inventory.leave_out("cones", 80);
         inventory.primvars =
             vec![PrimvarUse { name: "s\u{1b}t".into(), left_out: 3, saved: 24, ..PrimvarUse::default() }];
-        let build =
-            |bytes| Build { inventory: inventory.clone(), pipelines: 1, bytes, compile_secs: 0.25, trace_secs: 0.5 };
+        let build = |bytes| PassBuild {
+            inventory: inventory.clone(),
+            pipelines: 1,
+            bytes,
+            compile_secs: 0.25,
+            trace_secs: 0.5,
+        };
         let report = SceneReport {
             scene: "forest".into(),
             by: "generated",

@@ -7,15 +7,15 @@ use glam::DVec3;
 use oocpt_core::array::TypedArray;
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::{
-    CurveBasis, CurveWrap, CurvesDesc, Interpolation, LightDesc, MeshDesc, Primvar, SceneDb, Shape, Subdivision,
+    CurveBasis, CurveWrap, CurvesDesc, Interpolation, LightDesc, MeshDesc, PrimShape, Primvar, SceneDb, Subdivision,
 };
 
 use super::forest::{self, grid, prim};
-use super::island::Random;
+use super::island::KeyedRandom;
 
 /// What is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum Subject {
+pub(crate) enum FurSubject {
     /// Cubic B-splines of five points, pinned, on a ball.
     Hair,
     /// Balls in a box.
@@ -26,7 +26,7 @@ pub(crate) enum Subject {
     Polygons,
 }
 
-impl Subject {
+impl FurSubject {
     pub(crate) const ALL: [Self; 4] = [Self::Hair, Self::Points, Self::Limit, Self::Polygons];
 
     pub(crate) fn name(self) -> &'static str {
@@ -40,12 +40,12 @@ impl Subject {
 }
 
 /// Fills `db` with `count` hairs or points, or a surface of about so many quads, under a dome.
-pub(crate) fn build(db: &mut SceneDb, subject: Subject, count: u32) -> Result<()> {
+pub(crate) fn build(db: &mut SceneDb, subject: FurSubject, count: u32) -> Result<()> {
     let mut mesh = match subject {
-        Subject::Hair => hair(count),
-        Subject::Points => points(count),
-        Subject::Limit => creature(count, Subdivision::CatmullClark)?,
-        Subject::Polygons => creature(count, Subdivision::None)?,
+        FurSubject::Hair => hair(count),
+        FurSubject::Points => points(count),
+        FurSubject::Limit => creature(count, Subdivision::CatmullClark)?,
+        FurSubject::Polygons => creature(count, Subdivision::None)?,
     };
     mesh.prim = prim("/subject", Vec::new());
     mesh.prim_id = 1;
@@ -61,7 +61,7 @@ pub(crate) fn camera(width: u32, height: u32) -> Camera {
 }
 
 fn hair(count: u32) -> MeshDesc {
-    let mut random = Random::new(&[11]);
+    let mut random = KeyedRandom::new(&[11]);
     let mut points = Vec::new();
     for _ in 0..count {
         let (root, bend) = (random.direction(), random.direction() * 0.02);
@@ -71,7 +71,7 @@ fn hair(count: u32) -> MeshDesc {
         }
     }
     MeshDesc {
-        shape: Shape::Curves(CurvesDesc {
+        shape: PrimShape::Curves(CurvesDesc {
             basis: CurveBasis::BSpline,
             wrap: CurveWrap::Pinned,
             counts: TypedArray::of((0..count).map(|_| 5).collect::<Vec<i32>>()),
@@ -84,11 +84,11 @@ fn hair(count: u32) -> MeshDesc {
 }
 
 fn points(count: u32) -> MeshDesc {
-    let mut random = Random::new(&[12]);
+    let mut random = KeyedRandom::new(&[12]);
     let mut coordinate = || random.range(-1.0, 1.0);
     let place = |_| DVec3::new(coordinate(), coordinate(), coordinate()).as_vec3().to_array();
     MeshDesc {
-        shape: Shape::Points,
+        shape: PrimShape::Points,
         points: TypedArray::of((0..count).map(place).collect::<Vec<[f32; 3]>>()),
         widths: width(1.0 / f64::from(count.max(1)).cbrt()),
         ..MeshDesc::default()

@@ -4,10 +4,10 @@
 
 use anyhow::Result;
 use glam::{DMat4, DVec3};
-use oocpt_core::scene::{LightDesc, LightKind, PrimDesc, SceneDb, Shaping};
+use oocpt_core::scene::{LightDesc, LightKind, PrimDesc, SceneDb, ShapingCone};
 
 use super::forest::{self, HALF_SIDE, ground};
-use super::island::Random;
+use super::island::KeyedRandom;
 
 /// Where the dome of the forest is.
 const DOME: &str = "/dome";
@@ -16,7 +16,7 @@ const DOME: &str = "/dome";
 pub(crate) fn build(db: &mut SceneDb, instances: u32, lamps: u32) -> Result<()> {
     forest::build(db, instances)?;
     db.remove(DOME);
-    let mut random = Random::new(&[11]);
+    let mut random = KeyedRandom::new(&[11]);
     for lamp in 0..lamps {
         let (x, z) = (random.range(-HALF_SIDE, HALF_SIDE), random.range(-HALF_SIDE, HALF_SIDE));
         let at = DVec3::new(x, ground(x, z) + 2.0, z);
@@ -28,8 +28,11 @@ pub(crate) fn build(db: &mut SceneDb, instances: u32, lamps: u32) -> Result<()> 
         };
         // Looks down; every eighth is a spot.
         let transform = DMat4::from_translation(at) * DMat4::from_rotation_x(-0.5 * std::f64::consts::PI);
-        let shaping =
-            (lamp % 8 == 2).then(|| Shaping { cone_angle_degrees: 35.0, cone_softness: 0.3, ..Shaping::default() });
+        let shaping = (lamp % 8 == 2).then(|| ShapingCone {
+            cone_angle_degrees: 35.0,
+            cone_softness: 0.3,
+            ..ShapingCone::default()
+        });
         db.upsert_light(LightDesc {
             prim: PrimDesc { transform, ..forest::prim(&format!("/lamps/lamp_{lamp}"), Vec::new()) },
             kind,

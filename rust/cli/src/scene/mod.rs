@@ -22,15 +22,15 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
-    command: Command,
+    command: SceneCommand,
 }
 
 #[derive(Subcommand)]
-enum Command {
+enum SceneCommand {
     /// The island: a stand-in for Disney's Moana island.
     Island {
         #[command(flatten)]
-        island: island::Parameters,
+        island: island::IslandParameters,
         /// The file to write: .usdc, .usda or .usd.
         #[arg(long)]
         out: PathBuf,
@@ -46,9 +46,9 @@ enum Command {
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let Command::Island { island, out, python, report } = &arguments.command;
+    let SceneCommand::Island { island, out, python, report } = &arguments.command;
     let python = usd::python(python.as_deref().map(Path::new))?;
-    let prims = island::Prims::new(island)?;
+    let prims = island::IslandPrims::new(island)?;
     usd::write(&prims, &island::stage_camera(island), report.as_deref(), python, out)?;
     println!("{}: {} instances, {} unique quads", out.display(), island.total_instances(), prims.quads);
     Ok(())

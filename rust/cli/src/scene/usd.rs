@@ -2,7 +2,7 @@
 //! Prims to a USD file: raw arrays and a table of contents in a temporary folder, from which `tests/scenes/island.py`
 //! makes the stage in a Python that has usd-core.
 
-use crate::stop::{self, Folder};
+use crate::stop::{self, TemporaryFolder};
 use anyhow::{Context, Result, bail};
 use glam::DMat4;
 use oocpt_core::array::{ElementType, TypedArray};
@@ -14,7 +14,7 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use super::island::Prims;
+use super::island::IslandPrims;
 
 /// The writer of stages; the same file that the Python tests import.
 const SCRIPT: &str = include_str!("../../../../tests/scenes/island.py");
@@ -37,13 +37,13 @@ pub(crate) fn python(named: Option<&Path>) -> Result<&Path> {
 
 /// Writes the stage; with `report`, its render settings name that file.
 pub(crate) fn write(
-    prims: &Prims,
+    prims: &IslandPrims,
     camera: &StageCamera,
     report: Option<&Path>,
     python: &Path,
     out: &Path,
 ) -> Result<()> {
-    let folder = Folder::create(std::env::temp_dir().join(format!("oocpt-island-{}", std::process::id())))?;
+    let folder = TemporaryFolder::create(std::env::temp_dir().join(format!("oocpt-island-{}", std::process::id())))?;
     let place = folder.path();
     let contents = write_parts(prims, camera, report, place);
     contents.with_context(|| format!("cannot write into {} (TMPDIR names another place)", place.display()))?;
@@ -61,10 +61,10 @@ pub(crate) fn write(
     Ok(())
 }
 
-fn write_parts(prims: &Prims, camera: &StageCamera, report: Option<&Path>, folder: &Path) -> Result<()> {
+fn write_parts(prims: &IslandPrims, camera: &StageCamera, report: Option<&Path>, folder: &Path) -> Result<()> {
     std::fs::write(folder.join("island.py"), SCRIPT)?;
     let mut arrays =
-        Arrays { file: BufWriter::new(File::create(folder.join("arrays"))?), end: 0, known: FxHashMap::default() };
+        ArrayFile { file: BufWriter::new(File::create(folder.join("arrays"))?), end: 0, known: FxHashMap::default() };
     let meshes: Vec<Value> = prims.meshes.iter().map(|mesh| arrays.mesh(mesh)).collect::<Result<_>>()?;
     let instancers: Vec<Value> = prims.instancers.iter().map(|i| arrays.instancer(i)).collect::<Result<_>>()?;
     arrays.file.flush()?;
@@ -84,14 +84,14 @@ fn write_parts(prims: &Prims, camera: &StageCamera, report: Option<&Path>, folde
 }
 
 /// The file of all arrays, each once.
-struct Arrays {
+struct ArrayFile {
     file: BufWriter<File>,
     end: u64,
     /// Where an array of this address and length is.
     known: FxHashMap<(usize, usize), u64>,
 }
 
-impl Arrays {
+impl ArrayFile {
     /// Appends an array unless it is there; gives its place and type for numpy.
     fn add(&mut self, array: &TypedArray) -> Result<Value> {
         let (kind, width, size) = match array.element() {

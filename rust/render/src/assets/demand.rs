@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //! In core: brings the tiles of textures that waves lacked. Render thread only.
 
-use super::cache::Scene;
+use super::cache::DeviceScene;
 use super::source::AssetKey;
-use super::store::Patience;
+use super::store::MemoryWait;
 use crate::device::Device;
 use crate::error::RenderError;
-use crate::shared::Gate;
-use crate::timings::Timings;
+use crate::shared::FrameGate;
+use crate::timings::RenderTimings;
 use oocpt_core::residency::AssetId;
-use oocpt_gpu::Commands;
+use oocpt_gpu::CommandList;
 use rustc_hash::FxHashMap;
 use std::time::{Duration, Instant};
 
@@ -29,15 +29,15 @@ pub(crate) enum TilesOutcome {
     GivenUp,
 }
 
-impl Scene {
+impl DeviceScene {
     /// Brings tiles, numbered over the scene, so that all tiles and geometry take at most `cap` bytes.
     pub(crate) fn bring_tiles(
         &mut self,
         device: &Device,
         tiles: &[u32],
         cap: Option<u64>,
-        gate: &Gate<'_>,
-        timings: &mut Timings,
+        gate: &FrameGate<'_>,
+        timings: &mut RenderTimings,
     ) -> Result<TilesOutcome, RenderError> {
         let started = Instant::now();
         let wanted = self.missing_tiles(tiles);
@@ -58,7 +58,9 @@ impl Scene {
                 if on_the_way > 0 && on_the_way + cost > IN_FLIGHT_BYTES {
                     break;
                 }
-                if !(self.store.begin(device, &self.assets, asset, Patience::Now)? || self.maps_tile(device, asset)?) {
+                if !(self.store.begin(device, &self.assets, asset, MemoryWait::Now)?
+                    || self.maps_tile(device, asset)?)
+                {
                     self.store.forget_arriving();
                     return Ok(TilesOutcome::NoRoom);
                 }
@@ -149,7 +151,7 @@ impl Scene {
     }
 
     /// Records the entries of assets that have come.
-    pub(crate) fn write_entries(&self, commands: &mut Commands, assets: &[AssetId]) {
+    pub(crate) fn write_entries(&self, commands: &mut CommandList, assets: &[AssetId]) {
         if let Some(tables) = self.tables() {
             commands.concurrent(|c| tables.update(c, &self.assets, self.entries(), assets));
         }

@@ -4,13 +4,13 @@
 //! Two submissions are under way at any time, so the device does not wait for the host. Stop, pause and newer jobs take
 //! effect between submissions, which are short.
 
-use super::{Tracer, finish};
+use super::{WavefrontTracer, finish};
 use crate::error::RenderError;
-use crate::progress::Progress;
-use crate::setting::Setting;
-use crate::shared::Gate;
-use crate::wavefront::Kind;
-use oocpt_abi::Counters;
+use crate::progress::FrameProgress;
+use crate::setting::FrameContext;
+use crate::shared::FrameGate;
+use crate::wavefront::PathKind;
+use oocpt_abi::WavefrontCounters;
 use oocpt_gpu::Submission;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -20,7 +20,7 @@ pub(crate) const IN_FLIGHT: usize = 2;
 
 /// How a stage ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Outcome {
+pub(super) enum StageOutcome {
     /// Every path is in the film.
     Done,
     /// The gate or the clock said no; the film has the paths up to some point.
@@ -32,12 +32,12 @@ pub(super) enum Outcome {
 pub(crate) struct StreamingEnd {
     /// The first path that is not in the film.
     pub(crate) first: u64,
-    pub(crate) counters: Counters,
+    pub(crate) counters: WavefrontCounters,
 }
 
 /// What a feed handed to the device.
 #[derive(Debug)]
-pub(crate) struct Work<T> {
+pub(crate) struct SubmittedWork<T> {
     pub(crate) submission: Submission,
     /// It ends with an image to be published.
     pub(crate) publishes: bool,
@@ -50,7 +50,7 @@ pub(crate) struct Work<T> {
 /// Work under way.
 #[derive(Debug)]
 pub(crate) struct InFlightSubmission<T> {
-    pub(crate) work: Work<T>,
+    pub(crate) work: SubmittedWork<T>,
     submitted: Instant,
 }
 
@@ -59,13 +59,13 @@ pub(crate) trait PathSource {
     /// What is remembered of a submission.
     type StepData;
 
-    fn tracer(&self) -> &Tracer<'_>;
+    fn tracer(&self) -> &WavefrontTracer<'_>;
 
     /// Begins a stage: forgets the samples and counters of the one before.
-    fn begin(&mut self, kind: Kind, progress: &mut Progress<'_>) -> Result<(), RenderError>;
+    fn begin(&mut self, kind: PathKind, progress: &mut FrameProgress<'_>) -> Result<(), RenderError>;
 
     /// The stage that has begun.
-    fn kind(&self) -> Kind;
+    fn kind(&self) -> PathKind;
 
     /// Whether nothing is left to do, given what is under way.
     fn is_done(&self, flights: &VecDeque<InFlightSubmission<Self::StepData>>) -> bool;
@@ -74,7 +74,7 @@ pub(crate) trait PathSource {
     fn advance(
         &mut self,
         _flights: &VecDeque<InFlightSubmission<Self::StepData>>,
-        _progress: &mut Progress<'_>,
+        _progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
         Ok(())
     }
@@ -83,28 +83,28 @@ pub(crate) trait PathSource {
     fn launch(
         &mut self,
         flights: &VecDeque<InFlightSubmission<Self::StepData>>,
-        progress: &mut Progress<'_>,
-    ) -> Result<Option<Work<Self::StepData>>, RenderError>;
+        progress: &mut FrameProgress<'_>,
+    ) -> Result<Option<SubmittedWork<Self::StepData>>, RenderError>;
 
     /// Learns from the oldest submission, `secs` long, which has ended; may take back what was launched behind it, and
     /// do it over. None: the gate said no in the middle of it, and it left no trace.
     fn land(
         &mut self,
-        work: Work<Self::StepData>,
+        work: SubmittedWork<Self::StepData>,
         secs: f64,
         flights: &mut VecDeque<InFlightSubmission<Self::StepData>>,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
-    ) -> Result<Option<Work<Self::StepData>>, RenderError>;
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
+    ) -> Result<Option<SubmittedWork<Self::StepData>>, RenderError>;
 
     /// After the images and the error of a submission were taken.
-    fn landed(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError>;
+    fn landed(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError>;
 
     /// Nothing is under way and there is nothing to launch: waits for something to change. False: nothing will.
-    fn wait(&mut self, progress: &mut Progress<'_>) -> Result<bool, RenderError>;
+    fn wait(&mut self, progress: &mut FrameProgress<'_>) -> Result<bool, RenderError>;
 
     /// The stage has ended.
-    fn ended(&mut self, _progress: &mut Progress<'_>) {}
+    fn ended(&mut self, _progress: &mut FrameProgress<'_>) {}
 
     /// Where another feed goes on: the film has all paths before it, and this one gives no more.
     fn left_off(&self) -> Option<StreamingEnd> {
@@ -125,15 +125,15 @@ pub(crate) trait PathSource {
 /// Runs the stage that has begun.
 pub(super) fn run<F: PathSource>(
     feed: &mut F,
-    gate: &Gate<'_>,
-    progress: &mut Progress<'_>,
-) -> Result<Outcome, RenderError> {
+    gate: &FrameGate<'_>,
+    progress: &mut FrameProgress<'_>,
+) -> Result<StageOutcome, RenderError> {
     let mut flights = VecDeque::with_capacity(IN_FLIGHT);
     let mut last_end = Instant::now();
-    let mut outcome = Outcome::Done;
+    let mut outcome = StageOutcome::Done;
     while !feed.is_done(&flights) {
-        if !gate.proceed() || (feed.kind() == Kind::Samples && progress.out_of_time()) {
-            outcome = Outcome::GivenUp;
+        if !gate.proceed() || (feed.kind() == PathKind::Samples && progress.out_of_time()) {
+            outcome = StageOutcome::GivenUp;
             break;
         }
         while flights.front().is_some_and(|flight: &InFlightSubmission<F::StepData>| flight.work.submission.is_done()) {
@@ -162,8 +162,8 @@ fn land<F: PathSource>(
     feed: &mut F,
     flights: &mut VecDeque<InFlightSubmission<F::StepData>>,
     last_end: &mut Instant,
-    gate: &Gate<'_>,
-    progress: &mut Progress<'_>,
+    gate: &FrameGate<'_>,
+    progress: &mut FrameProgress<'_>,
 ) -> Result<(), RenderError> {
     let Some(InFlightSubmission { work, submitted }) = flights.pop_front() else { return Ok(()) };
     finish(&work.submission, progress)?;
@@ -176,7 +176,7 @@ fn land<F: PathSource>(
         *last_end = Instant::now(); // What was done over says nothing about how long work takes.
     }
     let Some(work) = work else { return Ok(()) };
-    let Setting { film, device, .. } = *feed.tracer().setting;
+    let FrameContext { film, device, .. } = *feed.tracer().setting;
     progress.note_driver_usage(device);
     if work.publishes {
         progress.publish(film)?;

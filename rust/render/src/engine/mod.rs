@@ -2,45 +2,45 @@
 //! The path engine: one host loop for scenes that are resident as a whole and for those that stream.
 //!
 //! [`render`] runs the stages of a frame (first hits through pixel centres, then samples) over a [`PathSource`], which
-//! says which paths go to the device next: [`Waves`] cuts them into waves, `streaming::Stage` into segments whose rays
-//! may wait for chunks. Both record by one [`Recorder`], with the passes and the frame block of one [`Tracer`]. Render
-//! thread only.
+//! says which paths go to the device next: [`WaveSource`] cuts them into waves, `streaming::Stage` into segments whose
+//! rays may wait for chunks. Both record by one [`WavefrontRecorder`], with the passes and the frame block of one
+//! [`WavefrontTracer`]. Render thread only.
 
 mod drive;
 mod tiles;
 mod waves;
 
-pub(crate) use drive::{InFlightSubmission, PathSource, StreamingEnd, Work};
-pub(crate) use tiles::Tiles;
-pub(crate) use waves::Waves;
+pub(crate) use drive::{InFlightSubmission, PathSource, StreamingEnd, SubmittedWork};
+pub(crate) use tiles::FrameTiles;
+pub(crate) use waves::WaveSource;
 
 use crate::block::frame_block;
 use crate::camera_blocks;
-use crate::device::Specialisation;
+use crate::device::PassSpecialisation;
 use crate::error::RenderError;
-use crate::inventory::{self, Compiled};
-use crate::progress::Progress;
-use crate::setting::{Setting, is_cpu, maps_host};
-use crate::shared::Gate;
+use crate::inventory::{self, CompiledPasses};
+use crate::progress::FrameProgress;
+use crate::setting::{FrameContext, is_cpu, maps_host};
+use crate::shared::FrameGate;
 use crate::specialise;
-use crate::timings::Timings;
+use crate::timings::RenderTimings;
 use crate::wave::LAST_SLOT;
-use crate::wavefront::{Backend, Kind, Native, Passes, PathBuffers, Recorder};
+use crate::wavefront::{NativeTraversal, PathBuffers, PathKind, TraversalBackend, WavefrontPasses, WavefrontRecorder};
 use crate::{assets::SceneView, device::WAVE_TIMEOUT};
-use drive::{Outcome, run};
-use oocpt_abi::{Features, Frame};
-use oocpt_core::inventory::Inventory;
+use drive::{StageOutcome, run};
+use oocpt_abi::{Features, FrameConstants};
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::settings::TraversalKind;
-use oocpt_gpu::{Buffer, Commands, Submission, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, CommandList, Submission};
 
 /// What every submission of a frame refers to.
 #[derive(Debug)]
-pub(crate) struct Tracer<'a> {
-    pub(crate) setting: &'a Setting<'a>,
+pub(crate) struct WavefrontTracer<'a> {
+    pub(crate) setting: &'a FrameContext<'a>,
     pub(crate) paths: &'a PathBuffers,
-    passes: Passes,
-    special: Specialisation,
-    backend: Backend,
+    passes: WavefrontPasses,
+    special: PassSpecialisation,
+    backend: TraversalBackend,
     /// What the trace passes write.
     written: Vec<&'a Buffer>,
     /// The frame block.
@@ -51,17 +51,17 @@ pub(crate) struct Tracer<'a> {
 
 /// What a frame is compiled for.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Parts {
+pub(crate) struct CompiledFeatures {
     /// What is compiled in.
     pub(crate) features: Features,
     /// Of that, what the scene does not need.
     pub(crate) carried: Features,
 }
 
-impl Parts {
+impl CompiledFeatures {
     /// What a scene needs, and what is carried beside that.
-    pub(crate) fn new(setting: &Setting<'_>, view: &SceneView, streams: bool) -> Self {
-        let Setting { job, lights, rays, film, .. } = *setting;
+    pub(crate) fn new(setting: &FrameContext<'_>, view: &SceneView, streams: bool) -> Self {
+        let FrameContext { job, lights, rays, film, .. } = *setting;
         let mut needed = specialise::features(&job.snapshot, lights, rays, view);
         #[cfg(feature = "faults")]
         needed.set(
@@ -95,41 +95,42 @@ impl Parts {
     /// What the passes are compiled for, and what traces.
     pub(crate) fn compiled_for(
         self,
-        setting: &Setting<'_>,
+        setting: &FrameContext<'_>,
         view: &SceneView,
-    ) -> Result<(Specialisation, Backend), RenderError> {
+    ) -> Result<(PassSpecialisation, TraversalBackend), RenderError> {
         let special = specialise::specialisation(self.features, view);
         #[cfg(feature = "faults")]
-        let special = Specialisation { fault: setting.job.options.faults.lost_chunks, ..special };
+        let special = PassSpecialisation { fault: setting.job.options.faults.lost_chunks, ..special };
         let wanted = setting.job.settings.traversal;
-        Ok((special, Backend::choose(wanted, setting.device, &special, view)?))
+        Ok((special, TraversalBackend::choose(wanted, setting.device, &special, view)?))
     }
 }
 
-impl<'a> Tracer<'a> {
+impl<'a> WavefrontTracer<'a> {
     /// Compiles the passes and tells the stats what the frame is made of; the scene, the paths and what else there is
     /// have `listed` what they hold. `bind` writes addresses of memory into the frame block.
     pub(crate) fn new(
-        setting: &'a Setting<'a>,
+        setting: &'a FrameContext<'a>,
         paths: &'a PathBuffers,
-        (view, parts): (&SceneView, Parts),
-        mut listed: Inventory,
-        bind: impl FnOnce(&mut Frame),
-        progress: &mut Progress<'_>,
+        (view, parts): (&SceneView, CompiledFeatures),
+        mut listed: RenderInventory,
+        bind: impl FnOnce(&mut FrameConstants),
+        progress: &mut FrameProgress<'_>,
     ) -> Result<Self, RenderError> {
-        let Setting { device, film, .. } = *setting;
-        let Parts { features, carried } = parts;
+        let FrameContext { device, film, .. } = *setting;
+        let CompiledFeatures { features, carried } = parts;
         progress.stage("compiling passes");
         let (special, backend) = parts.compiled_for(setting, view)?;
-        let passes = Passes::new(device, (special, backend), film, &mut progress.timings)?;
+        let passes = WavefrontPasses::new(device, (special, backend), film, &mut progress.timings)?;
         let mut block = frame_block(setting, view);
         [block.bsdf_tables, block.sheen_tables] = device.bsdf_tables(features)?; // before the list of what there is
         let camera = camera_blocks::upload(setting, &mut block, &mut listed)?;
-        let inventory = inventory::of_frame(setting, Compiled { passes: &passes, special, carried, backend }, listed);
+        let inventory =
+            inventory::of_frame(setting, CompiledPasses { passes: &passes, special, carried, backend }, listed);
         progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
         paths.bind(&mut block);
         bind(&mut block);
-        let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
+        let frame = Buffer::new(&device.gpu, "frame", size_of::<FrameConstants>() as u64, BufferUsage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
         Ok(Self { setting, paths, passes, special, backend, written: paths.written(), frame, _camera: camera })
     }
@@ -140,17 +141,17 @@ impl<'a> Tracer<'a> {
     }
 
     /// Compiles the passes anew, for deeper stacks.
-    pub(crate) fn deepen(&mut self, stack_size: u32, timings: &mut Timings) -> Result<(), RenderError> {
+    pub(crate) fn deepen(&mut self, stack_size: u32, timings: &mut RenderTimings) -> Result<(), RenderError> {
         self.special.stack_size = stack_size;
         let special = (self.special, self.backend);
-        self.passes = Passes::new(self.setting.device, special, self.setting.film, timings)?;
+        self.passes = WavefrontPasses::new(self.setting.device, special, self.setting.film, timings)?;
         Ok(())
     }
 
-    pub(crate) fn recorder(&self) -> Recorder<'_> {
+    pub(crate) fn recorder(&self) -> WavefrontRecorder<'_> {
         let gpu = &self.setting.device.gpu;
-        let native = || Native::new(gpu, &self.written, &self.special, self.backend);
-        Recorder {
+        let native = || NativeTraversal::new(gpu, &self.written, &self.special, self.backend);
+        WavefrontRecorder {
             native: self.backend.is_native.then(native),
             passes: &self.passes,
             film: self.setting.film,
@@ -161,14 +162,14 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    pub(crate) fn commands(&self, label: &str) -> Result<Commands, RenderError> {
+    pub(crate) fn commands(&self, label: &str) -> Result<CommandList, RenderError> {
         let mut commands = self.setting.device.gpu.commands(label)?;
         commands.profile(self.setting.job.options.profile);
         Ok(commands)
     }
 
     /// Publishes the images as they are, and what the film says of its error.
-    fn end(&self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+    fn end(&self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
         let film = self.setting.film;
         let measures = film.has_color() && progress.ends_between_octaves();
         let mut commands = self.commands("resolve")?;
@@ -189,26 +190,26 @@ impl<'a> Tracer<'a> {
 /// to go on, if this one left off.
 pub(crate) fn render<F: PathSource>(
     feed: &mut F,
-    gate: &Gate<'_>,
-    progress: &mut Progress<'_>,
+    gate: &FrameGate<'_>,
+    progress: &mut FrameProgress<'_>,
 ) -> Result<Option<u64>, RenderError> {
     progress.stage("rendering");
     let film = feed.tracer().setting.film;
     let (has_planes, has_color) = (film.has_planes() && !feed.goes_on(), film.has_color());
     if has_planes || !has_color {
         // Without an image nothing is traced, but the counters that are read at the end have to be cleared.
-        feed.begin(Kind::Aovs, progress)?;
+        feed.begin(PathKind::Aovs, progress)?;
     }
-    if has_planes && run(feed, gate, progress)? == Outcome::GivenUp {
+    if has_planes && run(feed, gate, progress)? == StageOutcome::GivenUp {
         return Ok(None);
     }
     if has_color {
-        feed.begin(Kind::Samples, progress)?;
+        feed.begin(PathKind::Samples, progress)?;
         if !feed.goes_on() {
             progress.trace_started();
         }
         let outcome = run(feed, gate, progress)?;
-        if let Some(StreamingEnd { first, counters }) = feed.left_off().filter(|_| outcome == Outcome::Done) {
+        if let Some(StreamingEnd { first, counters }) = feed.left_off().filter(|_| outcome == StageOutcome::Done) {
             progress.left_off(&counters);
             return Ok(Some(first));
         }
@@ -220,7 +221,7 @@ pub(crate) fn render<F: PathSource>(
 }
 
 /// Waits for a submission and notes the times of its passes.
-pub(crate) fn finish(submission: &Submission, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+pub(crate) fn finish(submission: &Submission, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
     if !submission.wait(WAVE_TIMEOUT)? {
         let secs = WAVE_TIMEOUT.as_secs();
         return Err(RenderError::Internal(format!("a submission did not finish within {secs} s")));

@@ -3,11 +3,11 @@
 //! device has no room for. Render thread only.
 
 use super::reach::MappedUnits;
-use super::residency::Residency;
+use super::residency::SceneResidency;
 use crate::assets::HostHeapFiller;
 use crate::error::RenderError;
-use crate::shared::Gate;
-use oocpt_core::residency::{AssetId, Demand, UnitId, UnitState};
+use crate::shared::FrameGate;
+use oocpt_core::residency::{AssetId, RayDemand, UnitId, UnitState};
 use rustc_hash::FxHashSet;
 use std::time::{Duration, Instant};
 
@@ -25,7 +25,7 @@ const LONGEST_WAIT: Duration = Duration::from_secs(1);
 const SETTLED_SHARE: u64 = 32;
 const SETTLING_RAYS: u64 = 1 << 22;
 
-impl Residency<'_> {
+impl SceneResidency<'_> {
     /// Shows what host memory has of earlier frames and the device has not.
     pub(super) fn take_over_mapped(&mut self) {
         if !self.store.maps_any() {
@@ -54,14 +54,14 @@ impl Residency<'_> {
     }
 
     /// Begins to bring what rays wait for into host memory, but for what the device has room for beside all it holds.
-    pub(super) fn map_demanded(&mut self, demand: &Demand<'_>) -> Result<(), RenderError> {
+    pub(super) fn map_demanded(&mut self, demand: &RayDemand<'_>) -> Result<(), RenderError> {
         let Some(mut reach) = self.reach.take() else { return Ok(()) };
         let begun = self.map_most_wanted(&mut reach, demand);
         self.reach = Some(reach);
         begun
     }
 
-    fn map_most_wanted(&mut self, reach: &mut MappedUnits, demand: &Demand<'_>) -> Result<(), RenderError> {
+    fn map_most_wanted(&mut self, reach: &mut MappedUnits, demand: &RayDemand<'_>) -> Result<(), RenderError> {
         let waiting = |unit: UnitId| demand.waiting.get(unit as usize).copied().unwrap_or(0);
         let asked = demand.asked.unwrap_or_default().iter().copied();
         let mut wanted: Vec<UnitId> = asked.filter(|unit| waiting(*unit) > 0 && reach.is_absent(*unit)).collect();
@@ -90,10 +90,10 @@ impl Residency<'_> {
 
     /// Brings all geometry into host memory before any ray waits for it, one unit after the other. Leaves off when the
     /// gate says no, or when nothing comes.
-    pub(super) fn map_all(&mut self, gate: &Gate<'_>) -> Result<(), RenderError> {
+    pub(super) fn map_all(&mut self, gate: &FrameGate<'_>) -> Result<(), RenderError> {
         let (mut came, mut count) = (Instant::now(), 0);
         while !self.is_all_there() && came.elapsed() < LONGEST_WAIT && gate.proceed() {
-            self.map_demanded(&Demand::default())?;
+            self.map_demanded(&RayDemand::default())?;
             self.advance(WAIT)?;
             if self.store.mapped_count() != count {
                 (came, count) = (Instant::now(), self.store.mapped_count());

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Renders a scene that does not fit: paths wait for chunks, the planner brings what most of them wait for.
 //!
-//! [`render`] makes the memory and lets the engine run over a [`Stage`]: take what the device has finished (`observe`),
-//! move the loads on and ask the planner (`residency`), hand the device its next step (`record`). A step writes the
-//! chunk table, wakes the rays whose chunk is there, traces some rounds and counts the waiting rays of each unit.
-//! Loads go on beside the steps on the loader's threads and the transfer queue.
+//! [`render`] makes the memory and lets the engine run over a [`StreamingStage`]: take what the device has finished
+//! (`observe`), move the loads on and ask the planner (`residency`), hand the device its next step (`record`). A step
+//! writes the chunk table, wakes the rays whose chunk is there, traces some rounds and counts the waiting rays of each
+//! unit. Loads go on beside the steps on the loader's threads and the transfer queue.
 //!
 //! The picture does not depend on any of this: `shaders/README.md` ("Streaming") and decisions/0005 say why.
 
@@ -30,32 +30,32 @@ mod stragglers;
 
 pub(crate) use buffers::StreamBuffers;
 
-use crate::assets::{HostHeapFiller, Scene, SceneAssets, SceneView, bytes_with_holes};
+use crate::assets::{DeviceScene, HostHeapFiller, SceneAssets, SceneView, bytes_with_holes};
 use crate::device::Device;
-use crate::engine::{self, Parts, Tracer};
+use crate::engine::{self, CompiledFeatures, WavefrontTracer};
 use crate::error::RenderError;
-use crate::host_memory::{self, Part};
+use crate::host_memory::{self, HostMemoryUser};
 use crate::in_core::{LEFT_BY_WAVES, roomy_waves};
-use crate::job::Job;
-use crate::progress::Progress;
-use crate::setting::{Setting, geometry_cap, has_light_paths, has_shadow_rays, is_cpu, maps_host, shrinking};
-use crate::shared::Gate;
+use crate::job::RenderJob;
+use crate::progress::FrameProgress;
+use crate::setting::{FrameContext, geometry_cap, has_light_paths, has_shadow_rays, is_cpu, maps_host, shrinking};
+use crate::shared::FrameGate;
 use crate::specialise;
 use crate::timings::LeftMoment;
 use crate::wavefront::BackgroundCompile;
-use clock::Clock;
+use clock::StageClock;
 use leave::LeaveDecision;
 use left::PathsLeftLog;
-use needs::Needs;
-use observe::Observation;
-use oocpt_abi::{Features, Frame, MAX_PENDING};
-use oocpt_core::inventory::Inventory;
+use needs::StreamingNeeds;
+use observe::StepObservation;
+use oocpt_abi::{Features, FrameConstants, MAX_PENDING};
+use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::MemoryUse;
-use residency::{Residency, Start};
-use share::Room;
-use stage::Stage;
+use residency::{ResidencyStart, SceneResidency};
+use share::ShareRequest;
+use stage::StreamingStage;
 use std::time::Instant;
-use stragglers::Stragglers;
+use stragglers::StragglerRoulette;
 
 /// Most paths in slots.
 const MOST_PATHS: u64 = 1 << 25;
@@ -74,30 +74,30 @@ const SLACK: u64 = 16;
 
 /// What the stages of a frame share.
 #[derive(Debug)]
-pub(crate) struct Streamer<'a, 'r> {
-    pub(crate) tracer: Tracer<'a>,
+pub(crate) struct StreamingContext<'a, 'r> {
+    pub(crate) tracer: WavefrontTracer<'a>,
     pub(crate) buffers: &'a StreamBuffers,
-    pub(crate) residency: Residency<'r>,
-    pub(crate) clock: Clock,
+    pub(crate) residency: SceneResidency<'r>,
+    pub(crate) clock: StageClock,
     /// Stack entries below the top level that the passes are compiled for.
     pub(crate) stack_entries: u32,
     view: SceneView,
     /// How the paths ran out.
     pub(crate) left: PathsLeftLog,
     /// Only with `oocpt:stragglerRoulette`.
-    pub(crate) stragglers: Option<Stragglers>,
+    pub(crate) stragglers: Option<StragglerRoulette>,
 }
 
 /// Renders `setting` from `scene`; publishes images and stats on the way. Gives the first path that is left, where the
-/// rest is better rendered without streaming ([`Scene::is_all_there`]).
+/// rest is better rendered without streaming ([`DeviceScene::is_all_there`]).
 pub(crate) fn render(
-    setting: &Setting<'_>,
-    scene: &mut Scene,
+    setting: &FrameContext<'_>,
+    scene: &mut DeviceScene,
     (kept, ahead): (&mut Option<StreamBuffers>, &mut BackgroundCompile),
-    gate: &Gate<'_>,
-    progress: &mut Progress<'_>,
+    gate: &FrameGate<'_>,
+    progress: &mut FrameProgress<'_>,
 ) -> Result<Option<u64>, RenderError> {
-    let Setting { device, job, .. } = *setting;
+    let FrameContext { device, job, .. } = *setting;
     // Paths first: the heap takes what it can get.
     make_buffers(setting, scene, kept)?;
     scene.make_empty_tables(device)?;
@@ -105,13 +105,13 @@ pub(crate) fn render(
     let Some(buffers) = kept.as_ref() else {
         return Err(RenderError::Internal("the frame's paths were not made".into()));
     };
-    let parts = Parts::new(setting, &view, true);
+    let parts = CompiledFeatures::new(setting, &view, true);
     device.bsdf_tables(parts.features)?; // before geometry takes what is left
     let maps = maps_host(device, &job.settings);
     let budget = geometry_budget(setting, scene, buffers);
     reserve(setting, scene, budget)?;
     let policy = job.settings.policy;
-    let mut listed = Inventory::default();
+    let mut listed = RenderInventory::default();
     scene.list(&mut listed, false);
     buffers.list(&mut listed);
     listed.add("geometry and textures, at most", budget);
@@ -120,7 +120,8 @@ pub(crate) fn render(
     let may_leave = filler.is_some() && may_split(setting, scene) && holds(device, &assets, budget)?;
     let mut leave = LeaveDecision::new(may_leave, assets.tile_bytes > 0, buffers.paths.capacity, leaves_soon(job));
     let (_, store, tables) = scene.parts()?;
-    let mut residency = Residency::new(Start { device, assets: &assets, store, tables, budget, policy, filler })?;
+    let mut residency =
+        SceneResidency::new(ResidencyStart { device, assets: &assets, store, tables, budget, policy, filler })?;
     leave.bring_rest(&mut residency, progress.total_paths());
     if residency.brings_rest && !job.settings.interactive {
         let started = Instant::now();
@@ -129,12 +130,12 @@ pub(crate) fn render(
     }
     let stack_entries = residency.stack_entries.max(assets.likely_stack());
     let view = view.with_stack(stack_entries + MAX_PENDING);
-    let bind = |block: &mut Frame| buffers.bind(block);
-    let mut tracer = Tracer::new(setting, &buffers.paths, (&view, parts), listed, bind, progress)?;
+    let bind = |block: &mut FrameConstants| buffers.bind(block);
+    let mut tracer = WavefrontTracer::new(setting, &buffers.paths, (&view, parts), listed, bind, progress)?;
     tracer.traces_into(buffers.written());
     if may_leave && leave.pays(progress.total_paths()) {
         let view = if setting.carry.levels { view.deepest(stack_entries) } else { view.with_stack(stack_entries) };
-        ahead.begin(device, Parts::new(setting, &view, false).compiled_for(setting, &view)?, setting.film);
+        ahead.begin(device, CompiledFeatures::new(setting, &view, false).compiled_for(setting, &view)?, setting.film);
         leave.compiles = ahead.pending();
     }
     tracing::info!(
@@ -148,39 +149,44 @@ pub(crate) fn render(
         %policy,
         "streaming"
     );
-    let streamer = Streamer {
+    let streamer = StreamingContext {
         tracer,
         buffers,
         residency,
-        clock: Clock::new(Instant::now()),
+        clock: StageClock::new(Instant::now()),
         stack_entries,
         view,
         left: PathsLeftLog::of(progress.total_paths()),
         stragglers: job.settings.straggler_roulette.then(|| stragglers(setting)),
     };
-    engine::render(&mut Stage::new(streamer, leave, gate.patience()), gate, progress)
+    engine::render(&mut StreamingStage::new(streamer, leave, gate.patience()), gate, progress)
 }
 
-fn stragglers(setting: &Setting<'_>) -> Stragglers {
+fn stragglers(setting: &FrameContext<'_>) -> StragglerRoulette {
     let units = setting.job.snapshot.world.chunks.len() + setting.job.snapshot.meshes.len();
-    let stragglers = Stragglers::new(setting.job.settings.seed, units);
+    let stragglers = StragglerRoulette::new(setting.job.settings.seed, units);
     #[cfg(feature = "faults")]
     let stragglers = stragglers.with_faults(setting.job.options.faults);
     stragglers
 }
 
 /// Most lookups of textures of a surface, with those of what the mesh emits that it asks for light.
-fn lookups(setting: &Setting<'_>) -> u32 {
+fn lookups(setting: &FrameContext<'_>) -> u32 {
     let of_lights = setting.lights.mesh_lookups();
     u32::try_from(setting.job.snapshot.surfaces.most_lookups()).unwrap_or(0) + of_lights
 }
 
-/// Path memory: its share of what the budget leaves beside what cannot go ([`Room`]), and no more than the render has
-/// paths; less when there is no memory. What the scene holds on the device goes if paths have no room beside it.
-fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<StreamBuffers>) -> Result<(), RenderError> {
-    let Setting { device, job, .. } = *setting;
+/// Path memory: its share of what the budget leaves beside what cannot go ([`ShareRequest`]), and no more than the
+/// render has paths; less when there is no memory. What the scene holds on the device goes if paths have no room beside
+/// it.
+fn make_buffers(
+    setting: &FrameContext<'_>,
+    scene: &mut DeviceScene,
+    kept: &mut Option<StreamBuffers>,
+) -> Result<(), RenderError> {
+    let FrameContext { device, job, .. } = *setting;
     let textures = !scene.assets.textures.is_empty();
-    let needs = Needs {
+    let needs = StreamingNeeds {
         levels: scene.levels(),
         chunks: scene.chunk_count(),
         geometry: scene.assets.geometry_count(),
@@ -205,7 +211,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
     let slot_bytes = buffers::slot_bytes(&device.gpu, needs);
     let unused = |memory: MemoryUse| memory.budget.saturating_sub(memory.used);
     let largest_unit = scene.assets.catalog.least_budget();
-    let room = Room {
+    let room = ShareRequest {
         bytes: unused(device.gpu.memory()) + scene.bytes_to_clear(device),
         slot_bytes,
         largest_unit,
@@ -221,7 +227,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
     if capacity * slot_bytes + beside > unused(device.gpu.memory()) {
         scene.clear(device)?;
     }
-    let host_bytes = host_memory::limit_of(Part::EndedPaths, &job.settings, 0, job.fixed_host_bytes);
+    let host_bytes = host_memory::limit_of(HostMemoryUser::EndedPaths, &job.settings, 0, job.fixed_host_bytes);
     *kept = Some(shrinking(capacity, FEWEST_PATHS, |capacity| {
         StreamBuffers::new(&device.gpu, capacity, ((wanted, paths), host_bytes), needs)
     })?);
@@ -230,8 +236,8 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
 
 /// Whether a scene that is all there, on the device and in host memory, may be rendered without streaming. Tiles of
 /// textures need room then, which a cap on geometry gives to chunks.
-pub(crate) fn may_split(setting: &Setting<'_>, scene: &Scene) -> bool {
-    let Setting { device, job, film, .. } = *setting;
+pub(crate) fn may_split(setting: &FrameContext<'_>, scene: &DeviceScene) -> bool {
+    let FrameContext { device, job, film, .. } = *setting;
     let streams = setting.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
     maps_host(device, &job.settings)
         && !streams
@@ -247,7 +253,7 @@ fn holds(device: &Device, assets: &SceneAssets, budget: u64) -> Result<bool, Ren
 }
 
 /// Whether a test wants the rest of a picture without streaming, however short it is.
-fn leaves_soon(job: &Job) -> bool {
+fn leaves_soon(job: &RenderJob) -> bool {
     #[cfg(feature = "faults")]
     return job.options.faults.leaves_soon;
     #[cfg(not(feature = "faults"))]
@@ -258,8 +264,8 @@ fn leaves_soon(job: &Job) -> bool {
 }
 
 /// Most paths in flight.
-fn most_paths(setting: &Setting<'_>) -> u64 {
-    let Setting { device, job, .. } = *setting;
+fn most_paths(setting: &FrameContext<'_>) -> u64 {
+    let FrameContext { device, job, .. } = *setting;
     match (setting.is_frugal, is_cpu(device), job.settings.interactive) {
         (true, ..) => FEWEST_PATHS,
         (false, true, _) => MOST_PATHS_CPU,
@@ -269,17 +275,21 @@ fn most_paths(setting: &Setting<'_>) -> u64 {
 }
 
 /// Divides the host memory for encoded geometry: what rays read in it is not kept a second time.
-fn host_share(setting: &Setting<'_>, scene: &mut Scene, maps: bool) -> Result<Option<HostHeapFiller>, RenderError> {
-    let Setting { device, job, .. } = *setting;
+fn host_share(
+    setting: &FrameContext<'_>,
+    scene: &mut DeviceScene,
+    maps: bool,
+) -> Result<Option<HostHeapFiller>, RenderError> {
+    let FrameContext { device, job, .. } = *setting;
     if !maps {
         scene.unmap(device, false);
         let kept = scene.store.kept();
-        kept.limit(host_memory::limit_of(Part::Encoded, &job.settings, kept.bytes(), job.fixed_host_bytes));
+        kept.limit(host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, kept.bytes(), job.fixed_host_bytes));
         return Ok(None);
     }
     let heap = device.host_heap()?.stats();
     let held = heap.arena_bytes + heap.dedicated_bytes + scene.store.kept().bytes();
-    let limit = host_memory::limit_of(Part::Encoded, &job.settings, held, job.fixed_host_bytes);
+    let limit = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, held, job.fixed_host_bytes);
     let mapped = bytes_with_holes(scene.assets.bytes, scene.assets.largest_bytes).min(limit);
     scene.store.kept().limit(limit - mapped);
     HostHeapFiller::start(device, mapped).map(Some)
@@ -287,7 +297,7 @@ fn host_share(setting: &Setting<'_>, scene: &mut Scene, maps: bool) -> Result<Op
 
 /// Bytes that chunks, meshes and assemblies may take: what the budget leaves, less some slack, no more than the user's
 /// own cap, and so little that a picture whose rest is traced without streaming has room for waves then.
-fn geometry_budget(setting: &Setting<'_>, scene: &Scene, buffers: &StreamBuffers) -> u64 {
+fn geometry_budget(setting: &FrameContext<'_>, scene: &DeviceScene, buffers: &StreamBuffers) -> u64 {
     let memory = setting.device.gpu.memory();
     let heap = setting.device.heap.stats();
     let unused_arenas = heap.arena_bytes.saturating_sub(heap.used_bytes);
@@ -306,7 +316,7 @@ fn geometry_budget(setting: &Setting<'_>, scene: &Scene, buffers: &StreamBuffers
 
 /// Makes large arenas for `budget` bytes of units and what they lose to holes, as far as there is
 /// memory: in small ones, units of very different sizes find no place long before the budget is reached.
-fn reserve(setting: &Setting<'_>, scene: &Scene, budget: u64) -> Result<(), RenderError> {
+fn reserve(setting: &FrameContext<'_>, scene: &DeviceScene, budget: u64) -> Result<(), RenderError> {
     let (memory, heap) = (setting.device.gpu.memory(), setting.device.heap.stats());
     let there = heap.arena_bytes.saturating_sub(heap.used_bytes) + scene.store.bytes();
     let wanted = budget.min(scene.assets.bytes);
@@ -325,9 +335,9 @@ fn reserve(setting: &Setting<'_>, scene: &Scene, budget: u64) -> Result<(), Rend
     Ok(())
 }
 
-impl Streamer<'_, '_> {
+impl StreamingContext<'_, '_> {
     /// Compiles the passes anew when a chunk on the device needs a deeper stack than they have.
-    pub(crate) fn deepen(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+    pub(crate) fn deepen(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
         if self.residency.stack_entries <= self.stack_entries {
             return Ok(());
         }
@@ -350,7 +360,7 @@ impl Streamer<'_, '_> {
     }
 
     /// Brings the stats up to date.
-    fn report(&self, progress: &mut Progress<'_>, seen: &Observation, stragglers: u64, paths_left: u64) {
+    fn report(&self, progress: &mut FrameProgress<'_>, seen: &StepObservation, stragglers: u64, paths_left: u64) {
         let heap = self.tracer.setting.device.heap.stats();
         let planner = self.residency.planner.stats();
         let counters = &seen.counters;
@@ -379,7 +389,7 @@ impl Streamer<'_, '_> {
             stats.fragmentation = heap.fragmentation;
             stats.roulette_paths = u64::from(seen.roulette.ended_paths);
             stats.roulette_shadow_rays = u64::from(seen.roulette.ended_shadows);
-            stats.roulette_loads_saved = self.stragglers.as_ref().map_or(0, Stragglers::loads_saved);
+            stats.roulette_loads_saved = self.stragglers.as_ref().map_or(0, StragglerRoulette::loads_saved);
             stats.seconds_tracing = self.clock.tracing;
             stats.seconds_loading = self.clock.loading;
             stats.seconds_waiting = self.clock.waiting;

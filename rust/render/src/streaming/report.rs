@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Writes what `oocpt report chunks` draws: chunks, loads, rays, and how the paths ran out.
 
-use super::Streamer;
+use super::StreamingContext;
 use crate::chunk_report::{ChunkReport, ReportCamera, ReportChunk, ReportInstance, ReportMoment, VERSION};
 use crate::error::RenderError;
 use crate::timings::LeftMoment;
 use oocpt_core::residency::UnitId;
 use std::path::Path;
 
-impl Streamer<'_, '_> {
+impl StreamingContext<'_, '_> {
     /// Writes the report if `oocpt:chunkReport` names a file.
     pub(super) fn write_report(&self) -> Result<(), RenderError> {
         let file = self.tracer.setting.job.settings.chunk_report.as_str();

@@ -11,17 +11,17 @@ use crate::materials::Ramps;
 use crate::support::{self, orthographic, read, request, settings};
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_abi::Features;
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::scene::TransformSample;
 use oocpt_core::settings::{HostMapped, Settings};
-use oocpt_render::{AovKind, Faults, Session, SessionOptions};
+use oocpt_render::{AovKind, PlantedFaults, Session, SessionOptions};
 use rows::{Also, BARE, Names, Row};
 use scenes::shown;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Renders a row; gives what it was made of and its images.
-fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
+fn render(row: &Row, carry: &str) -> (RenderInventory, Vec<Vec<u8>>) {
     let streams = matches!(row.also, Also::Streaming | Also::Mapped | Also::Roulette);
     let report = std::env::temp_dir().join(format!("oocpt-features-{}.json", std::process::id()));
     let chunk_report =
@@ -36,7 +36,7 @@ fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
         ..settings(4, 2)
     };
     let more_features = if row.also == Also::ToyLobe { Features::TOY_LOBE } else { Features::empty() };
-    let faults = Faults { more_features, ..Faults::default() };
+    let faults = PlantedFaults { more_features, ..PlantedFaults::default() };
     let options = SessionOptions { validation: true, force_streaming: streams, faults, ..SessionOptions::default() };
     let session = Session::with_options(settings, options).with_images(Arc::new(Ramps));
     session.set_light_files(Arc::new(TestFiles));
@@ -73,8 +73,8 @@ fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
 }
 
 /// Names of what there is: features, passes, buffers, primvars.
-fn made(inventory: &Inventory) -> [BTreeSet<String>; 4] {
-    let Inventory { features, passes, buffers, primvars, .. } = inventory;
+fn made(inventory: &RenderInventory) -> [BTreeSet<String>; 4] {
+    let RenderInventory { features, passes, buffers, primvars, .. } = inventory;
     [
         features.iter().filter(|f| f.present).map(|f| f.name.clone()).collect(),
         passes.iter().filter(|p| p.made).map(|p| p.name.clone()).collect(),
@@ -150,7 +150,7 @@ fn streaming_enables_exactly_its_features() {
     check(rows::STREAMING);
 }
 
-fn what_is_made_is_what_the_row_says(row: &Row, inventory: &Inventory, bare: &[BTreeSet<String>; 4]) {
+fn what_is_made_is_what_the_row_says(row: &Row, inventory: &RenderInventory, bare: &[BTreeSet<String>; 4]) {
     // What only a scene in core lists: while streaming, geometry comes and goes.
     let of_assets = ["mesh nodes", "mesh triangles", "instance records", "instance trees", "rounding of assets"];
     let given = made(inventory);
@@ -177,7 +177,7 @@ fn what_is_made_is_what_the_row_says(row: &Row, inventory: &Inventory, bare: &[B
     assert_eq!(sum, inventory.bytes(), "{}", row.what);
 }
 
-fn every_feature_has_a_row(inventory: &Inventory) {
+fn every_feature_has_a_row(inventory: &RenderInventory) {
     for feature in &inventory.features {
         assert!(rows::all().any(|row| row.features.contains(&feature.name.as_str())), "{} is not tested", feature.name);
     }
@@ -191,7 +191,7 @@ fn every_feature_has_a_row(inventory: &Inventory) {
 }
 
 /// `lean` and `picture` are the row's own.
-fn what_is_carried_along_does_not_change_the_picture(row: &Row, lean: &Inventory, picture: &[Vec<u8>]) {
+fn what_is_carried_along_does_not_change_the_picture(row: &Row, lean: &RenderInventory, picture: &[Vec<u8>]) {
     let (laden, same) = render(row, "all");
     assert!(picture == same, "{}: another picture with all features", row.what);
     let carried: BTreeSet<&str> =
@@ -207,7 +207,8 @@ fn what_is_carried_along_does_not_change_the_picture(row: &Row, lean: &Inventory
     }
     if !needed.contains("STREAMING") {
         assert_eq!((lean.max_levels.min(2), laden.max_levels), (lean.max_levels, 16), "{}", row.what);
-        let hits = |inventory: &Inventory| inventory.buffers.iter().find(|b| b.name == "hits").cloned().expect("hits");
+        let hits =
+            |inventory: &RenderInventory| inventory.buffers.iter().find(|b| b.name == "hits").cloned().expect("hits");
         let (few, many) = (hits(lean), hits(&laden));
         assert_eq!((few.bytes + few.saved, 0), (many.bytes, many.saved), "{}: what was said to be saved", row.what);
     }

@@ -11,7 +11,7 @@ use crate::support::{self, perspective, read_all, render, request, settings};
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use oocpt_core::TypedArray;
 use oocpt_core::inventory::TraversalUse;
-use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, Primvar, SceneDb, Shape};
+use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, PrimShape, Primvar, SceneDb};
 use oocpt_core::settings::{Settings, TraversalKind};
 use oocpt_render::{RenderRequest, Session, SessionOptions, Severity};
 use std::sync::Arc;
@@ -155,7 +155,7 @@ fn clouds(db: &mut SceneDb) {
     let points = |path: &str, id: i32, count: u16| {
         let part = |i: u16, step: f32| 2.0 * (f32::from(i + 1) * step).fract() - 1.0;
         let places = (0..count).map(|i| [part(i, 0.754_877_7), part(i, 0.569_840_3), part(i, 0.381_966)]);
-        let shape = Shape::Points;
+        let shape = PrimShape::Points;
         MeshDesc {
             shape,
             widths: constant(0.08_f32),
@@ -199,14 +199,14 @@ fn veils(db: &mut SceneDb) {
         indices: None,
     };
     let tubes = MeshDesc {
-        shape: Shape::Curves(curves),
+        shape: PrimShape::Curves(curves),
         widths: constant(0.15_f32),
         display_opacity: constant(0.4_f32),
         points: TypedArray::of::<[f32; 3]>((0..40).flat_map(|i| (0..5).map(move |k| along(i, k))).collect()),
         ..mesh(prim("/tubes", DMat4::IDENTITY), 1, Vec::new(), &[], 0.5)
     };
     let balls = MeshDesc {
-        shape: Shape::Points,
+        shape: PrimShape::Points,
         widths: constant(0.3_f32),
         points: TypedArray::of::<[f32; 3]>((0..40).map(|i| along(i, i % 5)).collect()),
         prim: instanced(prim("/many/balls", DMat4::IDENTITY), "/many"),

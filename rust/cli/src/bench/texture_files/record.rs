@@ -3,7 +3,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use exr::prelude::{FlatSamples, ReadChannels as _, ReadLayers as _};
-use oocpt_core::stats::Usage;
+use oocpt_core::stats::RenderUsage;
 use oocpt_render::error_report::ErrorReport;
 use std::ffi::OsString;
 use std::fs::File;
@@ -32,7 +32,7 @@ pub(super) struct Host {
 #[derive(Debug)]
 pub(super) struct Run {
     pub(super) used: Used,
-    pub(super) usage: Usage,
+    pub(super) usage: RenderUsage,
     pub(super) device: String,
     pub(super) warnings: Vec<String>,
     pub(super) picture: Picture,

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The device of the simulation: slots, rounds, the link, and the clock that is counted.
 
-use super::super::{Command, Demand, PlanError, Planner, PlannerOptions, Policy, ResidencyStats, UnitId};
-use super::rays::Ray;
-use super::scene::Workload;
+use super::super::{
+    LoadPolicy, PlanError, PlannerOptions, RayDemand, ResidencyCommand, ResidencyPlanner, ResidencyStats, UnitId,
+};
+use super::rays::SimulatedRay;
+use super::scene::SimulatedScene;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// What the device can do. The defaults are about a `PCIe` 4 card with a million rays in flight.
 #[derive(Clone, Copy, Debug)]
-pub struct Device {
+pub struct SimulatedDevice {
     /// Bytes the link moves in a second.
     pub bytes_per_sec: f64,
     /// Seconds from the end of a load's bytes to its unit being usable.
@@ -32,7 +34,7 @@ pub struct Device {
     pub planner: PlannerOptions,
 }
 
-impl Default for Device {
+impl Default for SimulatedDevice {
     fn default() -> Self {
         Self {
             bytes_per_sec: 20e9,
@@ -51,7 +53,7 @@ impl Default for Device {
 
 /// What a simulated render cost.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+pub struct SimulationReport {
     /// Simulated seconds until the last path was done.
     pub secs: f64,
     /// Seconds in which rays were traced.
@@ -72,10 +74,15 @@ pub struct Report {
 const STUCK_ROUNDS: u32 = 10_000;
 
 /// Traces all paths of the workload under a budget. An error when a unit does not fit the budget.
-pub fn run(workload: &Workload, device: &Device, budget: u64, policy: Box<dyn Policy>) -> Result<Report, PlanError> {
-    let planner = Planner::with_policy(workload.catalog.clone(), budget, policy, device.planner)?;
+pub fn run(
+    workload: &SimulatedScene,
+    device: &SimulatedDevice,
+    budget: u64,
+    policy: Box<dyn LoadPolicy>,
+) -> Result<SimulationReport, PlanError> {
+    let planner = ResidencyPlanner::with_policy(workload.catalog.clone(), budget, policy, device.planner)?;
     let slots = (device.segments * device.segment_slots) as usize;
-    let mut simulation = Simulation {
+    let mut simulation = ResidencySimulation {
         workload,
         device,
         planner,
@@ -84,45 +91,45 @@ pub fn run(workload: &Workload, device: &Device, budget: u64, policy: Box<dyn Po
         next_path: 0,
         link: VecDeque::new(),
         link_free_secs: 0.0,
-        counts: Counts::new(workload.catalog.unit_count()),
+        counts: DemandCounts::new(workload.catalog.unit_count()),
         resident: vec![false; workload.catalog.unit_count()],
-        report: Report::default(),
+        report: SimulationReport::default(),
     };
     simulation.run();
     Ok(simulation.report)
 }
 
 /// The demand of a round.
-struct Counts {
+struct DemandCounts {
     waiting: Vec<u32>,
     next: Vec<u32>,
     visits: Vec<u32>,
     active: u64,
 }
 
-impl Counts {
+impl DemandCounts {
     fn new(units: usize) -> Self {
         Self { waiting: vec![0; units], next: vec![0; units], visits: vec![0; units], active: 0 }
     }
 }
 
-struct Simulation<'a> {
-    workload: &'a Workload,
-    device: &'a Device,
-    planner: Planner,
-    rays: Vec<Option<Ray>>,
+struct ResidencySimulation<'a> {
+    workload: &'a SimulatedScene,
+    device: &'a SimulatedDevice,
+    planner: ResidencyPlanner,
+    rays: Vec<Option<SimulatedRay>>,
     /// Segments that hold paths, oldest first.
     segment: VecDeque<u32>,
     next_path: u32,
     /// Loads by the time at which they are usable.
     link: VecDeque<(f64, UnitId)>,
     link_free_secs: f64,
-    counts: Counts,
+    counts: DemandCounts,
     resident: Vec<bool>,
-    report: Report,
+    report: SimulationReport,
 }
 
-impl Simulation<'_> {
+impl ResidencySimulation<'_> {
     fn run(&mut self) {
         for segment in 0..self.device.segments {
             self.fill(segment);
@@ -147,7 +154,7 @@ impl Simulation<'_> {
         }
         let first = (segment * self.device.segment_slots) as usize;
         for slot in &mut self.rays[first..first + self.device.segment_slots as usize] {
-            *slot = (self.next_path < options.paths).then(|| Ray::camera(options, self.next_path));
+            *slot = (self.next_path < options.paths).then(|| SimulatedRay::camera(options, self.next_path));
             self.next_path = self.next_path.saturating_add(1);
         }
         self.segment.push_back(segment);
@@ -226,18 +233,18 @@ impl Simulation<'_> {
     fn plan(&mut self) {
         let counts = &self.counts;
         let visits = if self.device.counts_visits { counts.visits.as_slice() } else { &[] };
-        let demand = Demand {
+        let demand = RayDemand {
             waiting: &counts.waiting,
             next: &counts.next,
             visits,
             active: counts.active,
             asked: None,
-            ..Demand::default()
+            ..RayDemand::default()
         };
         for command in self.planner.step(&demand) {
             let (unit, assets) = match command {
-                Command::Load { unit, assets } => (unit, assets),
-                Command::Evict { unit, .. } => {
+                ResidencyCommand::Load { unit, assets } => (unit, assets),
+                ResidencyCommand::Evict { unit, .. } => {
                     self.resident[unit as usize] = false;
                     continue;
                 }

@@ -3,9 +3,9 @@
 
 /// A stream of numbers (`SplitMix64`; Steele, Lea, Flood 2014).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Random(u64);
+pub(super) struct SplitMix(u64);
 
-impl Random {
+impl SplitMix {
     /// A stream of its own for each set of keys.
     pub(super) fn of(keys: [u64; 3]) -> Self {
         let mut random = Self(0);

@@ -2,7 +2,7 @@
 //! Synthetic rays: which units a path's ray crosses, in order, and where it hits. A function of the path and bounce.
 
 use super::super::UnitId;
-use super::random::Random;
+use super::random::SplitMix;
 use super::scene::SceneOptions;
 
 /// Units a ray crosses at most, those behind its hit included.
@@ -12,7 +12,7 @@ const PENDING: usize = 4;
 
 /// A ray of a path in a slot.
 #[derive(Clone, Debug)]
-pub(super) struct Ray {
+pub(super) struct SimulatedRay {
     path: u32,
     bounce: u8,
     units: [UnitId; CROSSED_MAX],
@@ -21,23 +21,23 @@ pub(super) struct Ray {
     hit: u8,
     visited: u16,
     /// The absent units it remembers, nearest first; none = it can go on.
-    pub(super) pending: Pending,
+    pub(super) pending: PendingUnits,
 }
 
 /// Up to [`PENDING`] units.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Pending {
+pub(super) struct PendingUnits {
     units: [UnitId; PENDING],
     count: u8,
 }
 
-impl Pending {
+impl PendingUnits {
     pub(super) fn as_slice(&self) -> &[UnitId] {
         &self.units[..usize::from(self.count)]
     }
 }
 
-impl Ray {
+impl SimulatedRay {
     /// The camera ray of a path: the camera stands at the middle of an edge, a path's number runs over the image in
     /// rows, rows near the horizon see further.
     pub(super) fn camera(options: &SceneOptions, path: u32) -> Self {
@@ -56,7 +56,7 @@ impl Ray {
         if bounce >= options.bounces {
             return None;
         }
-        let mut random = Random::of([options.seed ^ 3, u64::from(self.path), u64::from(bounce)]);
+        let mut random = SplitMix::of([options.seed ^ 3, u64::from(self.path), u64::from(bounce)]);
         let side = options.side.max(1);
         let mut from = self.units[usize::from(self.hit)];
         if random.fraction() < options.scattered {
@@ -74,8 +74,15 @@ impl Ray {
 
     /// A ray over the units between two points, and up to three more behind.
     fn between(options: &SceneOptions, (path, bounce): (u32, u8), from: (f64, f64), to: (f64, f64)) -> Self {
-        let mut ray =
-            Self { path, bounce, units: [0; CROSSED_MAX], count: 0, hit: 0, visited: 0, pending: Pending::default() };
+        let mut ray = Self {
+            path,
+            bounce,
+            units: [0; CROSSED_MAX],
+            count: 0,
+            hit: 0,
+            visited: 0,
+            pending: PendingUnits::default(),
+        };
         let (dx, dy) = (to.0 - from.0, to.1 - from.1);
         let steps = (dx.abs() + dy.abs()).ceil().max(1.0);
         let mut done = 0.0;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Synthetic scenes: a square of units with blocks of uneven size and meshes they share.
 
-use super::super::{AssetId, Catalog, CatalogError, UnitId};
-use super::random::Random;
+use super::super::{AssetId, CatalogError, UnitCatalog, UnitId};
+use super::random::SplitMix;
 use std::sync::Arc;
 
 /// What a scene and its paths are like.
@@ -52,27 +52,27 @@ impl Default for SceneOptions {
 
 /// A scene to be traced.
 #[derive(Clone, Debug)]
-pub struct Workload {
+pub struct SimulatedScene {
     /// How it was made.
     pub options: SceneOptions,
     /// Its units and assets.
-    pub catalog: Arc<Catalog>,
+    pub catalog: Arc<UnitCatalog>,
 }
 
-impl Workload {
+impl SimulatedScene {
     /// Makes the scene.
     pub fn new(options: SceneOptions) -> Result<Self, CatalogError> {
         let units = options.side.saturating_mul(options.side);
         let mut bytes = Vec::new();
         for asset in 0..units.saturating_add(options.meshes) {
             let mean = if asset < units { options.block_bytes } else { options.mesh_bytes };
-            let mut random = Random::of([options.seed, 1, u64::from(asset)]);
+            let mut random = SplitMix::of([options.seed, 1, u64::from(asset)]);
             // 1/4 to 4 times, mean about 1.1.
             let scale = random.below(5);
             bytes.push((mean / 4).max(1) << scale.min(random.below(5)));
         }
         let row = |unit: UnitId| {
-            let mut random = Random::of([options.seed, 2, u64::from(unit)]);
+            let mut random = SplitMix::of([options.seed, 2, u64::from(unit)]);
             let mut row: Vec<AssetId> = vec![unit];
             for _ in 0..options.meshes_per_unit {
                 if options.meshes > 0 {
@@ -81,7 +81,7 @@ impl Workload {
             }
             row
         };
-        let catalog = Catalog::new(bytes, (0..units).map(row))?;
+        let catalog = UnitCatalog::new(bytes, (0..units).map(row))?;
         Ok(Self { options, catalog: Arc::new(catalog) })
     }
 

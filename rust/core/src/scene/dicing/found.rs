@@ -3,8 +3,8 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::{Ball, DicingCamera, stretch};
-use crate::mesh::{Dicing, Eye};
+use super::{BoundingSphere, DicingCamera, stretch};
+use crate::mesh::{CameraEye, DicingRate};
 
 /// Places of the camera that are kept for a surface; what more there are count by their density.
 const MOST_EYES: usize = 8;
@@ -16,27 +16,27 @@ const NEAREST_EDGE: f64 = 1e-3;
 struct NearSurface {
     /// The camera's distance from the middle.
     distance: f64,
-    eye: Eye,
+    eye: CameraEye,
     /// Pixels of a unit of length, for the surface as a whole.
     density: f64,
 }
 
 /// How the placements of one surface are seen, in its own frame.
 #[derive(Debug, Default)]
-pub(super) struct Found {
+pub(super) struct SurfaceDensity {
     density: f64,
     /// Nearest first.
     near: Vec<NearSurface>,
 }
 
-impl Found {
+impl SurfaceDensity {
     /// It covers so many pixels a unit, at least.
     pub(super) fn cover(&mut self, density: f64) {
         self.density = self.density.max(density);
     }
 
     /// A placement: `ball` in the world, `radius` in its own frame.
-    pub(super) fn see(&mut self, camera: &DicingCamera, ball: &Ball, radius: f64, map: &DAffine3) {
+    pub(super) fn see(&mut self, camera: &DicingCamera, ball: &BoundingSphere, radius: f64, map: &DAffine3) {
         let density = camera.density_in(ball.center, ball.radius, ball.distance(camera.position)) * stretch(map);
         let inverse = map.inverse();
         let is_far = !ball.is_near(camera.position) || !camera.is_in_picture(ball.center, ball.radius);
@@ -50,7 +50,7 @@ impl Found {
         let snap = |v: f64| (v / step).round() * step;
         let position = inverse.transform_point3(camera.position);
         let position = DVec3::new(snap(position.x), snap(position.y), snap(position.z));
-        self.near.push(NearSurface { distance, eye: Eye { position, nearest }, density });
+        self.near.push(NearSurface { distance, eye: CameraEye { position, nearest }, density });
         self.forget();
     }
 
@@ -69,9 +69,9 @@ impl Found {
     }
 
     /// How finely the surface is cut.
-    pub(super) fn dicing(&self, camera: &DicingCamera) -> Dicing {
+    pub(super) fn dicing(&self, camera: &DicingCamera) -> DicingRate {
         let eyes = self.near.iter().map(|near| near.eye).collect();
-        Dicing { pixels: camera.pixels, density: half_power_above(self.density), focal: camera.focal, eyes }
+        DicingRate { pixels: camera.pixels, density: half_power_above(self.density), focal: camera.focal, eyes }
     }
 }
 

@@ -2,14 +2,14 @@
 //! The policies on the simulated device.
 
 use oocpt_core::residency::PolicyKind;
-use oocpt_core::residency::simulate::{Device, SceneOptions, Workload, run};
+use oocpt_core::residency::simulate::{SceneOptions, SimulatedDevice, SimulatedScene, run};
 
-fn workload() -> Workload {
-    Workload::new(SceneOptions { side: 12, paths: 2048, ..SceneOptions::default() }).expect("a good scene")
+fn workload() -> SimulatedScene {
+    SimulatedScene::new(SceneOptions { side: 12, paths: 2048, ..SceneOptions::default() }).expect("a good scene")
 }
 
-fn device() -> Device {
-    Device { segments: 4, segment_slots: 256, ..Device::default() }
+fn device() -> SimulatedDevice {
+    SimulatedDevice { segments: 4, segment_slots: 256, ..SimulatedDevice::default() }
 }
 
 #[test]
