@@ -4,7 +4,7 @@
 //! The straight line of a ray: `frame` (what a render consists of) -> `engine` (what is submitted when) ->
 //! `wavefront` (the passes: generate, intersect, shade, accumulate) -> `film` (images) -> the session's published
 //! images. The straight line of a mesh: `oocpt_core::scene` -> `assets` (load, build, tables) -> traversal. Scenes that
-//! do not fit: `streaming`, a feed of the engine.
+//! do not fit: `streaming`, a path source of the engine.
 //!
 //! Modules use those below them and no other: `cargo xtask check` finds a circle.
 #![forbid(unsafe_code)]

@@ -56,7 +56,7 @@ pub(crate) struct FrameProgress<'a> {
     is_finished: bool,
     /// Adaptive: paths that are decided.
     decided: Option<u64>,
-    /// What was counted before another feed went on.
+    /// What was counted before another path source went on.
     before: Option<WavefrontCounters>,
     /// `WavefrontCounters::nonfinite_pixel`.
     nonfinite_pixel: u32,
@@ -178,7 +178,7 @@ impl<'a> FrameProgress<'a> {
         self.trace_started = Instant::now();
     }
 
-    /// Another feed goes on; so much was counted until now.
+    /// Another path source goes on; so much was counted until now.
     pub(crate) fn left_off(&mut self, counters: &WavefrontCounters) {
         self.before = Some(*counters);
     }

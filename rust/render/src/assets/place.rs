@@ -86,7 +86,7 @@ impl AssetMemory {
     }
 
     /// Takes note of what was copied; gives the assets that are ready now.
-    pub(super) fn land(
+    pub(super) fn note_copied(
         &mut self,
         copied: &CopiedAssets,
         key: impl Fn(AssetId) -> Option<AssetKey>,

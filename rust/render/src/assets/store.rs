@@ -303,7 +303,7 @@ impl AssetStore {
             arrived.bytes += copied.bytes;
             arrived.copies.extend(copied.submissions.drain(..).map(Arc::new));
             self.left_out.append(&mut copied.left_out);
-            arrived.ready.extend(self.device.land(&copied, |asset| assets.key(asset)));
+            arrived.ready.extend(self.device.note_copied(&copied, |asset| assets.key(asset)));
             next = self.device.inbox.try_next();
         }
         Ok(arrived)
@@ -316,7 +316,7 @@ impl AssetStore {
             let Some(promotion) = self.promoting.pop_front() else { break };
             arrived.bytes += promotion.copied.bytes;
             arrived.copies.extend(promotion.copy);
-            arrived.ready.extend(self.device.land(&promotion.copied, |asset| assets.key(asset)));
+            arrived.ready.extend(self.device.note_copied(&promotion.copied, |asset| assets.key(asset)));
         }
     }
 
@@ -329,7 +329,7 @@ impl AssetStore {
             let Some((copies, copied)) = self.mapping.pop_front() else { break };
             arrived.copies.extend(copies.iter().cloned());
             self.mapped_by.extend(copies);
-            arrived.mapped.extend(self.host.land(&copied, |asset| assets.key(asset)));
+            arrived.mapped.extend(self.host.note_copied(&copied, |asset| assets.key(asset)));
         }
         Ok(())
     }

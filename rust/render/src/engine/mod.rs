@@ -186,37 +186,37 @@ impl<'a> WavefrontTracer<'a> {
     }
 }
 
-/// Runs the stages of a frame until `gate` says no; publishes images and stats on the way. Gives where another feed is
-/// to go on, if this one left off.
+/// Runs the stages of a frame until `gate` says no; publishes images and stats on the way. Gives where another path
+/// source is to go on, if this one left off.
 pub(crate) fn render<F: PathSource>(
-    feed: &mut F,
+    source: &mut F,
     gate: &FrameGate<'_>,
     progress: &mut FrameProgress<'_>,
 ) -> Result<Option<u64>, RenderError> {
     progress.stage("rendering");
-    let film = feed.tracer().setting.film;
-    let (has_planes, has_color) = (film.has_planes() && !feed.goes_on(), film.has_color());
+    let film = source.tracer().setting.film;
+    let (has_planes, has_color) = (film.has_planes() && !source.goes_on(), film.has_color());
     if has_planes || !has_color {
         // Without an image nothing is traced, but the counters that are read at the end have to be cleared.
-        feed.begin(PathKind::Aovs, progress)?;
+        source.begin(PathKind::Aovs, progress)?;
     }
-    if has_planes && run(feed, gate, progress)? == StageOutcome::GivenUp {
+    if has_planes && run(source, gate, progress)? == StageOutcome::GivenUp {
         return Ok(None);
     }
     if has_color {
-        feed.begin(PathKind::Samples, progress)?;
-        if !feed.goes_on() {
+        source.begin(PathKind::Samples, progress)?;
+        if !source.goes_on() {
             progress.trace_started();
         }
-        let outcome = run(feed, gate, progress)?;
-        if let Some(StreamingEnd { first, counters }) = feed.left_off().filter(|_| outcome == StageOutcome::Done) {
+        let outcome = run(source, gate, progress)?;
+        if let Some(StreamingEnd { first, counters }) = source.left_off().filter(|_| outcome == StageOutcome::Done) {
             progress.left_off(&counters);
             return Ok(Some(first));
         }
         progress.trace_ended();
     }
-    feed.tracer().end(progress)?;
-    feed.end()?;
+    source.tracer().end(progress)?;
+    source.end()?;
     Ok(None)
 }
 

@@ -44,7 +44,7 @@ pub(crate) struct WaveSource<'e> {
     feedback: Option<&'e FeedbackBuffers>,
     kind: PathKind,
     schedule: WaveSchedule,
-    /// Of the wave that is being launched.
+    /// Of the wave that is being submitted.
     parts: VecDeque<(Wave, Range<u32>)>,
     /// Of the wave that is ending.
     wave_secs: f64,
@@ -198,13 +198,13 @@ impl PathSource for WaveSource<'_> {
         self.first.is_some()
     }
 
-    fn is_done(&self, _flights: &VecDeque<InFlightSubmission<WavePart>>) -> bool {
+    fn is_done(&self, _in_flight: &VecDeque<InFlightSubmission<WavePart>>) -> bool {
         false // The schedule knows when it is asked.
     }
 
-    fn launch(
+    fn submit_next(
         &mut self,
-        _flights: &VecDeque<InFlightSubmission<WavePart>>,
+        _in_flight: &VecDeque<InFlightSubmission<WavePart>>,
         progress: &mut FrameProgress<'_>,
     ) -> Result<Option<SubmittedWork<WavePart>>, RenderError> {
         if self.parts.is_empty() {
@@ -217,18 +217,18 @@ impl PathSource for WaveSource<'_> {
         self.submit((wave, rounds), ends, PushFlags::empty(), progress).map(Some)
     }
 
-    fn land(
+    fn take_results(
         &mut self,
         mut work: SubmittedWork<WavePart>,
         secs: f64,
-        flights: &mut VecDeque<InFlightSubmission<WavePart>>,
+        in_flight: &mut VecDeque<InFlightSubmission<WavePart>>,
         gate: &FrameGate<'_>,
         progress: &mut FrameProgress<'_>,
     ) -> Result<Option<SubmittedWork<WavePart>>, RenderError> {
         self.wave_secs += secs;
         if self.tiles.lacking(work.of.lacking)?.is_some() {
             // The passes of the waves behind it did nothing.
-            for later in flights.drain(..).rev().collect::<Vec<_>>() {
+            for later in in_flight.drain(..).rev().collect::<Vec<_>>() {
                 finish(&later.work.submission, progress)?;
                 let WavePart { wave, rounds, .. } = later.work.of;
                 self.parts.push_front((wave, rounds));
@@ -246,7 +246,7 @@ impl PathSource for WaveSource<'_> {
         Ok(Some(work))
     }
 
-    fn landed(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
+    fn end_submission(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
         if self.ended.take().is_some() {
             self.schedule.cut_at(progress.begin_samples(self.tracer.setting.film));
         }

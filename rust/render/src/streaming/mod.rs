@@ -102,9 +102,7 @@ pub(crate) fn render(
     make_buffers(setting, scene, kept)?;
     scene.make_empty_tables(device)?;
     let view = scene.view(0)?;
-    let Some(buffers) = kept.as_ref() else {
-        return Err(RenderError::Internal("the frame's paths were not made".into()));
-    };
+    let buffers = kept.as_ref().ok_or_else(|| RenderError::Internal("the frame's paths were not made".into()))?;
     let parts = CompiledFeatures::new(setting, &view, true);
     device.bsdf_tables(parts.features)?; // before geometry takes what is left
     let maps = maps_host(device, &job.settings);

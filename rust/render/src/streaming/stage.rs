@@ -130,15 +130,15 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
         ACTIVE_RAYS.saturating_sub(self.seen.active()).saturating_sub(unseen)
     }
 
-    /// Whether a step is better launched when more chunks have come: few rays are at hand now, and more are to be.
-    fn holds_back(&self, flights: &VecDeque<InFlightSubmission<StreamingStep>>) -> bool {
+    /// Whether a step is better submitted when more chunks have come: few rays are at hand now, and more are to be.
+    fn holds_back(&self, in_flight: &VecDeque<InFlightSubmission<StreamingStep>>) -> bool {
         let is_loading = self.streamer.residency.is_loading();
         // On a processor short steps cost little, and loads wait for the same cores.
         if self.is_cpu || self.seen.step == 0 || !is_loading || self.last_event.elapsed() > HOLD {
             return false;
         }
         let worthwhile = WORTHWHILE_RAYS.min(self.seen.paths_alive() / WORTHWHILE_SHARE);
-        let active = if flights.is_empty() { self.seen.active() } else { 0 };
+        let active = if in_flight.is_empty() { self.seen.active() } else { 0 };
         let waiting = |unit: &UnitId| self.seen.waiting.get(*unit as usize).map_or(0, |rays| u64::from(*rays));
         let woken: u64 = self.streamer.residency.arrived.iter().map(waiting).sum();
         let begun = if self.segments.can_start(self.ended) { self.room_for_rays() } else { 0 };
@@ -214,8 +214,8 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
         tracing::trace!(active, waiting, alive, loads, evictions, bytes_held, bytes_in_flight, mapped, "state");
     }
 
-    fn tick(&mut self, flights: &VecDeque<InFlightSubmission<StreamingStep>>) {
-        let tracing = !flights.is_empty();
+    fn tick(&mut self, in_flight: &VecDeque<InFlightSubmission<StreamingStep>>) {
+        let tracing = !in_flight.is_empty();
         let loading = self.streamer.residency.is_loading();
         self.streamer.clock.change(Instant::now(), StageActivity { tracing, loading });
     }
@@ -259,35 +259,35 @@ impl PathSource for StreamingStage<'_, '_> {
         Ok(())
     }
 
-    fn is_done(&self, flights: &VecDeque<InFlightSubmission<StreamingStep>>) -> bool {
+    fn is_done(&self, in_flight: &VecDeque<InFlightSubmission<StreamingStep>>) -> bool {
         // An octave that is under way may open more.
-        self.segments.is_done() && flights.iter().all(|flight| flight.work.octaves.is_empty())
+        self.segments.is_done() && in_flight.iter().all(|other| other.work.octaves.is_empty())
     }
 
     fn advance(
         &mut self,
-        flights: &VecDeque<InFlightSubmission<StreamingStep>>,
+        in_flight: &VecDeque<InFlightSubmission<StreamingStep>>,
         progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
         self.streamer.residency.advance(Duration::ZERO)?;
         self.streamer.deepen(progress)?;
-        self.tick(flights);
+        self.tick(in_flight);
         Ok(())
     }
 
-    fn launch(
+    fn submit_next(
         &mut self,
-        flights: &VecDeque<InFlightSubmission<StreamingStep>>,
+        in_flight: &VecDeque<InFlightSubmission<StreamingStep>>,
         progress: &mut FrameProgress<'_>,
     ) -> Result<Option<SubmittedWork<StreamingStep>>, RenderError> {
-        if !self.has_work() || self.holds_back(flights) {
+        if !self.has_work() || self.holds_back(in_flight) {
             return Ok(None);
         }
         let number = self.next_step;
         let publishes = self.kind == PathKind::Samples && progress.publish_due();
         let mut plan = StepPlan { round: self.round, rounds: self.rounds, publishes, ..StepPlan::default() };
         // Rays of steps that are still under way may be waiting by now.
-        plan.wakes = self.seen.waiting() > 0 || !flights.is_empty();
+        plan.wakes = self.seen.waiting() > 0 || !in_flight.is_empty();
         let (seen, begun) = (&self.seen, &self.begun);
         let film = self.streamer.tracer.setting.film;
         while let Some(segment) = self.segments.take_finished(|segment| seen.is_finished(begun, segment)) {
@@ -329,11 +329,11 @@ impl PathSource for StreamingStage<'_, '_> {
     }
 
     /// Learns from the step, asks the planner.
-    fn land(
+    fn take_results(
         &mut self,
         work: SubmittedWork<StreamingStep>,
         secs: f64,
-        _flights: &mut VecDeque<InFlightSubmission<StreamingStep>>,
+        _in_flight: &mut VecDeque<InFlightSubmission<StreamingStep>>,
         _gate: &FrameGate<'_>,
         progress: &mut FrameProgress<'_>,
     ) -> Result<Option<SubmittedWork<StreamingStep>>, RenderError> {
@@ -372,7 +372,7 @@ impl PathSource for StreamingStage<'_, '_> {
         Ok(Some(work))
     }
 
-    fn landed(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
+    fn end_submission(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
         self.open(progress);
         match self.seen.counters.stack_overflows {
             0 => Ok(()),
