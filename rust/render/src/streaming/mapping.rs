@@ -104,7 +104,7 @@ impl SceneResidency<'_> {
 
     /// Whether what is visited most has come to the device, as far as there is room, after so many rays.
     pub(super) fn is_settled(&self, rays: u64) -> bool {
-        rays >= SETTLING_RAYS && self.planner.stats().bytes_in_flight <= self.planner.budget() / SETTLED_SHARE
+        is_settled(rays, self.planner.stats().bytes_in_flight, self.planner.budget())
     }
 
     /// Begins to bring what no ray has asked for. Few rays may wait for something in every step, so this goes on beside
@@ -160,7 +160,7 @@ impl SceneResidency<'_> {
     /// Lets geometry go until tiles have so much room, as far as the budget has so much; what goes is read in host
     /// memory, or brought there.
     pub(super) fn make_room_for_tiles(&mut self, bytes: u64) {
-        let geometry = self.budget.saturating_sub(bytes.saturating_sub(self.textures.bytes_held));
+        let geometry = beside_tiles(self.budget, self.textures.bytes_held, bytes);
         if geometry < self.planner.budget() && self.planner.set_budget(geometry).is_err() {
             tracing::debug!(geometry, "no room for tiles");
         }
@@ -193,5 +193,37 @@ impl SceneResidency<'_> {
         }
         self.grow_stack(unit);
         self.arrived.push(unit);
+    }
+}
+
+/// See [`Residency::is_settled`].
+fn is_settled(rays: u64, bytes_in_flight: u64, budget: u64) -> bool {
+    rays >= SETTLING_RAYS && bytes_in_flight <= budget / SETTLED_SHARE
+}
+
+/// Bytes of the budget for geometry and the tiles that are `held`, where all tiles are to have `bytes`.
+fn beside_tiles(budget: u64, held: u64, bytes: u64) -> u64 {
+    budget.saturating_sub(bytes.saturating_sub(held))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn streaming_is_settled_after_some_rays_when_little_is_in_flight() {
+        let budget = 320 << 20;
+        assert!(is_settled(SETTLING_RAYS, 10 << 20, budget));
+        assert!(!is_settled(SETTLING_RAYS - 1, 0, budget), "too few rays tell what is visited most");
+        assert!(!is_settled(u64::MAX, (10 << 20) + 1, budget), "much is still on its way");
+        assert!(is_settled(SETTLING_RAYS, 0, 0), "nothing can come");
+    }
+
+    #[test]
+    fn tiles_get_what_they_lack_of_the_budget() {
+        assert_eq!(beside_tiles(100, 0, 8), 92);
+        assert_eq!(beside_tiles(100, 5, 8), 97, "tiles that are held count in the planner's bytes");
+        assert_eq!(beside_tiles(100, 9, 8), 100);
+        assert_eq!(beside_tiles(4, 0, 8), 0);
     }
 }
