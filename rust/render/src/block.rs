@@ -3,7 +3,7 @@
 //! reads.
 
 use crate::assets::SceneView;
-use crate::setting::FrameContext;
+use crate::frame_context::FrameContext;
 use bytemuck::Zeroable;
 use oocpt_abi::{FrameConstants, FrameFlags};
 
@@ -20,9 +20,9 @@ fn error_floor(exposure: f32) -> f32 {
     (1e-2 / (exposure * exposure)).clamp(1e-30, 1e30)
 }
 
-/// The frame block of a setting; path memory is bound by its owner.
-pub(crate) fn frame_block(setting: &FrameContext<'_>, scene: &SceneView) -> FrameConstants {
-    let FrameContext { job, lights, rays, film, .. } = *setting;
+/// The frame block of a frame; path memory is bound by its owner.
+pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> FrameConstants {
+    let FrameContext { job, lights, rays, film, .. } = *context;
     let mut flags = FrameFlags::empty();
     flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible());
     let exposure = job.request.camera.exposure();
@@ -63,7 +63,7 @@ pub(crate) fn frame_block(setting: &FrameContext<'_>, scene: &SceneView) -> Fram
         material_slots: scene.material_slots,
         programs: scene.programs,
         placed_values: scene.placed_values,
-        lighting: setting.lighting,
+        lighting: context.lighting,
         exposure,
         error_floor: error_floor(exposure),
         ..FrameConstants::zeroed()

@@ -4,7 +4,7 @@
 
 use crate::assets::motion_key;
 use crate::error::RenderError;
-use crate::setting::FrameContext;
+use crate::frame_context::FrameContext;
 use oocpt_abi::{FrameConstants, GpuCameraKey};
 use oocpt_core::inventory::RenderInventory;
 use oocpt_core::{CameraMotion, MotionKey};
@@ -12,7 +12,7 @@ use oocpt_gpu::{Buffer, BufferUsage};
 
 /// Uploads what there is, and writes the addresses into the block.
 pub(crate) fn upload(
-    setting: &FrameContext<'_>,
+    context: &FrameContext<'_>,
     block: &mut FrameConstants,
     listed: &mut RenderInventory,
 ) -> Result<[Option<Buffer>; 2], RenderError> {
@@ -20,17 +20,17 @@ pub(crate) fn upload(
         if bytes.is_empty() {
             return Ok(None);
         }
-        let buffer = Buffer::new(&setting.device.gpu, name, bytes.len() as u64, BufferUsage::Upload)?;
+        let buffer = Buffer::new(&context.device.gpu, name, bytes.len() as u64, BufferUsage::Upload)?;
         buffer.write(0, bytes)?;
         listed.add(name, bytes.len() as u64);
         Ok(Some(buffer))
     };
-    let motion = upload("camera motion", &setting.camera_motion.map(encode).unwrap_or_default())?;
-    let planes = upload("clipping planes", bytemuck::cast_slice(setting.clip_planes))?;
+    let motion = upload("camera motion", &context.camera_motion.map(encode).unwrap_or_default())?;
+    let planes = upload("clipping planes", bytemuck::cast_slice(context.clip_planes))?;
     block.camera_motion = motion.as_ref().map_or(0, Buffer::address);
     block.clip_planes = planes.as_ref().map_or(0, Buffer::address);
     // At most MAX_CLIP_PLANES.
-    block.clip_plane_count = u32::try_from(setting.clip_planes.len()).unwrap_or(0);
+    block.clip_plane_count = u32::try_from(context.clip_planes.len()).unwrap_or(0);
     Ok([motion, planes])
 }
 

@@ -9,6 +9,7 @@ use crate::engine::{self, CompiledFeatures, FrameTiles, WaveSource, WavefrontTra
 use crate::error::RenderError;
 use crate::feedback::FeedbackBuffers;
 use crate::film::Film;
+use crate::frame_context::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
 use crate::host_memory::{self, HostMemoryUser};
 use crate::in_core::{path_needs, roomy_waves, share_of_waves};
 use crate::in_flight;
@@ -16,7 +17,6 @@ use crate::job::RenderJob;
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
 use crate::progress::FrameProgress;
 use crate::request::Severity;
-use crate::setting::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
 use crate::shared::FrameGate;
 use crate::specialise::ForcedFeatures;
 use crate::streaming::{self, StreamBuffers};
@@ -39,8 +39,8 @@ const FEWEST_TILES: u64 = 8 << 20;
 
 /// Sets the limit of host memory in which rays read tiles of textures that find no room on the device, where they may.
 /// A cap on geometry counts them: then there is none.
-fn let_tiles_be_mapped(setting: &FrameContext<'_>, scene: &DeviceScene) -> Result<(), RenderError> {
-    let FrameContext { device, job, .. } = *setting;
+fn let_tiles_be_mapped(context: &FrameContext<'_>, scene: &DeviceScene) -> Result<(), RenderError> {
+    let FrameContext { device, job, .. } = *context;
     if scene.assets.tile_bytes > 0 && maps_host(device, &job.settings) && geometry_cap(job).is_none() {
         let heap = device.host_heap()?;
         let held = heap.stats().arena_bytes + heap.stats().dedicated_bytes;
@@ -182,7 +182,7 @@ impl Renderer {
             return Err(RenderError::Internal("the frame's images were not made".into()));
         };
         let tables = std::mem::take(&mut self.light_tables);
-        let setting = FrameContext {
+        let context = FrameContext {
             device,
             job,
             rays: &rays,
@@ -197,7 +197,7 @@ impl Renderer {
             is_frugal: self.is_frugal,
             has_outgrown: self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot)),
         };
-        let result = self.render_scene(&setting, gate, progress);
+        let result = self.render_scene(&context, gate, progress);
         self.film = Some(film);
         self.light_tables = tables;
         result
@@ -206,11 +206,11 @@ impl Renderer {
     /// Renders from a scene that is all there, or, where it does not fit, from what the rays ask for.
     fn render_scene(
         &mut self,
-        setting: &FrameContext<'_>,
+        context: &FrameContext<'_>,
         gate: &FrameGate<'_>,
         progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
-        let (device, job) = (setting.device, setting.job);
+        let (device, job) = (context.device, context.job);
         progress.stage("uploading the scene");
         let mut scenes = std::mem::take(&mut self.scene);
         let scene = scenes.sync(&job.snapshot, job.images.as_ref())?;
@@ -222,12 +222,12 @@ impl Renderer {
             scene.keep_within(cap);
         }
         let missing = scene.missing_bytes();
-        let mut in_core = self.fits(setting, scene, missing) && !self.comes_meanwhile(setting, missing);
+        let mut in_core = self.fits(context, scene, missing) && !self.comes_meanwhile(context, missing);
         if in_core {
             self.stream = None;
             scene.store.kept().limit(0);
             scene.unmap(device, maps_host(device, &job.settings));
-            let_tiles_be_mapped(setting, scene)?;
+            let_tiles_be_mapped(context, scene)?;
             match scene.load_all(device, gate, &mut progress.timings) {
                 Ok(true) => {}
                 Ok(false) => {
@@ -244,9 +244,9 @@ impl Renderer {
         }
         progress.streaming(|stats| stats.in_core = in_core);
         let result = if in_core {
-            self.render_in_core(setting, scene, None, gate, progress)
+            self.render_in_core(context, scene, None, gate, progress)
         } else {
-            self.render_beyond(setting, scene, gate, progress)
+            self.render_beyond(context, scene, gate, progress)
         };
         for complaint in scene.assets.textures.take_complaints().into_iter().chain(scene.store.take_left_out()) {
             gate.shared().report(Severity::Warning, complaint);
@@ -259,15 +259,15 @@ impl Renderer {
     /// memory, if it comes to that, and the rest as one in core.
     fn render_beyond(
         &mut self,
-        setting: &FrameContext<'_>,
+        context: &FrameContext<'_>,
         scene: &mut DeviceScene,
         gate: &FrameGate<'_>,
         progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
         let mut first = None;
-        if !(streaming::may_split(setting, scene) && scene.is_all_there()) {
+        if !(streaming::may_split(context, scene) && scene.is_all_there()) {
             self.waves = None;
-            first = streaming::render(setting, scene, (&mut self.stream, &mut self.ahead), gate, progress)?;
+            first = streaming::render(context, scene, (&mut self.stream, &mut self.ahead), gate, progress)?;
             if first.is_none() {
                 return Ok(());
             }
@@ -277,8 +277,8 @@ impl Renderer {
         if !scene.is_all_there() {
             return Err(RenderError::Internal("a chunk went before the passes that count on it".into()));
         }
-        scene.show_where_it_is(setting.device)?;
-        let mapped = setting.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes);
+        scene.show_where_it_is(context.device)?;
+        let mapped = context.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes);
         let held = scene.store.bytes();
         progress.streaming(|stats| {
             (stats.is_split, stats.mapped_bytes, stats.geometry_bytes) = (true, mapped, held);
@@ -286,35 +286,35 @@ impl Renderer {
                 stats.hit_rate = 1.0;
             }
         });
-        self.render_in_core(setting, scene, first, gate, progress)
+        self.render_in_core(context, scene, first, gate, progress)
     }
 
     /// Whether a scene that fits, but of which bytes are missing on the device, is rendered while these are loaded. Not
     /// on processors, where loading takes the cores that trace.
-    fn comes_meanwhile(&mut self, setting: &FrameContext<'_>, missing: u64) -> bool {
+    fn comes_meanwhile(&mut self, context: &FrameContext<'_>, missing: u64) -> bool {
         #[cfg(feature = "faults")]
-        if setting.job.options.faults.streams_first {
-            return setting.job.generation == 1;
+        if context.job.options.faults.streams_first {
+            return context.job.generation == 1;
         }
-        !is_cpu(setting.device) && self.upload.streams(missing, paths(setting.job))
+        !is_cpu(context.device) && self.upload.streams(missing, paths(context.job))
     }
 
     /// Whether the whole scene, of which bytes are missing on the device, fits what the settings and the device allow,
     /// with room for waves.
-    fn fits(&mut self, setting: &FrameContext<'_>, scene: &DeviceScene, missing: u64) -> bool {
-        let (gpu, job) = (&setting.device.gpu, setting.job);
+    fn fits(&mut self, context: &FrameContext<'_>, scene: &DeviceScene, missing: u64) -> bool {
+        let (gpu, job) = (&context.device.gpu, context.job);
         let cap = geometry_cap(job);
         // A report of the chunks counts rays and loads, which only streaming does.
         let streams = self.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
         // Texture tiles are loaded on demand: a few of them may be enough.
         let least = scene.assets.geometry_bytes() + scene.assets.tile_bytes.min(FEWEST_TILES);
-        if streams || setting.has_outgrown || cap.is_some_and(|cap| least > cap) {
+        if streams || context.has_outgrown || cap.is_some_and(|cap| least > cap) {
             return false;
         }
         let missing = missing + scene.assets.tile_bytes.min(FEWEST_TILES);
-        let waves = if self.waves.is_some() { 0 } else { roomy_waves(setting, scene) };
+        let waves = if self.waves.is_some() { 0 } else { roomy_waves(context, scene) };
         let unused_arenas = || {
-            let heap = setting.device.heap.stats();
+            let heap = context.device.heap.stats();
             heap.arena_bytes.saturating_sub(heap.used_bytes)
         };
         let fits = |gpu: &Gpu| {
@@ -332,23 +332,23 @@ impl Renderer {
     /// Renders a scene that is all there, or the rest from path `first` on.
     fn render_in_core(
         &mut self,
-        setting: &FrameContext<'_>,
+        context: &FrameContext<'_>,
         scene: &mut DeviceScene,
         first: Option<u64>,
         gate: &FrameGate<'_>,
         progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
-        let device = setting.device;
+        let device = context.device;
         let held = scene.tile_bytes_held();
         progress.streaming(|stats| stats.texture_bytes = held);
         let view = scene.view(scene.stack_entries())?;
-        let parts = CompiledFeatures::new(setting, &view, false);
-        let mut view = if setting.carry.levels { view.deepest(scene.stack_entries()) } else { view };
-        if let Some((stack_size, passes)) = self.ahead.serves(parts.compiled_for(setting, &view)?.0) {
+        let parts = CompiledFeatures::new(context, &view, false);
+        let mut view = if context.carry.levels { view.deepest(scene.stack_entries()) } else { view };
+        if let Some((stack_size, passes)) = self.ahead.serves(parts.compiled_for(context, &view)?.0) {
             view.stack_size = stack_size;
             progress.streaming(|stats| stats.compiled_ahead = passes);
         }
-        self.make_waves(setting, &view, parts.features, (scene.assets.tile_bytes, scene.maps_tiles(device)))?;
+        self.make_waves(context, &view, parts.features, (scene.assets.tile_bytes, scene.maps_tiles(device)))?;
         let Some(paths) = &self.waves else {
             return Err(RenderError::Internal("the frame's waves were not made".into()));
         };
@@ -363,11 +363,11 @@ impl Renderer {
         }
         let bind =
             |block: &mut FrameConstants| block.texture_feedback = feedback.as_ref().map_or(0, FeedbackBuffers::address);
-        let mut tracer = WavefrontTracer::new(setting, paths, (&view, parts), listed, bind, progress)?;
+        let mut tracer = WavefrontTracer::new(context, paths, (&view, parts), listed, bind, progress)?;
         if let (Some(feedback), Some(incomplete_paths)) = (&feedback, paths.incomplete_paths()) {
             tracer.traces_into(feedback.written().into_iter().chain([incomplete_paths]).collect());
         }
-        let tiles = FrameTiles { scene, cap: geometry_cap(setting.job), feedback: feedback.as_ref() };
+        let tiles = FrameTiles { scene, cap: geometry_cap(context.job), feedback: feedback.as_ref() };
         engine::render(&mut WaveSource::new(tracer, tiles, feedback.as_ref(), first), gate, progress).map(|_| ())
     }
 
@@ -401,16 +401,16 @@ impl Renderer {
     /// ([`share_of_waves`]); less when there is no memory. `tiles`: bytes of all tiles, and whether they are mapped.
     fn make_waves(
         &mut self,
-        setting: &FrameContext<'_>,
+        context: &FrameContext<'_>,
         view: &SceneView,
         features: Features,
         tiles: (u64, bool),
     ) -> Result<(), RenderError> {
-        let FrameContext { device, .. } = *setting;
+        let FrameContext { device, .. } = *context;
         let textures = features.contains(Features::TEXTURES);
-        let needs = path_needs(setting, textures, features.contains(Features::DEFERRED_CUTOUTS));
+        let needs = path_needs(context, textures, features.contains(Features::DEFERRED_CUTOUTS));
         let path_bytes = needs.bytes_a_path(view.max_levels);
-        let wanted = in_flight(setting, path_bytes).wanted();
+        let wanted = in_flight(context, path_bytes).wanted();
         let fits = |waves: &PathBuffers| waves.serves(view.max_levels, needs) && waves.asked >= wanted;
         if self.waves.as_ref().is_some_and(fits) {
             return Ok(());

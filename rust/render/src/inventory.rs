@@ -3,7 +3,7 @@
 
 use crate::bsdf_tables;
 use crate::device::{Device, PassSpecialisation};
-use crate::setting::FrameContext;
+use crate::frame_context::FrameContext;
 use crate::specialise;
 use crate::wavefront::{TraversalBackend, WavefrontPasses};
 use oocpt_abi::Features;
@@ -22,11 +22,11 @@ pub(crate) struct CompiledPasses<'a> {
 
 /// The inventory of a frame; the scene and the paths have `listed` what they hold.
 pub(crate) fn of_frame(
-    setting: &FrameContext<'_>,
+    context: &FrameContext<'_>,
     compiled: CompiledPasses<'_>,
     listed: RenderInventory,
 ) -> RenderInventory {
-    let FrameContext { device, job, film, tables, .. } = *setting;
+    let FrameContext { device, job, film, tables, .. } = *context;
     let CompiledPasses { special, carried, .. } = compiled;
     let features = special.features;
     let mut inventory = RenderInventory {

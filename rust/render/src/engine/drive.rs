@@ -6,8 +6,8 @@
 
 use super::{WavefrontTracer, finish};
 use crate::error::RenderError;
+use crate::frame_context::FrameContext;
 use crate::progress::FrameProgress;
-use crate::setting::FrameContext;
 use crate::shared::FrameGate;
 use crate::wavefront::PathKind;
 use oocpt_abi::WavefrontCounters;
@@ -177,7 +177,7 @@ fn retire_oldest<F: PathSource>(
         *last_end = Instant::now(); // What was done over says nothing about how long work takes.
     }
     let Some(work) = work else { return Ok(()) };
-    let FrameContext { film, device, .. } = *source.tracer().setting;
+    let FrameContext { film, device, .. } = *source.tracer().context;
     progress.note_driver_usage(device);
     if work.publishes {
         progress.publish(film)?;

@@ -18,9 +18,9 @@ use crate::block::frame_block;
 use crate::camera_blocks;
 use crate::device::PassSpecialisation;
 use crate::error::RenderError;
+use crate::frame_context::{FrameContext, is_cpu, maps_host};
 use crate::inventory::{self, CompiledPasses};
 use crate::progress::FrameProgress;
-use crate::setting::{FrameContext, is_cpu, maps_host};
 use crate::shared::FrameGate;
 use crate::specialise;
 use crate::timings::RenderTimings;
@@ -36,7 +36,7 @@ use oocpt_gpu::{Buffer, BufferUsage, CommandList, Submission};
 /// What every submission of a frame refers to.
 #[derive(Debug)]
 pub(crate) struct WavefrontTracer<'a> {
-    pub(crate) setting: &'a FrameContext<'a>,
+    pub(crate) context: &'a FrameContext<'a>,
     pub(crate) paths: &'a PathBuffers,
     passes: WavefrontPasses,
     special: PassSpecialisation,
@@ -60,8 +60,8 @@ pub(crate) struct CompiledFeatures {
 
 impl CompiledFeatures {
     /// What a scene needs, and what is carried beside that.
-    pub(crate) fn new(setting: &FrameContext<'_>, view: &SceneView, streams: bool) -> Self {
-        let FrameContext { job, lights, rays, film, .. } = *setting;
+    pub(crate) fn new(context: &FrameContext<'_>, view: &SceneView, streams: bool) -> Self {
+        let FrameContext { job, lights, rays, film, .. } = *context;
         let mut needed = specialise::features(&job.snapshot, lights, rays, view);
         #[cfg(feature = "faults")]
         needed.set(
@@ -70,39 +70,39 @@ impl CompiledFeatures {
         );
         #[cfg(feature = "faults")]
         needed.insert(job.options.faults.more_features);
-        needed.set(Features::CAMERA_MOTION, setting.camera_motion.is_some());
+        needed.set(Features::CAMERA_MOTION, context.camera_motion.is_some());
         let moves = needed.intersects(Features::MOTION | Features::DEFORMATION | Features::CAMERA_MOTION);
         needed.set(Features::MOTION_VECTORS, moves && film.has_motion());
         needed.set(Features::SHADED_AOVS, film.has_shaded_planes());
-        needed.set(Features::CLIPPING, !setting.clip_planes.is_empty());
+        needed.set(Features::CLIPPING, !context.clip_planes.is_empty());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         needed.set(Features::STREAMING, streams);
         // While streaming a ray waits for the texture of a cutout as it does for chunks.
-        let walks_natively = is_cpu(setting.device) && job.settings.traversal != TraversalKind::Compute;
+        let walks_natively = is_cpu(context.device) && job.settings.traversal != TraversalKind::Compute;
         let defers = !streams && !walks_natively && needed.contains(Features::OPACITY_MASKS);
         #[cfg(feature = "faults")]
         let defers = defers && !job.options.faults.no_deferred_cutouts;
         if defers && view.masks_answer_most {
             needed.insert(Features::DEFERRED_CUTOUTS);
         }
-        let counts = !job.settings.chunk_report.is_empty() || maps_host(setting.device, &job.settings);
+        let counts = !job.settings.chunk_report.is_empty() || maps_host(context.device, &job.settings);
         needed.set(Features::CHUNK_COUNTS, streams && counts);
         needed.set(Features::ROULETTE, streams && job.settings.straggler_roulette);
-        let carried = setting.carry.possible(needed, setting.light_carry);
+        let carried = context.carry.possible(needed, context.light_carry);
         Self { features: needed | carried, carried }
     }
 
     /// What the passes are compiled for, and what traces.
     pub(crate) fn compiled_for(
         self,
-        setting: &FrameContext<'_>,
+        context: &FrameContext<'_>,
         view: &SceneView,
     ) -> Result<(PassSpecialisation, TraversalBackend), RenderError> {
         let special = specialise::specialisation(self.features, view);
         #[cfg(feature = "faults")]
-        let special = PassSpecialisation { fault: setting.job.options.faults.lost_chunks, ..special };
-        let wanted = setting.job.settings.traversal;
-        Ok((special, TraversalBackend::choose(wanted, setting.device, &special, view)?))
+        let special = PassSpecialisation { fault: context.job.options.faults.lost_chunks, ..special };
+        let wanted = context.job.settings.traversal;
+        Ok((special, TraversalBackend::choose(wanted, context.device, &special, view)?))
     }
 }
 
@@ -110,29 +110,29 @@ impl<'a> WavefrontTracer<'a> {
     /// Compiles the passes and tells the stats what the frame is made of; the scene, the paths and what else there is
     /// have `listed` what they hold. `bind` writes addresses of memory into the frame block.
     pub(crate) fn new(
-        setting: &'a FrameContext<'a>,
+        context: &'a FrameContext<'a>,
         paths: &'a PathBuffers,
         (view, parts): (&SceneView, CompiledFeatures),
         mut listed: RenderInventory,
         bind: impl FnOnce(&mut FrameConstants),
         progress: &mut FrameProgress<'_>,
     ) -> Result<Self, RenderError> {
-        let FrameContext { device, film, .. } = *setting;
+        let FrameContext { device, film, .. } = *context;
         let CompiledFeatures { features, carried } = parts;
         progress.stage("compiling passes");
-        let (special, backend) = parts.compiled_for(setting, view)?;
+        let (special, backend) = parts.compiled_for(context, view)?;
         let passes = WavefrontPasses::new(device, (special, backend), film, &mut progress.timings)?;
-        let mut block = frame_block(setting, view);
+        let mut block = frame_block(context, view);
         [block.bsdf_tables, block.sheen_tables] = device.bsdf_tables(features)?; // before the list of what there is
-        let camera = camera_blocks::upload(setting, &mut block, &mut listed)?;
+        let camera = camera_blocks::upload(context, &mut block, &mut listed)?;
         let inventory =
-            inventory::of_frame(setting, CompiledPasses { passes: &passes, special, carried, backend }, listed);
+            inventory::of_frame(context, CompiledPasses { passes: &passes, special, carried, backend }, listed);
         progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
         paths.bind(&mut block);
         bind(&mut block);
         let frame = Buffer::new(&device.gpu, "frame", size_of::<FrameConstants>() as u64, BufferUsage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
-        Ok(Self { setting, paths, passes, special, backend, written: paths.written(), frame, _camera: camera })
+        Ok(Self { context, paths, passes, special, backend, written: paths.written(), frame, _camera: camera })
     }
 
     /// Says what the trace passes write besides what belongs to the paths.
@@ -144,33 +144,33 @@ impl<'a> WavefrontTracer<'a> {
     pub(crate) fn deepen(&mut self, stack_size: u32, timings: &mut RenderTimings) -> Result<(), RenderError> {
         self.special.stack_size = stack_size;
         let special = (self.special, self.backend);
-        self.passes = WavefrontPasses::new(self.setting.device, special, self.setting.film, timings)?;
+        self.passes = WavefrontPasses::new(self.context.device, special, self.context.film, timings)?;
         Ok(())
     }
 
     pub(crate) fn recorder(&self) -> WavefrontRecorder<'_> {
-        let gpu = &self.setting.device.gpu;
+        let gpu = &self.context.device.gpu;
         let native = || NativeTraversal::new(gpu, &self.written, &self.special, self.backend);
         WavefrontRecorder {
             native: self.backend.is_native.then(native),
             passes: &self.passes,
-            film: self.setting.film,
+            film: self.context.film,
             counters: &self.paths.counters,
             frame: self.frame.address(),
             // The request was validated: at most 2^28 pixels.
-            pixels: u32::try_from(self.setting.job.request.pixels()).unwrap_or(u32::MAX),
+            pixels: u32::try_from(self.context.job.request.pixels()).unwrap_or(u32::MAX),
         }
     }
 
     pub(crate) fn commands(&self, label: &str) -> Result<CommandList, RenderError> {
-        let mut commands = self.setting.device.gpu.commands(label)?;
-        commands.profile(self.setting.job.options.profile);
+        let mut commands = self.context.device.gpu.commands(label)?;
+        commands.profile(self.context.job.options.profile);
         Ok(commands)
     }
 
     /// Publishes the images as they are, and what the film says of its error.
     fn end(&self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
-        let film = self.setting.film;
+        let film = self.context.film;
         let measures = film.has_color() && progress.ends_between_octaves();
         let mut commands = self.commands("resolve")?;
         self.recorder().copy_out(&mut commands);
@@ -194,7 +194,7 @@ pub(crate) fn render<F: PathSource>(
     progress: &mut FrameProgress<'_>,
 ) -> Result<Option<u64>, RenderError> {
     progress.stage("rendering");
-    let film = source.tracer().setting.film;
+    let film = source.tracer().context.film;
     let (has_planes, has_color) = (film.has_planes() && !source.goes_on(), film.has_color());
     if has_planes || !has_color {
         // Without an image nothing is traced, but the counters that are read at the end have to be cleared.

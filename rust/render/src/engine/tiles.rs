@@ -37,7 +37,7 @@ impl FrameTiles<'_> {
         progress: &mut FrameProgress<'_>,
     ) -> Result<bool, RenderError> {
         tracing::debug!(tiles = tiles.len(), "tiles are wanted");
-        let shown = match self.scene.bring_tiles(tracer.setting.device, tiles, self.cap, gate, &mut progress.timings)? {
+        let shown = match self.scene.bring_tiles(tracer.context.device, tiles, self.cap, gate, &mut progress.timings)? {
             TilesOutcome::NoRoom => return Err(RenderError::TexturesOutgrow),
             TilesOutcome::GivenUp => return Ok(false),
             TilesOutcome::All(shown) => shown,
@@ -45,7 +45,7 @@ impl FrameTiles<'_> {
         let mut commands = tracer.commands("tiles")?;
         let held = self.scene.tile_bytes_held();
         let (loads, paged) = (progress.timings.tiles, progress.timings.tile_bytes);
-        let mapped = tracer.setting.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes);
+        let mapped = tracer.context.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes);
         progress.streaming(|stats| {
             stats.mapped_bytes = mapped;
             (stats.loads, stats.bytes_paged) = (loads, paged);

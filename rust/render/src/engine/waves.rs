@@ -69,7 +69,7 @@ impl<'e> WaveSource<'e> {
     /// The last round of a wave: the one of `max_bounces`; with materials one more: rays that leave the last surface
     /// that is lit still look for lights.
     fn last_round(&self) -> u32 {
-        let job = self.tracer.setting.job;
+        let job = self.tracer.context.job;
         match self.kind {
             PathKind::Aovs => 0,
             PathKind::Samples => {
@@ -166,30 +166,30 @@ impl PathSource for WaveSource<'_> {
     }
 
     fn begin(&mut self, kind: PathKind, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
-        let (setting, paths) = (self.tracer.setting, self.tracer.paths);
+        let (context, paths) = (self.tracer.context, self.tracer.paths);
         let mut commands = self.tracer.commands("clear")?;
         commands.fill(&paths.counters, 0, paths.counters.size(), 0);
         if self.first.is_none() {
-            setting.film.clear(&mut commands);
+            context.film.clear(&mut commands);
         }
         if let Some(feedback) = self.feedback {
             feedback.reset(&mut commands);
         }
         commands.submit()?;
-        let first = first_wave(setting.device.gpu.report().kind);
+        let first = first_wave(context.device.gpu.report().kind);
         self.kind = kind;
         self.schedule = match kind {
             PathKind::Aovs => {
-                WaveSchedule::new(setting.job.request.pixels(), first.min(FIRST_PIXELS), paths.capacity, PIXELS_SECS)
+                WaveSchedule::new(context.job.request.pixels(), first.min(FIRST_PIXELS), paths.capacity, PIXELS_SECS)
             }
             PathKind::Samples => WaveSchedule::new(progress.total_paths(), first, paths.capacity, WAVE_SECS),
         };
         if kind == PathKind::Samples {
             self.schedule.begin_at(self.first.unwrap_or(0));
-            if progress.wants_octaves() && setting.film.adaptive().is_none() {
-                self.schedule = self.schedule.clone().with_octaves(setting.job.request.pixels());
+            if progress.wants_octaves() && context.film.adaptive().is_none() {
+                self.schedule = self.schedule.clone().with_octaves(context.job.request.pixels());
             }
-            self.schedule.cut_at(progress.begin_samples(setting.film));
+            self.schedule.cut_at(progress.begin_samples(context.film));
         }
         Ok(())
     }
@@ -248,7 +248,7 @@ impl PathSource for WaveSource<'_> {
 
     fn end_submission(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
         if self.ended.take().is_some() {
-            self.schedule.cut_at(progress.begin_samples(self.tracer.setting.film));
+            self.schedule.cut_at(progress.begin_samples(self.tracer.context.film));
         }
         Ok(())
     }

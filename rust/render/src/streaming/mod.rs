@@ -34,11 +34,13 @@ use crate::assets::{DeviceScene, HostHeapFiller, SceneAssets, SceneView, bytes_w
 use crate::device::Device;
 use crate::engine::{self, CompiledFeatures, WavefrontTracer};
 use crate::error::RenderError;
+use crate::frame_context::{
+    FrameContext, geometry_cap, has_light_paths, has_shadow_rays, is_cpu, maps_host, shrinking,
+};
 use crate::host_memory::{self, HostMemoryUser};
 use crate::in_core::{LEFT_BY_WAVES, roomy_waves};
 use crate::job::RenderJob;
 use crate::progress::FrameProgress;
-use crate::setting::{FrameContext, geometry_cap, has_light_paths, has_shadow_rays, is_cpu, maps_host, shrinking};
 use crate::shared::FrameGate;
 use crate::specialise;
 use crate::timings::LeftMoment;
@@ -88,34 +90,34 @@ pub(crate) struct StreamingContext<'a, 'r> {
     pub(crate) stragglers: Option<StragglerRoulette>,
 }
 
-/// Renders `setting` from `scene`; publishes images and stats on the way. Gives the first path that is left, where the
+/// Renders `context` from `scene`; publishes images and stats on the way. Gives the first path that is left, where the
 /// rest is better rendered without streaming ([`DeviceScene::is_all_there`]).
 pub(crate) fn render(
-    setting: &FrameContext<'_>,
+    context: &FrameContext<'_>,
     scene: &mut DeviceScene,
     (kept, ahead): (&mut Option<StreamBuffers>, &mut BackgroundCompile),
     gate: &FrameGate<'_>,
     progress: &mut FrameProgress<'_>,
 ) -> Result<Option<u64>, RenderError> {
-    let FrameContext { device, job, .. } = *setting;
+    let FrameContext { device, job, .. } = *context;
     // Paths first: the heap takes what it can get.
-    make_buffers(setting, scene, kept)?;
+    make_buffers(context, scene, kept)?;
     scene.make_empty_tables(device)?;
     let view = scene.view(0)?;
     let buffers = kept.as_ref().ok_or_else(|| RenderError::Internal("the frame's paths were not made".into()))?;
-    let parts = CompiledFeatures::new(setting, &view, true);
+    let parts = CompiledFeatures::new(context, &view, true);
     device.bsdf_tables(parts.features)?; // before geometry takes what is left
     let maps = maps_host(device, &job.settings);
-    let budget = geometry_budget(setting, scene, buffers);
-    reserve(setting, scene, budget)?;
+    let budget = geometry_budget(context, scene, buffers);
+    reserve(context, scene, budget)?;
     let policy = job.settings.policy;
     let mut listed = RenderInventory::default();
     scene.list(&mut listed, false);
     buffers.list(&mut listed);
     listed.add("geometry and textures, at most", budget);
     let assets = scene.assets.clone();
-    let filler = host_share(setting, scene, maps)?;
-    let may_leave = filler.is_some() && may_split(setting, scene) && holds(device, &assets, budget)?;
+    let filler = host_share(context, scene, maps)?;
+    let may_leave = filler.is_some() && may_split(context, scene) && holds(device, &assets, budget)?;
     let mut leave = LeaveDecision::new(may_leave, assets.tile_bytes > 0, buffers.paths.capacity, leaves_soon(job));
     let (_, store, tables) = scene.parts()?;
     let mut residency =
@@ -129,11 +131,11 @@ pub(crate) fn render(
     let stack_entries = residency.stack_entries.max(assets.likely_stack());
     let view = view.with_stack(stack_entries + MAX_PENDING);
     let bind = |block: &mut FrameConstants| buffers.bind(block);
-    let mut tracer = WavefrontTracer::new(setting, &buffers.paths, (&view, parts), listed, bind, progress)?;
+    let mut tracer = WavefrontTracer::new(context, &buffers.paths, (&view, parts), listed, bind, progress)?;
     tracer.traces_into(buffers.written());
     if may_leave && leave.pays(progress.total_paths()) {
-        let view = if setting.carry.levels { view.deepest(stack_entries) } else { view.with_stack(stack_entries) };
-        ahead.begin(device, CompiledFeatures::new(setting, &view, false).compiled_for(setting, &view)?, setting.film);
+        let view = if context.carry.levels { view.deepest(stack_entries) } else { view.with_stack(stack_entries) };
+        ahead.begin(device, CompiledFeatures::new(context, &view, false).compiled_for(context, &view)?, context.film);
         leave.compiles = ahead.pending();
     }
     tracing::info!(
@@ -155,34 +157,34 @@ pub(crate) fn render(
         stack_entries,
         view,
         left: PathsLeftLog::of(progress.total_paths()),
-        stragglers: job.settings.straggler_roulette.then(|| stragglers(setting)),
+        stragglers: job.settings.straggler_roulette.then(|| stragglers(context)),
     };
     engine::render(&mut StreamingStage::new(streamer, leave, gate.patience()), gate, progress)
 }
 
-fn stragglers(setting: &FrameContext<'_>) -> StragglerRoulette {
-    let units = setting.job.snapshot.world.chunks.len() + setting.job.snapshot.meshes.len();
-    let stragglers = StragglerRoulette::new(setting.job.settings.seed, units);
+fn stragglers(context: &FrameContext<'_>) -> StragglerRoulette {
+    let units = context.job.snapshot.world.chunks.len() + context.job.snapshot.meshes.len();
+    let stragglers = StragglerRoulette::new(context.job.settings.seed, units);
     #[cfg(feature = "faults")]
-    let stragglers = stragglers.with_faults(setting.job.options.faults);
+    let stragglers = stragglers.with_faults(context.job.options.faults);
     stragglers
 }
 
 /// Most lookups of textures of a surface, with those of what the mesh emits that it asks for light.
-fn lookups(setting: &FrameContext<'_>) -> u32 {
-    let of_lights = setting.lights.mesh_lookups();
-    u32::try_from(setting.job.snapshot.surfaces.most_lookups()).unwrap_or(0) + of_lights
+fn lookups(context: &FrameContext<'_>) -> u32 {
+    let of_lights = context.lights.mesh_lookups();
+    u32::try_from(context.job.snapshot.surfaces.most_lookups()).unwrap_or(0) + of_lights
 }
 
 /// Path memory: its share of what the budget leaves beside what cannot go ([`ShareRequest`]), and no more than the
 /// render has paths; less when there is no memory. What the scene holds on the device goes if paths have no room beside
 /// it.
 fn make_buffers(
-    setting: &FrameContext<'_>,
+    context: &FrameContext<'_>,
     scene: &mut DeviceScene,
     kept: &mut Option<StreamBuffers>,
 ) -> Result<(), RenderError> {
-    let FrameContext { device, job, .. } = *setting;
+    let FrameContext { device, job, .. } = *context;
     let textures = !scene.assets.textures.is_empty();
     let needs = StreamingNeeds {
         levels: scene.levels(),
@@ -190,16 +192,16 @@ fn make_buffers(
         geometry: scene.assets.geometry_count(),
         units: scene.unit_count(),
         textures,
-        lookups: lookups(setting),
+        lookups: lookups(context),
         materials: job.snapshot.features.contains(Features::MATERIALS),
         cutouts: textures && specialise::has_cutouts(&job.snapshot),
         cutout_programs: textures && job.snapshot.features.contains(Features::CUTOUT_PROGRAMS),
-        light_paths: has_light_paths(setting),
-        shadows: has_shadow_rays(setting),
+        light_paths: has_light_paths(context),
+        shadows: has_shadow_rays(context),
         roulette: job.settings.straggler_roulette,
         visits: maps_host(device, &job.settings),
     };
-    let most = if leaves_soon(job) { FEWEST_PATHS } else { most_paths(setting) };
+    let most = if leaves_soon(job) { FEWEST_PATHS } else { most_paths(context) };
     let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);
     let wanted = paths.clamp(FEWEST_PATHS, most).next_power_of_two();
     if kept.as_ref().is_some_and(|buffers| buffers.serves(needs, (wanted, paths))) {
@@ -234,14 +236,14 @@ fn make_buffers(
 
 /// Whether a scene that is all there, on the device and in host memory, may be rendered without streaming. Tiles of
 /// textures need room then, which a cap on geometry gives to chunks.
-pub(crate) fn may_split(setting: &FrameContext<'_>, scene: &DeviceScene) -> bool {
-    let FrameContext { device, job, film, .. } = *setting;
-    let streams = setting.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
+pub(crate) fn may_split(context: &FrameContext<'_>, scene: &DeviceScene) -> bool {
+    let FrameContext { device, job, film, .. } = *context;
+    let streams = context.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
     maps_host(device, &job.settings)
         && !streams
         && !job.settings.straggler_roulette
         && film.adaptive().is_none()
-        && (scene.assets.tile_bytes == 0 || !setting.has_outgrown && geometry_cap(job).is_none())
+        && (scene.assets.tile_bytes == 0 || !context.has_outgrown && geometry_cap(job).is_none())
 }
 
 /// Whether the device, with `budget` bytes for geometry, and what host memory there may be hold all of the scene.
@@ -262,9 +264,9 @@ fn leaves_soon(job: &RenderJob) -> bool {
 }
 
 /// Most paths in flight.
-fn most_paths(setting: &FrameContext<'_>) -> u64 {
-    let FrameContext { device, job, .. } = *setting;
-    match (setting.is_frugal, is_cpu(device), job.settings.interactive) {
+fn most_paths(context: &FrameContext<'_>) -> u64 {
+    let FrameContext { device, job, .. } = *context;
+    match (context.is_frugal, is_cpu(device), job.settings.interactive) {
         (true, ..) => FEWEST_PATHS,
         (false, true, _) => MOST_PATHS_CPU,
         (false, false, true) => MOST_PATHS_INTERACTIVE,
@@ -274,11 +276,11 @@ fn most_paths(setting: &FrameContext<'_>) -> u64 {
 
 /// Divides the host memory for encoded geometry: what rays read in it is not kept a second time.
 fn host_share(
-    setting: &FrameContext<'_>,
+    context: &FrameContext<'_>,
     scene: &mut DeviceScene,
     maps: bool,
 ) -> Result<Option<HostHeapFiller>, RenderError> {
-    let FrameContext { device, job, .. } = *setting;
+    let FrameContext { device, job, .. } = *context;
     if !maps {
         scene.unmap(device, false);
         let kept = scene.store.kept();
@@ -295,37 +297,37 @@ fn host_share(
 
 /// Bytes that chunks, meshes and assemblies may take: what the budget leaves, less some slack, no more than the user's
 /// own cap, and so little that a picture whose rest is traced without streaming has room for waves then.
-fn geometry_budget(setting: &FrameContext<'_>, scene: &DeviceScene, buffers: &StreamBuffers) -> u64 {
-    let memory = setting.device.gpu.memory();
-    let heap = setting.device.heap.stats();
+fn geometry_budget(context: &FrameContext<'_>, scene: &DeviceScene, buffers: &StreamBuffers) -> u64 {
+    let memory = context.device.gpu.memory();
+    let heap = context.device.heap.stats();
     let unused_arenas = heap.arena_bytes.saturating_sub(heap.used_bytes);
     let free = memory.budget.saturating_sub(memory.used) + unused_arenas + scene.store.bytes();
     let slack = free / SLACK;
     let left = free - slack;
-    let cap = geometry_cap(setting.job).unwrap_or(u64::MAX);
-    if !(maps_host(setting.device, &setting.job.settings) && may_split(setting, scene)) {
+    let cap = geometry_cap(context.job).unwrap_or(u64::MAX);
+    if !(maps_host(context.device, &context.job.settings) && may_split(context, scene)) {
         return left.min(cap);
     }
-    let waves = roomy_waves(setting, scene);
+    let waves = roomy_waves(context, scene);
     let waves = waves + waves / (LEFT_BY_WAVES - 1);
-    let beside = share::beside_waves(left, buffers.slots_bytes(&setting.device.gpu), waves);
+    let beside = share::beside_waves(left, buffers.slots_bytes(&context.device.gpu), waves);
     beside.max(scene.assets.catalog.least_budget().min(left)).min(cap)
 }
 
 /// Makes large arenas for `budget` bytes of units and what they lose to holes, as far as there is
 /// memory: in small ones, units of very different sizes find no place long before the budget is reached.
-fn reserve(setting: &FrameContext<'_>, scene: &DeviceScene, budget: u64) -> Result<(), RenderError> {
-    let (memory, heap) = (setting.device.gpu.memory(), setting.device.heap.stats());
+fn reserve(context: &FrameContext<'_>, scene: &DeviceScene, budget: u64) -> Result<(), RenderError> {
+    let (memory, heap) = (context.device.gpu.memory(), context.device.heap.stats());
     let there = heap.arena_bytes.saturating_sub(heap.used_bytes) + scene.store.bytes();
     let wanted = budget.min(scene.assets.bytes);
     let wanted = (wanted + wanted / SLACK).saturating_sub(there);
     let unused = memory.budget.saturating_sub(memory.used).saturating_sub(SMALL_BUFFERS);
     // What is too large for arenas has memory of its own, which these are to leave.
     let largest = scene.assets.largest_bytes;
-    let dedicated = if largest > setting.device.heap.largest_shared() { largest } else { 0 };
+    let dedicated = if largest > context.device.heap.largest_shared() { largest } else { 0 };
     let mut left = wanted.min(unused).saturating_sub(dedicated);
     while left >= LEAST_RESERVED {
-        match setting.device.heap.reserve(left)? {
+        match context.device.heap.reserve(left)? {
             0 => break,
             bytes => left = left.saturating_sub(bytes),
         }
@@ -354,12 +356,12 @@ impl StreamingContext<'_, '_> {
 
     /// Bytes of geometry in host memory that rays read.
     fn mapped_bytes(&self) -> u64 {
-        self.tracer.setting.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes)
+        self.tracer.context.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes)
     }
 
     /// Brings the stats up to date.
     fn report(&self, progress: &mut FrameProgress<'_>, seen: &StepObservation, stragglers: u64, paths_left: u64) {
-        let heap = self.tracer.setting.device.heap.stats();
+        let heap = self.tracer.context.device.heap.stats();
         let planner = self.residency.planner.stats();
         let counters = &seen.counters;
         let (visits, misses) = (counters.chunk_visits as f64, counters.chunk_misses as f64);

@@ -43,7 +43,7 @@ impl StreamingContext<'_, '_> {
         let mut commands = self.tracer.commands("clear")?;
         self.buffers.clear(&mut commands);
         if kind == PathKind::Samples {
-            self.tracer.setting.film.clear(&mut commands);
+            self.tracer.context.film.clear(&mut commands);
         }
         commands.submit()?;
         Ok(())

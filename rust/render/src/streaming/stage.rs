@@ -17,9 +17,9 @@ use super::stragglers::{RenderCost, StragglerMoment, StragglerRoulette};
 use crate::adaptive::AdaptiveBuffers;
 use crate::engine::{InFlightSubmission, PathSource, StreamingEnd, SubmittedWork, WavefrontTracer};
 use crate::error::RenderError;
+use crate::frame_context::is_cpu;
 use crate::patience::LoadWait;
 use crate::progress::FrameProgress;
-use crate::setting::is_cpu;
 use crate::shared::FrameGate;
 use crate::wavefront::PathKind;
 use oocpt_abi::WavefrontCounters;
@@ -87,7 +87,7 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
             ended: 0,
             begun: Vec::new(),
             seen: StepObservation::default(),
-            is_cpu: is_cpu(streamer.tracer.setting.device),
+            is_cpu: is_cpu(streamer.tracer.context.device),
             stall: StallDetector::new(streamer.residency.planner.catalog().unit_count()),
             streamer,
             kind: PathKind::Samples,
@@ -108,7 +108,7 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
         if self.kind == PathKind::Samples {
             self.segments.open_to(progress.open_paths());
             self.segments
-                .cut_at(self.streamer.tracer.setting.film.adaptive().map_or_else(Vec::new, AdaptiveBuffers::cuts));
+                .cut_at(self.streamer.tracer.context.film.adaptive().map_or_else(Vec::new, AdaptiveBuffers::cuts));
         }
     }
 
@@ -189,10 +189,10 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
     /// Whether the number of living paths is below the threshold for roulette on loads, and none can begin or be
     /// decided about.
     fn are_stragglers(&self) -> bool {
-        let setting = self.streamer.tracer.setting;
-        let adaptive = setting.film.adaptive();
+        let context = self.streamer.tracer.context;
+        let adaptive = context.film.adaptive();
         #[cfg(feature = "faults")]
-        let adaptive = adaptive.filter(|_| !setting.job.options.faults.early_roulette);
+        let adaptive = adaptive.filter(|_| !context.job.options.faults.early_roulette);
         let are_few = |stragglers: &StragglerRoulette| stragglers.are_few(self.seen.paths_alive(), self.most_paths);
         self.kind == PathKind::Samples
             && !self.segments.can_start(self.ended)
@@ -234,11 +234,11 @@ impl PathSource for StreamingStage<'_, '_> {
 
     fn begin(&mut self, kind: PathKind, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
         self.streamer.clear(kind)?;
-        let setting = self.streamer.tracer.setting;
+        let context = self.streamer.tracer.context;
         let total = match kind {
-            PathKind::Aovs => setting.job.request.pixels(),
+            PathKind::Aovs => context.job.request.pixels(),
             PathKind::Samples => {
-                progress.begin_samples(setting.film);
+                progress.begin_samples(context.film);
                 progress.total_paths()
             }
         };
@@ -289,7 +289,7 @@ impl PathSource for StreamingStage<'_, '_> {
         // Rays of steps that are still under way may be waiting by now.
         plan.wakes = self.seen.waiting() > 0 || !in_flight.is_empty();
         let (seen, begun) = (&self.seen, &self.begun);
-        let film = self.streamer.tracer.setting.film;
+        let film = self.streamer.tracer.context.film;
         while let Some(segment) = self.segments.take_finished(|segment| seen.is_finished(begun, segment)) {
             plan.finished.push(segment);
             // A step shows one octave at most.

@@ -67,8 +67,8 @@ pub(crate) fn paths(job: &RenderJob) -> u64 {
 }
 
 /// How many of them a scene in core has in flight, `path_bytes` each.
-pub(crate) fn in_flight(setting: &FrameContext<'_>, path_bytes: u64) -> InFlight {
-    let FrameContext { device, job, film, .. } = *setting;
+pub(crate) fn in_flight(context: &FrameContext<'_>, path_bytes: u64) -> InFlight {
+    let FrameContext { device, job, film, .. } = *context;
     // First hits alone take one through each pixel.
     let paths = if film.has_color() { paths(job) } else { job.request.pixels() };
     let device_bytes = device.gpu.report().device_bytes();
@@ -76,20 +76,20 @@ pub(crate) fn in_flight(setting: &FrameContext<'_>, path_bytes: u64) -> InFlight
 }
 
 /// What lights and what is carried with them have compiled in.
-fn light_features(setting: &FrameContext<'_>) -> Features {
-    setting.lights.features | (setting.carry.features & setting.light_carry)
+fn light_features(context: &FrameContext<'_>) -> Features {
+    context.lights.features | (context.carry.features & context.light_carry)
 }
 
 /// Whether some light asks for shadow rays.
-pub(crate) fn has_shadow_rays(setting: &FrameContext<'_>) -> bool {
+pub(crate) fn has_shadow_rays(context: &FrameContext<'_>) -> bool {
     let any = Features::DOME | Features::DISTANT | Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
-    light_features(setting).intersects(any)
+    light_features(context).intersects(any)
 }
 
 /// Whether paths keep what lights ask of the surface that a ray left (`HAS_PREVIOUS_VERTICES` of the shaders).
-pub(crate) fn has_light_paths(setting: &FrameContext<'_>) -> bool {
+pub(crate) fn has_light_paths(context: &FrameContext<'_>) -> bool {
     let near = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
-    light_features(setting).intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
+    light_features(context).intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
 }
 
 /// Whether rays may read geometry in host memory where the device has no room for it.
