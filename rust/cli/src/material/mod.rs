@@ -16,7 +16,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::host::{Picture, temporary, usdrecord};
+use oocpt_command::host::{Picture, temporary, usdrecord};
 
 /// Side of the picture, pixels.
 const WIDTH: u32 = 4;
@@ -175,7 +175,7 @@ fn find<'a>(report: &'a MaterialReport, path: &str) -> Result<&'a MaterialText> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::script;
+    use crate::script::script;
 
     fn show(path: Option<&str>, usdrecord: &Path) -> Show {
         let path = path.map(str::to_owned);

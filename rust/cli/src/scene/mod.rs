@@ -1,20 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The scenes of benches and tests; `oocpt scene` writes them as USD.
+//! `oocpt scene`: writes a generated scene as USD.
 
-pub(crate) mod forest;
-pub(crate) mod fur;
-pub(crate) mod generated;
-pub(crate) mod island;
-mod lamps;
-pub(crate) mod leaves;
-pub(crate) mod materials;
-pub(crate) mod pictures;
-mod preview;
 mod usd;
-pub(crate) mod woods;
 
 use anyhow::Result;
 use clap::Subcommand;
+use oocpt_scenes::island;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
