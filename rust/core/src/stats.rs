@@ -154,6 +154,21 @@ pub struct Usage {
     /// See above.
     #[serde(default)]
     pub seconds_waiting: f64,
+    /// Seconds before the first ray: reading geometry and sending it to the device, and compiling passes for the scene.
+    #[serde(default)]
+    pub seconds_uploading: f64,
+    /// See above.
+    #[serde(default)]
+    pub seconds_compiling: f64,
+    /// Seconds in which a scene in core waited for tiles of textures; waves traced, and waves traced again for tiles.
+    #[serde(default)]
+    pub seconds_texture_tiles: f64,
+    /// See above.
+    #[serde(default)]
+    pub waves: u64,
+    /// See above.
+    #[serde(default)]
+    pub waves_retraced: u64,
 }
 
 impl Usage {
@@ -184,6 +199,7 @@ impl Usage {
             is_split: streaming.is_split,
             seconds_loading: streaming.seconds_loading,
             seconds_waiting: streaming.seconds_waiting,
+            ..Self::default()
         }
     }
 }

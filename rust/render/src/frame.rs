@@ -10,7 +10,7 @@ use crate::error::RenderError;
 use crate::feedback::Feedback;
 use crate::film::Film;
 use crate::host_memory;
-use crate::in_core::{LEFT_BY_WAVES, path_needs, roomy_waves};
+use crate::in_core::{path_needs, roomy_waves, share_of_waves};
 use crate::in_flight;
 use crate::job::Job;
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
@@ -334,7 +334,7 @@ impl Renderer {
             view.stack_size = stack_size;
             progress.streaming(|stats| stats.compiled_ahead = passes);
         }
-        self.make_waves(setting, &view, parts.features)?;
+        self.make_waves(setting, &view, parts.features, (scene.assets.tile_bytes, scene.maps_tiles(device)))?;
         let Some(paths) = &self.waves else {
             return Err(RenderError::Internal("the frame's waves were not made".into()));
         };
@@ -382,9 +382,15 @@ impl Renderer {
         self.film.as_mut().map_or(Ok(()), |film| film.begin(job))
     }
 
-    /// Wave memory: as [`crate::in_flight`] says, and no more than a share of what the budget leaves; less when there
-    /// is no memory.
-    fn make_waves(&mut self, setting: &Setting<'_>, view: &SceneView, features: Features) -> Result<(), RenderError> {
+    /// Wave memory: as [`crate::in_flight`] says, and no more than a share of what the budget leaves
+    /// ([`share_of_waves`]); less when there is no memory. `tiles`: bytes of all tiles, and whether they are mapped.
+    fn make_waves(
+        &mut self,
+        setting: &Setting<'_>,
+        view: &SceneView,
+        features: Features,
+        tiles: (u64, bool),
+    ) -> Result<(), RenderError> {
         let Setting { device, .. } = *setting;
         let textures = features.contains(Features::TEXTURES);
         let needs = path_needs(setting, textures, features.contains(Features::DEFERRED_CUTOUTS));
@@ -398,7 +404,7 @@ impl Renderer {
         let memory = device.gpu.memory();
         // Nothing else comes once a scene is there, but for tiles of textures.
         let unused = memory.budget.saturating_sub(memory.used);
-        let share = if textures { unused / 2 } else { unused - unused / LEFT_BY_WAVES };
+        let share = share_of_waves(unused, if textures { tiles.0 } else { 0 }, tiles.1);
         let capacity = wanted.min(share / path_bytes).max(in_flight::FEWEST);
         let mut waves = shrinking(capacity, in_flight::FEWEST, |capacity| {
             PathBuffers::new(&device.gpu, capacity, view.max_levels, needs)

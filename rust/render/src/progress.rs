@@ -373,7 +373,7 @@ impl<'a> Progress<'a> {
         let mut stats = lock(&self.shared.stats);
         (stats.gpu_bytes, stats.gpu_peak_bytes, stats.gpu_budget_bytes) = (memory.used, memory.peak, memory.budget);
         stats.host_peak_bytes = host_memory::peak();
-        let usage = Usage::of(&stats);
+        let usage = self.timings.add_to(Usage::of(&stats));
         let nonfinite = stats.nonfinite_samples;
         if self.is_finished && self.says_how_it_ended {
             self.shared.report(Severity::Status, closing_words::line(&stats));

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Where the time of a render went, for benches and reports.
 
+use oocpt_core::stats::Usage;
+
 /// GPU time of one pass over a whole render; only measured when the session profiles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PassTime {
@@ -65,6 +67,18 @@ pub struct Timings {
 }
 
 impl Timings {
+    /// `usage` with what these timings say of it.
+    pub(crate) fn add_to(&self, usage: Usage) -> Usage {
+        Usage {
+            seconds_uploading: self.upload_secs,
+            seconds_compiling: self.compile_secs,
+            seconds_texture_tiles: self.tile_secs,
+            waves: self.waves,
+            waves_retraced: self.retraced_waves,
+            ..usage
+        }
+    }
+
     /// Adds one measured pass.
     pub(crate) fn add_pass(&mut self, name: &str, secs: f64) {
         match self.passes.iter_mut().find(|pass| pass.name == name) {

@@ -95,11 +95,16 @@ impl Scene {
         Ok(TilesOutcome::All(shown))
     }
 
-    /// Begins to bring a tile into host memory, where the scene has streamed and so there is a limit of it.
+    /// Whether tiles that find no room on the device are read in host memory: where the scene has streamed, and so
+    /// there is a limit of it.
+    pub(crate) fn maps_tiles(&self, device: &Device) -> bool {
+        device.host_heap_if_made().is_some_and(|heap| heap.limit().is_some())
+    }
+
+    /// Begins to bring a tile into host memory, where that may be.
     fn maps_tile(&mut self, device: &Device, asset: AssetId) -> Result<bool, RenderError> {
-        let has_limit = device.host_heap_if_made().is_some_and(|heap| heap.limit().is_some());
         match self.assets.source(asset) {
-            Some(source) if has_limit => self.store.map_now(device, (asset, source)),
+            Some(source) if self.maps_tiles(device) => self.store.map_now(device, (asset, source)),
             _ => Ok(false),
         }
     }

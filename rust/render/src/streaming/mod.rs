@@ -123,7 +123,9 @@ pub(crate) fn render(
     let mut residency = Residency::new(Start { device, assets: &assets, store, tables, budget, policy, filler })?;
     leave.bring_rest(&mut residency, progress.total_paths());
     if residency.brings_rest && !job.settings.interactive {
+        let started = Instant::now();
         residency.map_all(gate)?;
+        progress.timings.upload_secs += started.elapsed().as_secs_f64();
     }
     let stack_entries = residency.stack_entries.max(assets.likely_stack());
     let view = view.with_stack(stack_entries + MAX_PENDING);
