@@ -84,14 +84,6 @@ def test_stats_list_present_and_omitted_parts(host):
     )
 
 
-def test_carried_features_change_no_bit(host):
-    for scene in (PLAIN, small.FOLDER / "nested.usda"):
-        lean = host.picture(scene, (16, 16), settings=QUICK)
-        with host.open(scene, (16, 16), settings=QUICK | {"oocpt:carry": "all"}) as view:
-            compare.same_picture(view.render(), lean, "everything carried")
-            assert "LENS" in names(view.stats()["oocpt:featuresCarried"])
-
-
 def test_doctor_asks_the_host_about_a_file(oocpt, tmp_path):
     scene = tmp_path / "a plain board.usda"
     scene.write_text(PLAIN)

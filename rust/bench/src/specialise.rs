@@ -10,9 +10,9 @@
 //! up, then all builds of a scene in turn, `--runs` times.
 
 use anyhow::{Context, Result, ensure};
+use oocpt_abi::Features;
 use oocpt_core::inventory::Inventory;
-use oocpt_core::settings::Settings;
-use oocpt_render::{RenderRequest, Session, SessionOptions};
+use oocpt_render::{ForcedFeatures, RenderRequest, Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -62,6 +62,8 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     observe: Observe,
 }
+
+const NONE: ForcedFeatures = ForcedFeatures::NONE;
 
 /// One build of one scene.
 #[derive(Debug, Serialize)]
@@ -146,19 +148,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 /// Renders all builds of a scene in turn.
 fn measure(arguments: &Arguments, scene: Generated) -> Result<Vec<Build>> {
     let mut builds = vec![
-        build(arguments, scene, "own", "", false)?,
-        build(arguments, scene, "features", "features", false)?,
-        build(arguments, scene, "everything", "all", false)?,
+        build(arguments, scene, "own", NONE, false)?,
+        build(arguments, scene, "features", ForcedFeatures { features: Features::all(), levels: false }, false)?,
+        build(arguments, scene, "everything", ForcedFeatures::ALL, false)?,
     ];
     if arguments.each {
         let inventory = builds[1].session.stats().inventory;
         for feature in inventory.features.iter().filter(|feature| feature.carried) {
-            builds.push(build(arguments, scene, &feature.name, &feature.name, false)?);
+            let features = Features::from_name(&feature.name).context("a feature without a bit")?;
+            builds.push(build(arguments, scene, &feature.name, ForcedFeatures { features, ..NONE }, false)?);
         }
-        builds.push(build(arguments, scene, "LEVELS", "levels", false)?);
+        builds.push(build(arguments, scene, "LEVELS", ForcedFeatures { levels: true, ..NONE }, false)?);
     }
     if arguments.streaming {
-        builds.push(build(arguments, scene, "streaming", "", true)?);
+        builds.push(build(arguments, scene, "streaming", NONE, true)?);
     }
     let mut reference: Vec<u8> = Vec::new();
     for _ in 0..arguments.runs.max(1) {
@@ -174,13 +177,18 @@ fn measure(arguments: &Arguments, scene: Generated) -> Result<Vec<Build>> {
 }
 
 /// A build, rendered once to warm up.
-fn build(arguments: &Arguments, scene: Generated, name: &str, carry: &str, streams: bool) -> Result<Build> {
-    let plain = plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
-    let settings = Settings { carry: carry.to_owned(), ..plain };
-    let options = SessionOptions { force_streaming: streams, ..SessionOptions::default() };
+fn build(
+    arguments: &Arguments,
+    scene: Generated,
+    name: &str,
+    forced_features: ForcedFeatures,
+    streams: bool,
+) -> Result<Build> {
+    let settings = plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
+    let options = SessionOptions { force_streaming: streams, forced_features, ..SessionOptions::default() };
     let session = Session::with_options(settings, options).with_images(Arc::new(Pictures));
     session.with_scene(|db| scene.build(db, arguments.scale))?;
-    let images = matches!(carry, "features" | "all");
+    let images = forced_features.features == Features::all();
     session.render(request(arguments, scene, images));
     finish(&session).with_context(|| format!("warm-up of {}, {name}", scene.name()))?;
     let inventory = session.stats().inventory;

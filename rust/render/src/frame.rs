@@ -18,7 +18,6 @@ use crate::progress::Progress;
 use crate::request::Severity;
 use crate::setting::{Setting, geometry_cap, in_flight, is_cpu, paths, shrinking};
 use crate::shared::Gate;
-use crate::specialise::ForcedFeatures;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::upload::Upload;
@@ -157,11 +156,10 @@ impl Renderer {
             warnings.extend(meshes.warning.clone());
         }
         warnings.extend(self.mesh_lights.warning());
-        let (carry, unknown) = ForcedFeatures::parse(&job.settings.carry);
-        warnings.extend(unknown.iter().map(|name| format!("oocpt:carry: {name:?} is no feature")));
         for warning in warnings {
             gate.shared().report(Severity::Warning, warning);
         }
+        let carry = &job.options.forced_features;
         let light_carry = if carry.is_empty() { Features::empty() } else { lights.carry() };
         self.light_tables.sync(device, &lights)?;
         self.make_images(device, job)?;
@@ -179,7 +177,7 @@ impl Renderer {
             lighting: tables.lighting,
             film: &film,
             tables: &tables,
-            carry: &carry,
+            carry,
             light_carry,
             is_frugal: self.is_frugal,
             has_outgrown: self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot)),

@@ -10,8 +10,8 @@ pub(crate) const LEFT_BY_WAVES: u64 = 8;
 /// Least bytes that waves leave to tiles of textures where those that find no room are read in host memory.
 const FEWEST_TILES_BESIDE_MAPPED: u64 = 8 << 20;
 
-/// Bytes of the `unused` ones that waves may take. `tile_bytes`: of all tiles of the scene's textures, which come later;
-/// `maps_tiles`: those that find no room on the device are read in host memory.
+/// Bytes of the `unused` ones that waves may take. `tile_bytes`: of all tiles of the scene's textures, which come
+/// later; `maps_tiles`: those that find no room on the device are read in host memory.
 pub(crate) fn share_of_waves(unused: u64, tile_bytes: u64, maps_tiles: bool) -> u64 {
     let left = unused / LEFT_BY_WAVES;
     let tiles = if maps_tiles { left.max(FEWEST_TILES_BESIDE_MAPPED) } else { unused / 2 };

@@ -29,7 +29,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("oocpt-scenes", &["oocpt-core", "oocpt-render"]),
     ("oocpt-command", &[]),
     ("oocpt-cli", &["oocpt-command", "oocpt-core", "oocpt-gpu", "oocpt-render", "oocpt-scenes"]),
-    ("oocpt-bench", &["oocpt-command", "oocpt-core", "oocpt-render", "oocpt-scenes"]),
+    ("oocpt-bench", &["oocpt-abi", "oocpt-command", "oocpt-core", "oocpt-render", "oocpt-scenes"]),
     ("oocpt-judge", &["oocpt-abi", "oocpt-core"]),
     ("oocpt-extreme", &["oocpt-abi", "oocpt-render", "oocpt-core"]),
     ("xtask", &[]),
