@@ -12,5 +12,5 @@ mod random;
 mod rays;
 mod scene;
 
-pub use device::{Device, Report, run};
-pub use scene::{SceneOptions, Workload};
+pub(crate) use device::{Device, run};
+pub(crate) use scene::{SceneOptions, Workload};

@@ -1,35 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The device of the simulation: slots, rounds, the link, and the clock that is counted.
 
-use super::super::{Command, Demand, PlanError, Planner, PlannerOptions, Policy, ResidencyStats, UnitId};
 use super::rays::Ray;
 use super::scene::Workload;
-use serde::{Deserialize, Serialize};
+use oocpt_core::residency::{Command, Demand, PlanError, Planner, PlannerOptions, Policy, ResidencyStats, UnitId};
 use std::collections::VecDeque;
 
 /// What the device can do. The defaults are about a `PCIe` 4 card with a million rays in flight.
 #[derive(Clone, Copy, Debug)]
-pub struct Device {
+pub(crate) struct Device {
     /// Bytes the link moves in a second.
-    pub bytes_per_sec: f64,
+    pub(crate) bytes_per_sec: f64,
     /// Seconds from the end of a load's bytes to its unit being usable.
-    pub load_latency_secs: f64,
+    pub(crate) load_latency_secs: f64,
     /// Link seconds each load costs beside its bytes.
-    pub load_overhead_secs: f64,
+    pub(crate) load_overhead_secs: f64,
     /// Units visited in a second, by all rays together.
-    pub visits_per_sec: f64,
+    pub(crate) visits_per_sec: f64,
     /// Seconds a round costs however few its rays.
-    pub round_secs: f64,
+    pub(crate) round_secs: f64,
     /// Segments of slots.
-    pub segments: u32,
+    pub(crate) segments: u32,
     /// Slots of a segment.
-    pub segment_slots: u32,
+    pub(crate) segment_slots: u32,
     /// Rays each simulated ray stands for.
-    pub weight: u32,
+    pub(crate) weight: u32,
     /// The planner is told the visits of resident units.
-    pub counts_visits: bool,
+    pub(crate) counts_visits: bool,
     /// The planner's options.
-    pub planner: PlannerOptions,
+    pub(crate) planner: PlannerOptions,
 }
 
 impl Default for Device {
@@ -50,29 +49,34 @@ impl Default for Device {
 }
 
 /// What a simulated render cost.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Report {
     /// Simulated seconds until the last path was done.
-    pub secs: f64,
+    pub(crate) secs: f64,
     /// Seconds in which rays were traced.
-    pub tracing_secs: f64,
+    pub(crate) tracing_secs: f64,
     /// Seconds in which the link moved bytes.
-    pub loading_secs: f64,
+    pub(crate) loading_secs: f64,
     /// Seconds in which nothing could be traced.
-    pub waiting_secs: f64,
+    pub(crate) waiting_secs: f64,
     /// Unit visits.
-    pub visits: u64,
+    pub(crate) visits: u64,
     /// All paths were done; `false` = given up after too many rounds without progress.
-    pub finished: bool,
+    pub(crate) finished: bool,
     /// The planner's counters.
-    pub residency: ResidencyStats,
+    pub(crate) residency: ResidencyStats,
 }
 
 /// Rounds in a row without any visit after which a simulation gives up.
 const STUCK_ROUNDS: u32 = 10_000;
 
 /// Traces all paths of the workload under a budget. An error when a unit does not fit the budget.
-pub fn run(workload: &Workload, device: &Device, budget: u64, policy: Box<dyn Policy>) -> Result<Report, PlanError> {
+pub(crate) fn run(
+    workload: &Workload,
+    device: &Device,
+    budget: u64,
+    policy: Box<dyn Policy>,
+) -> Result<Report, PlanError> {
     let planner = Planner::with_policy(workload.catalog.clone(), budget, policy, device.planner)?;
     let slots = (device.segments * device.segment_slots) as usize;
     let mut simulation = Simulation {

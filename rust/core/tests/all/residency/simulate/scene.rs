@@ -1,35 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Synthetic scenes: a square of units with blocks of uneven size and meshes they share.
 
-use super::super::{AssetId, Catalog, CatalogError, UnitId};
 use super::random::Random;
+use oocpt_core::residency::{AssetId, Catalog, CatalogError, UnitId};
 use std::sync::Arc;
 
 /// What a scene and its paths are like.
 #[derive(Clone, Copy, Debug)]
-pub struct SceneOptions {
+pub(crate) struct SceneOptions {
     /// Seed of everything.
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// Units along a side of the square.
-    pub side: u32,
+    pub(crate) side: u32,
     /// Mean bytes of a unit's own block; blocks vary by a factor of 16.
-    pub block_bytes: u64,
+    pub(crate) block_bytes: u64,
     /// Meshes in the scene.
-    pub meshes: u32,
+    pub(crate) meshes: u32,
     /// Mean bytes of a mesh.
-    pub mesh_bytes: u64,
+    pub(crate) mesh_bytes: u64,
     /// Meshes a unit uses, popular ones more often.
-    pub meshes_per_unit: u32,
+    pub(crate) meshes_per_unit: u32,
     /// Paths to trace.
-    pub paths: u32,
+    pub(crate) paths: u32,
     /// Rays of a path.
-    pub bounces: u8,
+    pub(crate) bounces: u8,
     /// Mean number of units a ray crosses up to its hit.
-    pub crossed: u32,
+    pub(crate) crossed: u32,
     /// Share of the rays after the first that begin nowhere near where the last one ended (0 = all near).
-    pub scattered: f64,
+    pub(crate) scattered: f64,
     /// Units of a scattered ray are popular ones (else any).
-    pub popular: bool,
+    pub(crate) popular: bool,
 }
 
 impl Default for SceneOptions {
@@ -52,16 +52,16 @@ impl Default for SceneOptions {
 
 /// A scene to be traced.
 #[derive(Clone, Debug)]
-pub struct Workload {
+pub(crate) struct Workload {
     /// How it was made.
-    pub options: SceneOptions,
+    pub(crate) options: SceneOptions,
     /// Its units and assets.
-    pub catalog: Arc<Catalog>,
+    pub(crate) catalog: Arc<Catalog>,
 }
 
 impl Workload {
     /// Makes the scene.
-    pub fn new(options: SceneOptions) -> Result<Self, CatalogError> {
+    pub(crate) fn new(options: SceneOptions) -> Result<Self, CatalogError> {
         let units = options.side.saturating_mul(options.side);
         let mut bytes = Vec::new();
         for asset in 0..units.saturating_add(options.meshes) {
@@ -86,7 +86,7 @@ impl Workload {
     }
 
     /// The budget that is this percentage of all bytes, or the smallest possible one.
-    pub fn budget(&self, percent: u64) -> u64 {
+    pub(crate) fn budget(&self, percent: u64) -> u64 {
         (self.catalog.total_bytes() / 100).saturating_mul(percent).max(self.catalog.least_budget())
     }
 }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Synthetic rays: which units a path's ray crosses, in order, and where it hits. A function of the path and bounce.
 
-use super::super::UnitId;
 use super::random::Random;
 use super::scene::SceneOptions;
+use oocpt_core::residency::UnitId;
 
 /// Units a ray crosses at most, those behind its hit included.
 const CROSSED_MAX: usize = 12;
@@ -12,7 +12,7 @@ const PENDING: usize = 4;
 
 /// A ray of a path in a slot.
 #[derive(Clone, Debug)]
-pub(super) struct Ray {
+pub(crate) struct Ray {
     path: u32,
     bounce: u8,
     units: [UnitId; CROSSED_MAX],
@@ -21,18 +21,18 @@ pub(super) struct Ray {
     hit: u8,
     visited: u16,
     /// The absent units it remembers, nearest first; none = it can go on.
-    pub(super) pending: Pending,
+    pub(crate) pending: Pending,
 }
 
 /// Up to [`PENDING`] units.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Pending {
+pub(crate) struct Pending {
     units: [UnitId; PENDING],
     count: u8,
 }
 
 impl Pending {
-    pub(super) fn as_slice(&self) -> &[UnitId] {
+    pub(crate) fn as_slice(&self) -> &[UnitId] {
         &self.units[..usize::from(self.count)]
     }
 }
@@ -40,7 +40,7 @@ impl Pending {
 impl Ray {
     /// The camera ray of a path: the camera stands at the middle of an edge, a path's number runs over the image in
     /// rows, rows near the horizon see further.
-    pub(super) fn camera(options: &SceneOptions, path: u32) -> Self {
+    pub(crate) fn camera(options: &SceneOptions, path: u32) -> Self {
         let columns = 256;
         let rows = options.paths.div_ceil(columns).max(1);
         let across = f64::from(path % columns) / f64::from(columns) * 2.0 - 1.0;
@@ -51,7 +51,7 @@ impl Ray {
     }
 
     /// The path's next ray, `None` at its end.
-    pub(super) fn next(&self, options: &SceneOptions) -> Option<Self> {
+    pub(crate) fn next(&self, options: &SceneOptions) -> Option<Self> {
         let bounce = self.bounce + 1;
         if bounce >= options.bounces {
             return None;
@@ -97,7 +97,7 @@ impl Ray {
     }
 
     /// Visits all it needs that is resident, calls `visit` for each, and remembers what is absent.
-    pub(super) fn trace(&mut self, resident: &[bool], mut visit: impl FnMut(UnitId)) {
+    pub(crate) fn trace(&mut self, resident: &[bool], mut visit: impl FnMut(UnitId)) {
         for index in 0..self.needed() {
             let unit = self.units[usize::from(index)];
             if self.visited & (1 << index) == 0 && resident[unit as usize] {
