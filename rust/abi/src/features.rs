@@ -12,8 +12,8 @@ pub const SPEC_FEATURES: u32 = 2;
 /// Specialisation constant: bits 32 to 63 of [`Features`].
 pub const SPEC_FEATURES_HIGH: u32 = 3;
 
-/// Whether a feature can be compiled in for a scene that does not need it without changing a bit of the picture
-/// (`oocpt:carry`).
+/// Whether a feature can be compiled in for a scene that does not need it without changing a bit of the
+/// picture, as benches and tests do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CarryRule {
     /// It selects another estimator, or needs memory that only its scenes have.
@@ -31,7 +31,7 @@ pub enum CarryRule {
 /// A row of [`FEATURES`].
 #[derive(Debug, Clone, Copy)]
 pub struct FeatureRow {
-    /// As in `HAS_NAME` of the shaders, in `oocpt:carry` and in the stats.
+    /// As in `HAS_NAME` of the shaders and in the stats.
     pub name: &'static str,
     /// Its bit.
     pub bit: Features,

@@ -49,11 +49,10 @@ pub(crate) fn named_values(stats: &RenderStats) -> Vec<NamedValue> {
 }
 
 /// What the render is made of, and what was left out for it, as lists parted by semicolons.
-fn inventory(inventory: &RenderInventory) -> [NamedValue; 15] {
+fn inventory(inventory: &RenderInventory) -> [NamedValue; 14] {
     let RenderInventory { features, passes, buffers, primvars, .. } = inventory;
     let with_bytes = |name: &str, bytes: u64| format!("{name} {bytes}");
     let features_present = features.iter().filter(|f| f.present).map(|f| f.name.clone());
-    let features_carried = features.iter().filter(|f| f.carried).map(|f| f.name.clone());
     let passes_made = passes.iter().filter(|p| p.made).map(|p| p.name.clone());
     let passes_left_out = passes.iter().filter(|p| !p.made).map(|p| p.name.clone());
     let made = buffers.iter().filter(|b| b.bytes > 0).map(|b| with_bytes(&b.name, b.bytes));
@@ -62,7 +61,6 @@ fn inventory(inventory: &RenderInventory) -> [NamedValue; 15] {
     let unread = primvars.iter().filter(|p| p.left_out > 0).map(|p| with_bytes(&p.name, p.saved));
     [
         list("oocpt:features", features_present),
-        list("oocpt:featuresCarried", features_carried),
         list("oocpt:passes", passes_made),
         list("oocpt:passesLeftOut", passes_left_out),
         list("oocpt:buffers", made),

@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt`: looks at the machine (`doctor`), measures the renderer (`bench`), draws what it reports (`report`), makes
-//! scenes (`scene`), looks at materials (`material`), fills the cache of textures (`texture`).
+//! `oocpt`: looks at the machine (`doctor`), draws what the renderer reports (`report`), makes scenes (`scene`), looks
+//! at materials (`material`), fills the cache of textures (`texture`), runs the program that measures (`bench`).
 #![forbid(unsafe_code)]
 #![expect(clippy::print_stdout, reason = "a command line program reports on standard output")]
 
 mod bench;
 mod doctor;
-mod host;
 mod material;
 mod report;
 mod scene;
-mod stop;
+#[cfg(test)]
+mod script;
 mod texture;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
+use oocpt_command::stop;
 
 #[derive(Parser)]
 #[command(name = "oocpt", version, about = "OocPT: an out-of-core path tracer for Hydra")]
@@ -27,8 +28,8 @@ struct Arguments {
 enum OocptCommand {
     /// Lists devices, drivers and capabilities; says which device will be used and why.
     Doctor(doctor::Arguments),
-    /// Measures the renderer on generated scenes; prints tables and JSON.
-    Bench(Box<bench::Arguments>),
+    /// Measures the renderer: runs oocpt-bench, which is built from the clone and not shipped.
+    Bench(bench::Arguments),
     /// Draws what a render wrote about itself.
     Report(report::Arguments),
     /// Writes a generated scene as USD.

@@ -57,7 +57,7 @@ pub struct FeatureUse {
     pub what: String,
     /// Compiled in.
     pub present: bool,
-    /// Compiled in although the scene does not need it: `oocpt:carry`.
+    /// Compiled in although the scene does not need it, for benches and tests.
     #[serde(default)]
     pub carried: bool,
 }

@@ -18,7 +18,6 @@ use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
 use crate::progress::FrameProgress;
 use crate::request::Severity;
 use crate::shared::FrameGate;
-use crate::specialise::ForcedFeatures;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::upload::UploadDecision;
@@ -170,11 +169,10 @@ impl Renderer {
             warnings.extend(meshes.warning.clone());
         }
         warnings.extend(self.mesh_lights.warning());
-        let (carry, unknown) = ForcedFeatures::parse(&job.settings.carry);
-        warnings.extend(unknown.iter().map(|name| format!("oocpt:carry: {name:?} is no feature")));
         for warning in warnings {
             gate.shared().report(Severity::Warning, warning);
         }
+        let carry = &job.options.forced_features;
         let light_carry = if carry.is_empty() { Features::empty() } else { lights.carry() };
         self.light_tables.sync(device, &lights)?;
         self.make_images(device, job)?;
@@ -192,7 +190,7 @@ impl Renderer {
             lighting: tables.lighting,
             film: &film,
             tables: &tables,
-            carry: &carry,
+            carry,
             light_carry,
             is_frugal: self.is_frugal,
             has_outgrown: self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot)),

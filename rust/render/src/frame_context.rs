@@ -4,10 +4,10 @@
 use crate::device::Device;
 use crate::error::RenderError;
 use crate::film::Film;
+use crate::forced_features::ForcedFeatures;
 use crate::in_flight::InFlight;
 use crate::job::RenderJob;
 use crate::lights::{LightTable, LightTables};
-use crate::specialise::ForcedFeatures;
 use oocpt_abi::{ClipPlane, Features};
 use oocpt_core::CameraMotion;
 use oocpt_core::camera::CameraRays;

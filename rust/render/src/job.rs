@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What a render thread is asked to render. Plain data.
 
+use crate::forced_features::ForcedFeatures;
 use crate::light_files::LightFiles;
 use crate::request::RenderRequest;
 use crate::textures::ImageLibrary;
@@ -35,6 +36,8 @@ pub struct SessionOptions {
     pub profile: bool,
     /// Streams the scene even if it fits. For tests and benches.
     pub force_streaming: bool,
+    /// Compiles more into the passes than the scene needs; the picture stays the same. For tests and benches.
+    pub forced_features: ForcedFeatures,
     /// Most paths that a scene in core has in flight, to the power of two below; none: as many as pay. For tests and
     /// benches.
     pub in_flight: Option<u32>,

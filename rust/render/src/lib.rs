@@ -29,6 +29,7 @@ pub mod error_report;
 mod faults;
 mod feedback;
 mod film;
+mod forced_features;
 mod frame;
 mod frame_context;
 mod geometry_files;
@@ -68,6 +69,7 @@ pub use early::EarlyEnd;
 pub use error::RenderError;
 #[cfg(feature = "faults")]
 pub use faults::{FaultWitness, PlantedFaults};
+pub use forced_features::ForcedFeatures;
 pub use host_memory::peak as host_peak_bytes;
 pub use job::SessionOptions;
 pub use light_files::{LightFiles, LightPicture, NoFiles};

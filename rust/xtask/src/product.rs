@@ -24,6 +24,8 @@ const BRIDGE: &str = "oocpt-bridge";
 const BRIDGE_FILE: &str = "liboocpt_bridge.a";
 /// The command as cargo builds it.
 pub(crate) const COMMAND_FILE: &str = "oocpt";
+/// What `oocpt bench` runs, crate and program; it is not shipped.
+const BENCH: &str = "oocpt-bench";
 
 /// Programs of ours that run in the wheel host's Python: their names in `build/wheel/bin`, and their scripts.
 const HOST_PROGRAMS: [(&str, &str); 2] =
@@ -49,7 +51,8 @@ pub(crate) fn build_tests(places: &RootFolders) -> Result<String> {
     capture(&mut build)
 }
 
-/// Builds bridge and command, which have none of what tests turn on, and the plugin around the bridge.
+/// Builds bridge and command, which have none of what tests turn on, and the plugin around the bridge; the benches by
+/// themselves, so that they turn on nothing in the product.
 ///
 /// # Errors
 /// If cargo, `CMake` or the build fails; in CI also if there are warnings.
@@ -58,7 +61,8 @@ pub(crate) fn build_for_tests(places: &RootFolders, interpreter: &PythonInterpre
     build.args(packages()).args(["--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
     let warned = capture(&mut build)?.lines().any(is_warning);
     ensure!(!warned || !is_ci(), "the product, without what tests turn on, has warnings");
-    [BRIDGE_FILE, COMMAND_FILE].iter().try_for_each(|file| keep(places, PROFILE, file))?;
+    run(cargo(places, "build").args(["--package", BENCH, "--profile", PROFILE]))?;
+    [BRIDGE_FILE, COMMAND_FILE, BENCH].iter().try_for_each(|file| keep(places, PROFILE, file))?;
     build_plugin_for_wheel(places, interpreter)
 }
 

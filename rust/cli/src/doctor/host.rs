@@ -3,8 +3,8 @@
 //! (`oocpt:report`) says what that was made of. So a file goes the way that it goes in every host: composition, scene
 //! index, delegate.
 
-use crate::host::{HostPicture, temporary};
 use anyhow::{Context, Result};
+use oocpt_command::host::{Picture, temporary};
 use oocpt_render::error_report::ErrorReport;
 use std::ffi::OsStr;
 use std::path::Path;
@@ -20,8 +20,6 @@ pub(super) struct HostQuery<'a> {
     pub(super) samples: u32,
     pub(super) bounces: u32,
     pub(super) device: &'a str,
-    /// Value of `oocpt:carry`.
-    pub(super) carry: &'a str,
     pub(super) timeout: Duration,
 }
 
@@ -35,21 +33,20 @@ pub(super) struct HostAnswer {
 
 /// Renders the file and gives the report of the last render, and what the host said.
 pub(super) fn ask(question: &HostQuery<'_>) -> Result<HostAnswer> {
-    let file = std::fs::canonicalize(question.file)
-        .with_context(|| format!("cannot open {}: neither a file nor a generated scene", question.file.display()))?;
+    let file =
+        std::fs::canonicalize(question.file).with_context(|| format!("cannot open {}", question.file.display()))?;
     let folder = temporary("doctor")?;
     let report = folder.path().join("report.jsonl");
     let mut variables = vec![
         ("OOCPT_REPORT", report.clone().into()),
         ("OOCPT_SAMPLES_PER_PIXEL", question.samples.to_string().into()),
         ("OOCPT_MAX_BOUNCES", question.bounces.to_string().into()),
-        ("OOCPT_CARRY", question.carry.into()),
     ];
     if !question.device.is_empty() {
         variables.push(("OOCPT_DEVICE", question.device.into()));
     }
     let HostQuery { usdrecord, camera, width, timeout, .. } = *question;
-    let picture = HostPicture { file: &file, usdrecord, camera, width, variables, timeout };
+    let picture = Picture { file: &file, usdrecord, camera, width, variables, timeout };
     let warnings = picture.render(folder.path())?;
     let mut renders = ErrorReport::read_all(&report).with_context(|| {
         "the host rendered without a report: its OocPT is older than this program, or the file's render settings name \
@@ -64,11 +61,11 @@ pub(super) fn ask(question: &HostQuery<'_>) -> Result<HostAnswer> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::script;
+    use crate::script::script;
 
     fn question<'a>(file: &'a Path, usdrecord: &'a OsStr) -> HostQuery<'a> {
         let timeout = Duration::from_millis(300);
-        HostQuery { file, usdrecord, camera: None, width: 4, samples: 1, bounces: 0, device: "", carry: "", timeout }
+        HostQuery { file, usdrecord, camera: None, width: 4, samples: 1, bounces: 0, device: "", timeout }
     }
 
     /// What `ask` says when the host is this script.
@@ -82,7 +79,7 @@ mod tests {
     #[test]
     fn each_host_failure_gives_one_message() {
         let missing = ask(&question(Path::new("/no/such/file.usda"), OsStr::new("usdrecord"))).expect_err("no file");
-        assert!(format!("{missing:#}").contains("neither a file nor a generated scene"), "{missing:#}");
+        assert!(format!("{missing:#}").contains("cannot open /no/such/file.usda"), "{missing:#}");
         let here = std::env::current_exe().expect("a file");
         let none = ask(&question(&here, OsStr::new("/no/such/usdrecord"))).expect_err("no host");
         assert!(format!("{none:#}").contains("cannot start the Hydra host"), "{none:#}");
@@ -97,10 +94,10 @@ mod tests {
     }
 
     #[test]
-    fn the_host_gets_the_report_path_and_the_carried_features() {
+    fn the_host_gets_the_report_path_and_the_samples() {
         let program = script(
             "reports",
-            "test \"$OOCPT_CARRY\" = \"\" && test \"$OOCPT_SAMPLES_PER_PIXEL\" = 1 || exit 1\n\
+            "test \"$OOCPT_SAMPLES_PER_PIXEL\" = 1 || exit 1\n\
              echo \
              '{\"oocptErrorReport\":1,\"renderer\":\"r\",\"device\":\"d\",\"width\":4,\"height\":3,\"samplesTarget\":1,\
              \"maxBounces\":0,\"seed\":0,\"geometryBudgetKib\":0,\"reference\":\"\"}' > \"$OOCPT_REPORT\"\n\

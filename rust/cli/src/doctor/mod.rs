@@ -2,6 +2,7 @@
 //! `oocpt doctor`: what this machine can render with; with `--scene`, what a scene needs of the renderer ([`scene`]).
 
 mod host;
+mod needs;
 mod scene;
 mod table;
 

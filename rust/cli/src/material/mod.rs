@@ -16,7 +16,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::host::{HostPicture, temporary, usdrecord};
+use oocpt_command::host::{Picture, temporary, usdrecord};
 
 /// Side of the picture, pixels.
 const WIDTH: u32 = 4;
@@ -109,7 +109,7 @@ fn ask(show: &ShowArguments) -> Result<(MaterialReport, Vec<String>)> {
         }
     };
     let usdrecord = usdrecord(show.usdrecord.as_ref());
-    let picture = HostPicture {
+    let picture = Picture {
         file: &file,
         usdrecord: &usdrecord,
         camera: None,
@@ -175,7 +175,7 @@ fn find<'a>(report: &'a MaterialReport, path: &str) -> Result<&'a MaterialText> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::script;
+    use crate::script::script;
 
     fn show(path: Option<&str>, usdrecord: &Path) -> ShowArguments {
         let path = path.map(str::to_owned);

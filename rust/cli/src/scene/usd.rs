@@ -2,11 +2,12 @@
 //! Prims to a USD file: raw arrays and a table of contents in a temporary folder, from which `tests/scenes/island.py`
 //! makes the stage in a Python that has usd-core.
 
-use crate::stop::{self, TemporaryFolder};
 use anyhow::{Context, Result, bail};
 use glam::DMat4;
+use oocpt_command::stop::{self, Folder};
 use oocpt_core::array::{ElementType, TypedArray};
 use oocpt_core::scene::{InstancerDesc, Interpolation, LightDesc, LightKind, MeshDesc};
+use oocpt_scenes::island::{Prims, StageCamera};
 use rustc_hash::FxHashMap;
 use serde_json::{Value, json};
 use std::fs::File;
@@ -14,19 +15,8 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use super::island::IslandPrims;
-
 /// The writer of stages; the same file that the Python tests import.
 const SCRIPT: &str = include_str!("../../../../tests/scenes/island.py");
-
-/// A camera as USD has it; lengths in scene units.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct StageCamera {
-    pub(crate) world_from_view: DMat4,
-    /// Horizontal, radians.
-    pub(crate) field_of_view: f64,
-    pub(crate) clipping: [f64; 2],
-}
 
 /// The Python to use.
 pub(crate) fn python(named: Option<&Path>) -> Result<&Path> {
@@ -37,13 +27,13 @@ pub(crate) fn python(named: Option<&Path>) -> Result<&Path> {
 
 /// Writes the stage; with `report`, its render settings name that file.
 pub(crate) fn write(
-    prims: &IslandPrims,
+    prims: &Prims,
     camera: &StageCamera,
     report: Option<&Path>,
     python: &Path,
     out: &Path,
 ) -> Result<()> {
-    let folder = TemporaryFolder::create(std::env::temp_dir().join(format!("oocpt-island-{}", std::process::id())))?;
+    let folder = Folder::create(std::env::temp_dir().join(format!("oocpt-island-{}", std::process::id())))?;
     let place = folder.path();
     let contents = write_parts(prims, camera, report, place);
     contents.with_context(|| format!("cannot write into {} (TMPDIR names another place)", place.display()))?;
@@ -61,7 +51,7 @@ pub(crate) fn write(
     Ok(())
 }
 
-fn write_parts(prims: &IslandPrims, camera: &StageCamera, report: Option<&Path>, folder: &Path) -> Result<()> {
+fn write_parts(prims: &Prims, camera: &StageCamera, report: Option<&Path>, folder: &Path) -> Result<()> {
     std::fs::write(folder.join("island.py"), SCRIPT)?;
     let mut arrays =
         ArrayFile { file: BufWriter::new(File::create(folder.join("arrays"))?), end: 0, known: FxHashMap::default() };

@@ -2,8 +2,8 @@
 //! The program that looks at files inside the host: `oocpt-texture-host` (plugin/texture-host). It is told a file a
 //! line and answers a line for each, in any order. Its answers are bounded and checked: files come from strangers.
 
-use crate::stop;
 use anyhow::{Context as _, Result, ensure};
+use oocpt_command::stop;
 use serde::{Deserialize, Serialize};
 use std::ffi::{OsStr, OsString};
 use std::io::{BufRead as _, BufReader, Read, Write as _};
@@ -65,7 +65,7 @@ pub(super) struct TextureHost {
     child: Child,
     name: OsString,
     /// Goes after the child was waited for.
-    _started: stop::StartedProgram,
+    _started: stop::Started,
 }
 
 impl Drop for TextureHost {

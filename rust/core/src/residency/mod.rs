@@ -31,7 +31,6 @@ mod pairs;
 mod planner;
 pub mod policy;
 pub mod roulette;
-pub mod simulate;
 mod stats;
 mod step;
 mod victims;

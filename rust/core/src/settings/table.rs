@@ -176,10 +176,6 @@ settings! {
     Float(target_error, 0.0, 1e9): f32 = 0.0;
         User Scene "oocpt:targetError" "OOCPT_TARGET_ERROR" "Target error"
         "Stop when the relative mean squared error is below this, by the upper end of its interval; 0 = no limit";
-    Text(carry): String = String::new();
-        Developer Machine "oocpt:carry" "OOCPT_CARRY" "Carry"
-        "Features to compile in although the scene does not need them, to measure what they cost: names, or all; \
-         empty = none";
     Bool(straggler_roulette): bool = false, "See `residency::roulette`.";
         User Scene "oocpt:stragglerRoulette" "OOCPT_STRAGGLER_ROULETTE" "Straggler roulette"
         "Russian roulette on rays that wait for expensive loads: unbiased, but other bits at each budget and run";

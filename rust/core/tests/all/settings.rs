@@ -105,7 +105,6 @@ fn settings_are_listed_in_order() {
         "oocpt:report",
         "oocpt:reference",
         "oocpt:targetError",
-        "oocpt:carry",
         "oocpt:stragglerRoulette",
         "oocpt:adaptiveSampling",
         "oocpt:textureCache",
@@ -129,7 +128,6 @@ fn settings_are_listed_in_order() {
         "OOCPT_REPORT",
         "OOCPT_REFERENCE",
         "OOCPT_TARGET_ERROR",
-        "OOCPT_CARRY",
         "OOCPT_STRAGGLER_ROULETTE",
         "OOCPT_ADAPTIVE_SAMPLING",
         "OOCPT_TEXTURE_CACHE",
@@ -142,7 +140,7 @@ fn settings_are_listed_in_order() {
 }
 
 #[test]
-fn developers_have_seven_settings_of_their_own() {
+fn developers_have_six_settings_of_their_own() {
     let mut theirs = Settings::descriptors();
     theirs.retain(|descriptor| descriptor.audience == SettingAudience::Developer);
     let keys: Vec<&str> = theirs.iter().map(|descriptor| descriptor.key).collect();
@@ -153,7 +151,6 @@ fn developers_have_seven_settings_of_their_own() {
         "oocpt:chunkReport",
         "oocpt:materialReport",
         "oocpt:reference",
-        "oocpt:carry",
     ];
     assert_eq!(keys, ours, "no host lists these");
 }
@@ -204,7 +201,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 31);
+    assert_eq!(names.len(), 30);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }

@@ -107,7 +107,6 @@ pub(crate) fn render(
     let buffers = kept.as_ref().ok_or_else(|| RenderError::Internal("the frame's paths were not made".into()))?;
     let parts = CompiledFeatures::new(context, &view, true);
     device.bsdf_tables(parts.features)?; // before geometry takes what is left
-    let maps = maps_host(device, &job.settings);
     let budget = geometry_budget(context, scene, buffers);
     reserve(context, scene, budget)?;
     let policy = job.settings.policy;
@@ -116,7 +115,7 @@ pub(crate) fn render(
     buffers.list(&mut listed);
     listed.add("geometry and textures, at most", budget);
     let assets = scene.assets.clone();
-    let filler = host_share(context, scene, maps)?;
+    let filler = host_share(context, scene, maps_host(device, &job.settings))?;
     let may_leave = filler.is_some() && may_split(context, scene) && holds(device, &assets, budget)?;
     let mut leave = LeaveDecision::new(may_leave, assets.tile_bytes > 0, buffers.paths.capacity, leaves_soon(job));
     let (_, store, tables) = scene.parts()?;

@@ -14,21 +14,19 @@ use oocpt_abi::Features;
 use oocpt_core::inventory::RenderInventory;
 use oocpt_core::scene::TransformSample;
 use oocpt_core::settings::{HostMapped, Settings};
-use oocpt_render::{AovKind, PlantedFaults, Session, SessionOptions};
+use oocpt_render::{AovKind, ForcedFeatures, PlantedFaults, Session, SessionOptions};
 use rows::{Also, BARE, Names, Row};
-use scenes::shown;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Renders a row; gives what it was made of and its images.
-fn render(row: &Row, carry: &str) -> (RenderInventory, Vec<Vec<u8>>) {
+fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<Vec<u8>>) {
     let streams = matches!(row.also, Also::Streaming | Also::Mapped | Also::Roulette);
     let report = std::env::temp_dir().join(format!("oocpt-features-{}.json", std::process::id()));
     let chunk_report =
         if row.also == Also::ChunkReport { report.to_string_lossy().into_owned() } else { String::new() };
     let settings = Settings {
         adaptive_sampling: row.also == Also::Adaptive,
-        carry: carry.into(),
         chunk_report,
         // Else it would depend on the device.
         host_mapped: if row.also == Also::Mapped { HostMapped::On } else { HostMapped::Off },
@@ -37,7 +35,13 @@ fn render(row: &Row, carry: &str) -> (RenderInventory, Vec<Vec<u8>>) {
     };
     let more_features = if row.also == Also::ToyLobe { Features::TOY_LOBE } else { Features::empty() };
     let faults = PlantedFaults { more_features, ..PlantedFaults::default() };
-    let options = SessionOptions { validation: true, force_streaming: streams, faults, ..SessionOptions::default() };
+    let options = SessionOptions {
+        validation: true,
+        force_streaming: streams,
+        forced_features,
+        faults,
+        ..SessionOptions::default()
+    };
     let session = Session::with_options(settings, options).with_images(Arc::new(Ramps));
     session.set_light_files(Arc::new(TestFiles));
     session.with_scene(row.build);
@@ -103,10 +107,10 @@ const CARRIED_ALWAYS: usize = 4;
 /// Both checks of a row in one test, so that the passes it has compiled are there when it is rendered with everything
 /// carried along.
 fn check(rows: &[Row]) {
-    let bare = made(&render(&BARE, "").0);
+    let bare = made(&render(&BARE, ForcedFeatures::NONE).0);
     let carried = if support::is_full() { CARRIED } else { &CARRIED[..CARRIED_ALWAYS] };
     for row in rows {
-        let (inventory, picture) = render(row, "");
+        let (inventory, picture) = render(row, ForcedFeatures::NONE);
         what_is_made_is_what_the_row_says(row, &inventory, &bare);
         if carried.contains(&row.what) {
             what_is_carried_along_does_not_change_the_picture(row, &inventory, &picture);
@@ -116,7 +120,7 @@ fn check(rows: &[Row]) {
 
 #[test]
 fn a_minimal_scene_enables_no_feature() {
-    let (inventory, picture) = render(&BARE, "");
+    let (inventory, picture) = render(&BARE, ForcedFeatures::NONE);
     every_feature_has_a_row(&inventory);
     let [features, _, _, primvars] = made(&inventory);
     assert!(features.is_empty() && primvars.is_empty(), "a bare board needs no feature: {features:?}, {primvars:?}");
@@ -192,7 +196,7 @@ fn every_feature_has_a_row(inventory: &RenderInventory) {
 
 /// `lean` and `picture` are the row's own.
 fn what_is_carried_along_does_not_change_the_picture(row: &Row, lean: &RenderInventory, picture: &[Vec<u8>]) {
-    let (laden, same) = render(row, "all");
+    let (laden, same) = render(row, ForcedFeatures::ALL);
     assert!(picture == same, "{}: another picture with all features", row.what);
     let carried: BTreeSet<&str> =
         laden.features.iter().filter(|feature| feature.carried).map(|feature| feature.name.as_str()).collect();
@@ -212,14 +216,4 @@ fn what_is_carried_along_does_not_change_the_picture(row: &Row, lean: &RenderInv
         let (few, many) = (hits(lean), hits(&laden));
         assert_eq!((few.bytes + few.saved, 0), (many.bytes, many.saved), "{}: what was said to be saved", row.what);
     }
-}
-
-#[test]
-fn an_unknown_feature_name_gives_one_warning() {
-    let session = support::session(Settings { carry: "COAT nonsense".into(), ..settings(1, 0) });
-    session.with_scene(shown);
-    let messages = support::render_with_messages(&session, &request(orthographic(DVec3::Z, DVec3::ZERO, 2.0, [4, 4])));
-    assert!(messages.len() == 1 && messages[0].text.contains("\"nonsense\" is no feature"), "{messages:?}");
-    let carried = session.stats().inventory.features.into_iter().filter(|feature| feature.carried).count();
-    assert_eq!(carried, 0, "no coat without materials");
 }

@@ -9,11 +9,12 @@ use crate::scenes::{constant, deforming, dome, features, instanced, instancer, m
 use crate::streaming::{DEFORMING, MOVING, MOVING_BULBS, MOVING_LAMPS, SCENES, smallest_budget};
 use crate::support::{self, perspective, read_all, render, request, settings};
 use glam::{DMat4, DQuat, DVec3, DVec4};
+use oocpt_abi::Features;
 use oocpt_core::TypedArray;
 use oocpt_core::inventory::TraversalUse;
 use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, PrimShape, Primvar, SceneDb};
 use oocpt_core::settings::{Settings, TraversalKind};
-use oocpt_render::{RenderRequest, Session, SessionOptions, Severity};
+use oocpt_render::{ForcedFeatures, RenderRequest, Session, SessionOptions, Severity};
 use std::sync::Arc;
 
 /// All images of a scene, and who walked its rays.
@@ -23,7 +24,20 @@ fn images(
     streams: bool,
     request: &RenderRequest,
 ) -> (Vec<Vec<u8>>, TraversalUse, Session) {
-    let options = SessionOptions { validation: true, force_streaming: streams, ..SessionOptions::default() };
+    images_with(build, settings, streams, Features::empty(), request)
+}
+
+/// The same with these features compiled in although the scene does not need them.
+fn images_with(
+    build: fn(&mut SceneDb),
+    settings: Settings,
+    streams: bool,
+    features: Features,
+    request: &RenderRequest,
+) -> (Vec<Vec<u8>>, TraversalUse, Session) {
+    let forced_features = ForcedFeatures { features, levels: false };
+    let options =
+        SessionOptions { validation: true, force_streaming: streams, forced_features, ..SessionOptions::default() };
     let session = Session::with_options(settings, options);
     session.set_light_files(Arc::new(TestFiles));
     session.with_scene(build);
@@ -232,8 +246,8 @@ fn both_backends_agree_on_partial_opacity_of_round_leaves() {
 #[test]
 fn the_traversal_backend_is_reported_with_its_reason() {
     let request = view(SCENES[8].eye, SCENES[8].target);
-    let by = |traversal, carry: &str| Settings { traversal, carry: carry.into(), ..settings(1, 1) };
-    let (_, used, session) = images(SCENES[8].build, by(TraversalKind::Auto, ""), false, &request);
+    let by = |traversal| Settings { traversal, ..settings(1, 1) };
+    let (_, used, session) = images(SCENES[8].build, by(TraversalKind::Auto), false, &request);
     let is_host = session.device_report().expect("a device").host_memory;
     assert_eq!(used.backend, if is_host { "native" } else { "compute" }, "{used:?}");
     assert!(used.why.contains("processor"), "{used:?}");
@@ -241,10 +255,10 @@ fn the_traversal_backend_is_reported_with_its_reason() {
         let inventory = session.stats().inventory;
         let of_trace = inventory.passes.iter().filter(|pass| pass.name.starts_with("intersect_"));
         assert!(of_trace.clone().count() == 2 && of_trace.clone().all(|pass| !pass.made), "not compiled for nothing");
-        let (_, used, _) = images(SCENES[8].build, by(TraversalKind::Native, "CUTOUTS"), false, &request);
+        let natively = |features| images_with(SCENES[8].build, by(TraversalKind::Native), false, features, &request).1;
+        let used = natively(Features::CUTOUTS);
         assert_eq!(used.backend, "native", "{used:?}");
-        let programs = "CUTOUTS,PATTERNS,CUTOUT_PROGRAMS";
-        let (_, used, _) = images(SCENES[8].build, by(TraversalKind::Native, programs), false, &request);
+        let used = natively(Features::CUTOUTS | Features::PATTERNS | Features::CUTOUT_PROGRAMS);
         assert!(used.backend == "compute" && used.why.contains("cutouts by programs"), "{used:?}");
     }
 }

@@ -19,9 +19,6 @@ type ModulePath = Vec<String>;
 
 /// Crate, folder, and the modules of a circle in it.
 const KNOWN: &[(&str, &str, &[&str])] = &[
-    ("cli", "doctor", &["scene", "table"]),
-    ("cli", "scene", &["island", "usd"]),
-    ("cli", "scene/island", &["prims", "uniques", "view"]),
     (
         "core",
         "instancing",

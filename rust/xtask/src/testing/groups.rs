@@ -18,7 +18,7 @@ const BY_MODULE: [(&str, &str); 1] = [("render", "gpu")];
 /// Submodules in groups of their own: they differ from the rest, or are as long as all of it.
 const APART: [&str; 1] = ["streaming::roulette"];
 /// Crates whose tests open a device.
-const WITH_DEVICE: [&str; 7] = ["bridge", "cli", "extreme", "gpu", "judge", "render", "traverse"];
+const WITH_DEVICE: [&str; 7] = ["bench", "bridge", "extreme", "gpu", "judge", "render", "traverse"];
 /// Groups that ask whether the order in which threads of the device get on shows. In all others Mesa's software driver
 /// works on the thread that submits, which spares it waking its threads for each of hundreds of passes over few paths.
 const THREADED: [&str; 10] = [

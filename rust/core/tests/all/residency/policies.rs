@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The policies on the simulated device.
 
+use super::simulate::{Device, SceneOptions, Workload, run};
 use oocpt_core::residency::PolicyKind;
-use oocpt_core::residency::simulate::{SceneOptions, SimulatedDevice, SimulatedScene, run};
 
-fn workload() -> SimulatedScene {
-    SimulatedScene::new(SceneOptions { side: 12, paths: 2048, ..SceneOptions::default() }).expect("a good scene")
+fn workload() -> Workload {
+    Workload::new(SceneOptions { side: 12, paths: 2048, ..SceneOptions::default() }).expect("a good scene")
 }
 
-fn device() -> SimulatedDevice {
-    SimulatedDevice { segments: 4, segment_slots: 256, ..SimulatedDevice::default() }
+fn device() -> Device {
+    Device { segments: 4, segment_slots: 256, ..Device::default() }
 }
 
 #[test]

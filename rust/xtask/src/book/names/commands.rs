@@ -14,6 +14,10 @@ use super::sources::{FileText, words};
 type NameSet = BTreeSet<String>;
 
 const CLI: &str = "rust/cli/src/";
+/// `oocpt bench` is a program of its own.
+const BENCH: &str = "rust/bench/src/";
+/// Scenes and hosts share options with every command that makes or asks one.
+const SHARED: [&str; 3] = ["rust/scenes/src/", "rust/command/src/", "plugin/texture-host"];
 /// What `UsdAppUtils` adds to every usdrecord: `pxr/usdImaging/usdAppUtils/*Args.py` of OpenUSD.
 const ADDED_BY_USD: &[&str] =
     &["camera", "colorCorrectionMode", "complexity", "defaultTime", "frames", "help", "renderer"];
@@ -33,6 +37,15 @@ struct ToolCommand {
     flags: NameSet,
 }
 
+impl ToolCommand {
+    /// `definitions`: the files that may list its subcommands; `place`: where its options are.
+    fn new(definitions: &[String], place: &str, files: &[FileText]) -> Self {
+        let commands = definitions.iter().flat_map(|file| subcommands(text_of(files, file))).collect();
+        let [scenes, programs, host] = SHARED;
+        Self { commands, flags: flags_below(&[place, scenes, programs, host], files) }
+    }
+}
+
 /// All commands with their flags, without dashes.
 #[derive(Debug, Default)]
 pub(super) struct KnownCommands {
@@ -46,10 +59,7 @@ pub(super) struct KnownCommands {
 impl KnownCommands {
     /// `tasks` is the command line of `cargo xtask`.
     pub(super) fn new(tasks: &Command, files: &[FileText]) -> Self {
-        let below = |folders: &[&str]| -> NameSet {
-            let is_below = |file: &str| folders.iter().any(|folder| file.starts_with(folder));
-            files.iter().filter(|(file, _)| is_below(file)).flat_map(|(file, text)| flags(file, text)).collect()
-        };
+        let below = |folders: &[&str]| flags_below(folders, files);
         let mut usdrecord = below(&["plugin/usdrecord"]);
         usdrecord.extend(ADDED_BY_USD.iter().map(|&flag| flag.to_owned()));
         let mut made = Self { extreme: below(&["tests/extreme/src/"]), ..Self::default() };
@@ -64,12 +74,10 @@ impl KnownCommands {
         }
         for name in subcommands(text_of(files, &format!("{CLI}main.rs"))) {
             let stem = format!("{CLI}{}", name.replace('-', "_"));
-            let own = [format!("{stem}.rs"), format!("{stem}/mod.rs")];
-            let commands = own.iter().flat_map(|file| subcommands(text_of(files, file))).collect();
-            // Scenes and hosts share options with every command that makes or asks one.
-            let flags = below(&[&stem, &format!("{CLI}scene/"), &format!("{CLI}host.rs"), "plugin/texture-host"]);
-            made.tools.insert(name, ToolCommand { commands, flags });
+            let tool = ToolCommand::new(&[format!("{stem}.rs"), format!("{stem}/mod.rs")], &stem, files);
+            made.tools.insert(name, tool);
         }
+        made.tools.insert("bench".to_owned(), ToolCommand::new(&[format!("{BENCH}main.rs")], BENCH, files));
         // A command of the Python package alone (plugin/package/oocpt/__main__.py): usdrecord by another name.
         made.tools.insert("record".to_owned(), ToolCommand { commands: NameSet::new(), flags: usdrecord.clone() });
         let scripts = files.iter().filter(|(file, _)| file.ends_with(".py"));
@@ -109,6 +117,9 @@ impl KnownCommands {
         let (build, rest) = (&words[..end], &words[end + 1..]);
         if build.contains(&"oocpt-extreme") {
             return unknown_flag(rest, &self.extreme);
+        }
+        if build.contains(&"oocpt-bench") {
+            return self.finding_of_tool(&[&["bench"], rest].concat());
         }
         build.contains(&"oocpt-cli").then(|| self.finding_of_tool(rest)).flatten()
     }
@@ -157,6 +168,12 @@ fn subcommands(text: &str) -> Vec<String> {
     let variants =
         body.filter_map(|line| line.strip_prefix("    ")).filter(|line| line.starts_with(char::is_uppercase));
     variants.filter_map(|line| words(line).first().map(|(_, name)| kebab(name))).collect()
+}
+
+/// Flags that files below these folders define.
+fn flags_below(folders: &[&str], files: &[FileText]) -> NameSet {
+    let is_below = |file: &str| folders.iter().any(|folder| file.starts_with(folder));
+    files.iter().filter(|(file, _)| is_below(file)).flat_map(|(file, text)| flags(file, text)).collect()
 }
 
 /// Flags that a file defines, by clap or by argparse.
@@ -220,11 +237,11 @@ mod tests {
         let files = [
             ("rust/cli/src/main.rs", "enum OocptCommand {\n    /// Measures.\n    Bench(bench::Arguments),\n}\n"),
             (
-                "rust/cli/src/bench/mod.rs",
+                "rust/bench/src/main.rs",
                 "enum Command {\n    WoodsMemory(A),\n    Island {\n        #[arg(long)]\n        out: P,\n    },\n}\n",
             ),
             (
-                "rust/cli/src/bench/island.rs",
+                "rust/bench/src/island.rs",
                 "    /// MiB.\n    #[arg(long, default_value_t = 0)]\n    pub(super) host_memory: u32,\n    \
                  #[arg(long = \"runs\")]\n    count: u32,\n    #[arg(short)]\n    quiet: bool,\n",
             ),
@@ -243,6 +260,7 @@ mod tests {
             "cargo xtask test [FILTER] [--full]",
             "cargo run --profile fast -p oocpt-cli --bin oocpt -- bench island --host-memory 3 --runs=2 --out a",
             "oocpt bench woods-memory",
+            "cargo run -p oocpt-bench -- island --host-memory 3",
             "oocpt bench [NAME]",
             "cargo run -p oocpt-extreme -- --against there.json",
             "$OOCPT_USD_PYTHON tests/scenes/forest.py --width 3 --seed 1 forest.usdc",
@@ -266,6 +284,7 @@ mod tests {
             ("oocpt bench moon", "oocpt bench has no command moon"),
             ("oocpt bench island --quiet", "no flag --quiet"),
             ("cargo run -p oocpt-cli --bin oocpt -- bench island --full", "no flag --full"),
+            ("cargo run -p oocpt-bench -- moon", "oocpt bench has no command moon"),
             ("cargo run -p oocpt-extreme -- --beside x", "no flag --beside"),
             ("python tests/scenes/forest.py --trees 3", "no flag --trees"),
         ] {
