@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::common::{self, Machine, Reported, Runs, write_picture};
-use oocpt_scenes::fur::{self, Subject};
+use oocpt_scenes::fur::{self, FurSubject};
 
 /// Options of `oocpt bench curves`.
 #[derive(clap::Args)]
@@ -18,8 +18,8 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 10_000)]
     count: u32,
     /// What is shown, one after the other.
-    #[arg(long, value_delimiter = ',', value_enum, default_values_t = Subject::ALL)]
-    subjects: Vec<Subject>,
+    #[arg(long, value_delimiter = ',', value_enum, default_values_t = FurSubject::ALL)]
+    subjects: Vec<FurSubject>,
     /// Longest edge of the limit surface in pixels; 0 is its cage.
     #[arg(long, default_value_t = Settings::default().dicing_rate)]
     dicing_rate: f32,
@@ -106,7 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     arguments.reported.write(&Report { bench: "curves", machine, width, height, samples, bounces, count, rows })
 }
 
-fn measure(arguments: &Arguments, subject: Subject) -> Result<(Row, Session)> {
+fn measure(arguments: &Arguments, subject: FurSubject) -> Result<(Row, Session)> {
     let size = [arguments.width, arguments.height];
     let plain = common::plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
     let settings = Settings { dicing_rate: arguments.dicing_rate, ..plain };

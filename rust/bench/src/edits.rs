@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::common::{Machine, finish};
 use super::live::{self, Edit, Live};
 use super::observe::Observe;
-use oocpt_scenes::island::{self, Parameters};
+use oocpt_scenes::island::{self, IslandParameters};
 
 /// Options of `oocpt bench edits`.
 #[derive(clap::Args)]
@@ -63,7 +63,7 @@ struct Report {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut report = None;
     for &instances in &arguments.instances {
-        let island = Parameters {
+        let island = IslandParameters {
             instances,
             unique_quads: arguments.unique_quads,
             copies: 1,
@@ -107,14 +107,14 @@ fn head(arguments: &Arguments, session: &Session) -> Report {
     Report { bench: "edits", machine, width, height, rows: Vec::new() }
 }
 
-fn request(arguments: &Arguments, island: &Parameters) -> RenderRequest {
+fn request(arguments: &Arguments, island: &IslandParameters) -> RenderRequest {
     arguments.live.request(|width, height| island::camera(island, width, height))
 }
 
 /// Moves `moved` instances of `instancer`, spread over all of it, by a few centimetres.
 fn edit(
     arguments: &Arguments,
-    island: &Parameters,
+    island: &IslandParameters,
     session: &Session,
     instancer: &mut InstancerDesc,
     moved: u64,

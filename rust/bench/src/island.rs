@@ -19,13 +19,13 @@ use super::budgets::{self, Failed};
 use super::common::{self, Machine, PassRow, Reported, Runs, finish, write_picture};
 use super::observe::Observe;
 use super::view::{Made, Seen, View};
-use oocpt_scenes::island::Parameters;
+use oocpt_scenes::island::IslandParameters;
 
 /// Options of `oocpt bench island`.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    view: View<Parameters>,
+    view: View<IslandParameters>,
     /// Geometry budgets in per cent of the scene's geometry; 100 = in core, and has to be the first.
     #[arg(long, value_delimiter = ',', default_value = "100,29,10,5")]
     budgets: Vec<f64>,
@@ -87,7 +87,7 @@ struct Report {
     bench: &'static str,
     machine: Machine,
     #[serde(flatten)]
-    seen: Seen<Parameters>,
+    seen: Seen<IslandParameters>,
     instanced_triangles: u64,
     meshes: u64,
     /// Making the arrays, which a host would do.

@@ -13,8 +13,8 @@ use std::sync::Arc;
 
 use super::common::{self, Machine, PassRow, Reported, Runs, print_passes, write_picture};
 use super::observe::Observe;
-use oocpt_scenes::leaves::{self, Leaves};
-use oocpt_scenes::pictures::Pictures;
+use oocpt_scenes::leaves::{self, LeafModel};
+use oocpt_scenes::pictures::GeneratedPictures;
 
 /// Options of `oocpt bench leaves`.
 #[derive(clap::Args)]
@@ -92,7 +92,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut reference = Vec::new();
     let mut rows = Vec::new();
     let mut last = None;
-    for kind in Leaves::ALL {
+    for kind in LeafModel::ALL {
         // A session at a time, so that none shares the device with another.
         drop(last.take());
         let session = session(arguments, kind)?;
@@ -126,9 +126,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-fn session(arguments: &Arguments, kind: Leaves) -> Result<Session> {
+fn session(arguments: &Arguments, kind: LeafModel) -> Result<Session> {
     let settings = common::plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
-    let session = Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(Pictures));
+    let session = Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(GeneratedPictures));
     session.set_setting("oocpt:memoryBudget", SettingValue::Int(arguments.memory_budget.into()))?;
     session.with_scene(|db| leaves::build(db, kind, arguments.leaves, arguments.texture_size))?;
     Ok(session)
@@ -137,7 +137,7 @@ fn session(arguments: &Arguments, kind: Leaves) -> Result<Session> {
 fn measure(
     arguments: &Arguments,
     session: &Session,
-    kind: Leaves,
+    kind: LeafModel,
     first: Option<&Row>,
     reference: &mut Vec<u8>,
 ) -> Result<Row> {

@@ -50,9 +50,9 @@ enum Command {
     /// The island in core and under shrinking geometry budgets; the pictures have to be the same bits.
     Island(island::Arguments),
     /// The island with ever less device memory in all, cold and warm; the pictures have to be the same bits.
-    Memory(memory::Arguments<island_scene::Parameters>),
+    Memory(memory::Arguments<island_scene::IslandParameters>),
     /// The woods with ever less device memory in all: geometry, textures, paths, film.
-    WoodsMemory(memory::Arguments<woods::Parameters>),
+    WoodsMemory(memory::Arguments<woods::WoodsParameters>),
     /// The island under small geometry budgets without and with roulette on loads: time, error, how the paths run out.
     Stragglers(stragglers::Arguments),
     /// A textured forest in core and under budgets that its geometry and its textures each exceed; the same bits.

@@ -15,8 +15,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::common::{self, Machine, PassRow, Reported, finish, median, print_passes, write_picture};
-use oocpt_scenes::materials::{self, Pattern};
-use oocpt_scenes::pictures::Pictures;
+use oocpt_scenes::materials::{self, WallPattern};
+use oocpt_scenes::pictures::GeneratedPictures;
 
 /// Options of `oocpt bench materials`.
 #[derive(clap::Args)]
@@ -83,7 +83,7 @@ struct Report {
 
 /// A session that is rendered in turn with the others.
 struct Subject {
-    pattern: Pattern,
+    pattern: WallPattern,
     text: MaterialText,
     session: Session,
     trace_secs: Vec<f64>,
@@ -93,7 +93,7 @@ struct Subject {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let Arguments { width, height, samples, texture_size, .. } = *arguments;
     let mut subjects: Vec<Subject> =
-        Pattern::ALL.iter().map(|pattern| subject(arguments, *pattern)).collect::<Result<_>>()?;
+        WallPattern::ALL.iter().map(|pattern| subject(arguments, *pattern)).collect::<Result<_>>()?;
     for _ in 0..arguments.runs.max(1) {
         for subject in &mut subjects {
             subject.session.restart();
@@ -121,9 +121,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// A session with its material, rendered once to warm up.
-fn subject(arguments: &Arguments, pattern: Pattern) -> Result<Subject> {
+fn subject(arguments: &Arguments, pattern: WallPattern) -> Result<Subject> {
     let settings = common::plain_settings(arguments.samples, 0, &arguments.reported.device);
-    let session = Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(Pictures));
+    let session = Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(GeneratedPictures));
     let text = session.with_scene(|db| materials::build(db, pattern, arguments.texture_size))?;
     let [width, height] = [arguments.width, arguments.height];
     session.render(common::color_request(width, height, materials::camera(width, height)));

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::common::{Machine, median, reset_peak, resident_bytes, write_json};
-use oocpt_scenes::island::{Parameters, Prims};
+use oocpt_scenes::island::{IslandParameters, IslandPrims};
 
 /// Options of `oocpt bench partition`.
 #[derive(clap::Args)]
@@ -96,7 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     );
     let mut rows = Vec::new();
     for &instances in &arguments.instances {
-        let parameters = Parameters {
+        let parameters = IslandParameters {
             instances,
             unique_quads: arguments.unique_quads,
             copies: arguments.copies,
@@ -104,7 +104,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             distinct: arguments.distinct,
             seed: 7,
         };
-        let prims = Prims::new(&parameters)?;
+        let prims = IslandPrims::new(&parameters)?;
         for &threads in &arguments.threads {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start threads")?;
             for &sort_memory in &arguments.sort_memory {
@@ -120,7 +120,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
-fn measure(parameters: &Parameters, prims: &Prims, arguments: &Arguments, sort_memory: u64) -> Row {
+fn measure(parameters: &IslandParameters, prims: &IslandPrims, arguments: &Arguments, sort_memory: u64) -> Row {
     let total = parameters.total_instances() as f64;
     let mut commit_secs = Vec::new();
     let (mut grown, mut peak) = (0, 0);

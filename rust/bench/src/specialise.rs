@@ -21,15 +21,15 @@ use super::common::{
     Machine, Reported, all_images, compare, finish, median, only_color, plain_settings, write_picture,
 };
 use super::observe::Observe;
-use oocpt_scenes::generated::Generated;
-use oocpt_scenes::pictures::Pictures;
+use oocpt_scenes::generated::GeneratedScene;
+use oocpt_scenes::pictures::GeneratedPictures;
 
 /// Options of `oocpt bench specialise`.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// Scenes.
-    #[arg(long, value_delimiter = ',', value_enum, default_values_t = Generated::ALL)]
-    scenes: Vec<Generated>,
+    #[arg(long, value_delimiter = ',', value_enum, default_values_t = GeneratedScene::ALL)]
+    scenes: Vec<GeneratedScene>,
     /// How large they are: numbers of instances grow with it.
     #[arg(long, default_value_t = 1)]
     scale: u32,
@@ -68,7 +68,7 @@ const NONE: ForcedFeatures = ForcedFeatures::NONE;
 /// One build of one scene.
 #[derive(Debug, Serialize)]
 struct Row {
-    scene: Generated,
+    scene: GeneratedScene,
     build: String,
     /// Features that are compiled in, and how many of these the scene does not need.
     features: usize,
@@ -146,7 +146,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// Renders all builds of a scene in turn.
-fn measure(arguments: &Arguments, scene: Generated) -> Result<Vec<Build>> {
+fn measure(arguments: &Arguments, scene: GeneratedScene) -> Result<Vec<Build>> {
     let mut builds = vec![
         build(arguments, scene, "own", NONE, false)?,
         build(arguments, scene, "features", ForcedFeatures { features: Features::all(), levels: false }, false)?,
@@ -179,14 +179,14 @@ fn measure(arguments: &Arguments, scene: Generated) -> Result<Vec<Build>> {
 /// A build, rendered once to warm up.
 fn build(
     arguments: &Arguments,
-    scene: Generated,
+    scene: GeneratedScene,
     name: &str,
     forced_features: ForcedFeatures,
     streams: bool,
 ) -> Result<Build> {
     let settings = plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
     let options = SessionOptions { force_streaming: streams, forced_features, ..SessionOptions::default() };
-    let session = Session::with_options(settings, options).with_images(Arc::new(Pictures));
+    let session = Session::with_options(settings, options).with_images(Arc::new(GeneratedPictures));
     session.with_scene(|db| scene.build(db, arguments.scale))?;
     let images = forced_features.features == Features::all();
     session.render(request(arguments, scene, images));
@@ -198,13 +198,13 @@ fn build(
     Ok(Build { name, session, trace_secs: Vec::new(), different_pixels: 0, compile_secs, first_trace_secs })
 }
 
-fn request(arguments: &Arguments, scene: Generated, images: bool) -> RenderRequest {
+fn request(arguments: &Arguments, scene: GeneratedScene, images: bool) -> RenderRequest {
     let Arguments { width, height, scale, .. } = *arguments;
     let aovs = if images { all_images() } else { only_color() };
     RenderRequest { width, height, camera: scene.camera(scale, width, height), aovs }
 }
 
-fn row(scene: Generated, build: &Build, own: &[f64]) -> Row {
+fn row(scene: GeneratedScene, build: &Build, own: &[f64]) -> Row {
     let stats = build.session.stats();
     let inventory = stats.inventory;
     let ratios = build.trace_secs.iter().zip(own).map(|(secs, own)| secs / own).collect();

@@ -19,7 +19,7 @@ use std::path::PathBuf;
 use super::budgets;
 use super::common::{Machine, Reported, finish, median, write_picture};
 use super::view::{Made, Seen, View};
-use oocpt_scenes::island::Parameters;
+use oocpt_scenes::island::IslandParameters;
 
 /// Seed of the reference: none of those of the runs.
 const REFERENCE_SEED: i64 = 1_000_003;
@@ -32,7 +32,7 @@ const SHARES: [f64; 6] = [50.0, 10.0, 1.0, 0.1, 0.01, 0.0];
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    view: View<Parameters>,
+    view: View<IslandParameters>,
     /// Samples per pixel of the picture to compare with, rendered in core.
     #[arg(long, default_value_t = 1024)]
     reference_samples: u32,
@@ -85,7 +85,7 @@ struct Report {
     bench: &'static str,
     machine: Machine,
     #[serde(flatten)]
-    seen: Seen<Parameters>,
+    seen: Seen<IslandParameters>,
     reference_samples: u32,
     rows: Vec<Row>,
     /// Budgets too small for the largest chunk, and what was said.

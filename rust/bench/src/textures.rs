@@ -19,14 +19,14 @@ use std::time::Instant;
 use super::budgets::{self, Failed};
 use super::common::{self, Machine, PassRow, Reported, Runs, finish, write_picture};
 use super::observe::Observe;
-use oocpt_scenes::pictures::Pictures;
-use oocpt_scenes::woods::{self, Parameters};
+use oocpt_scenes::pictures::GeneratedPictures;
+use oocpt_scenes::woods::{self, WoodsParameters};
 
 /// Options of `oocpt bench textures`.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    woods: Parameters,
+    woods: WoodsParameters,
     /// Image width, pixels.
     #[arg(long, default_value_t = 128)]
     width: u32,
@@ -107,7 +107,7 @@ struct Report {
     height: u32,
     samples: u32,
     bounces: u32,
-    woods: Parameters,
+    woods: WoodsParameters,
     instances: u64,
     instanced_triangles: u64,
     meshes: u64,
@@ -139,7 +139,7 @@ impl Report {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     budgets::check(&arguments.budgets)?;
     let settings = common::plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
-    let session = Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(Pictures));
+    let session = Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(GeneratedPictures));
     budgets::limit(&session, arguments.memory_budget, arguments.chunk_size)?;
     let started = Instant::now();
     session.with_scene(|db| woods::build(db, &arguments.woods))?;

@@ -7,7 +7,7 @@ use oocpt_core::camera::Camera;
 use oocpt_core::scene::SceneDb;
 use oocpt_core::stats::RenderStats;
 use oocpt_render::{RenderRequest, Session, SessionOptions};
-use oocpt_scenes::{island, pictures::Pictures, woods};
+use oocpt_scenes::{island, pictures::GeneratedPictures, woods};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ pub(crate) trait Made: clap::Args + Copy + Serialize {
     fn camera(&self, width: u32, height: u32) -> Camera;
 }
 
-impl Made for island::Parameters {
+impl Made for island::IslandParameters {
     const NAME: &'static str = "island";
 
     fn build(&self, db: &mut SceneDb) -> Result<()> {
@@ -35,7 +35,7 @@ impl Made for island::Parameters {
     }
 }
 
-impl Made for woods::Parameters {
+impl Made for woods::WoodsParameters {
     const NAME: &'static str = "woods";
 
     fn build(&self, db: &mut SceneDb) -> Result<()> {
@@ -92,7 +92,7 @@ impl<S: Made> View<S> {
         let mut settings = common::plain_settings(self.samples, self.bounces, device);
         settings.host_memory_budget_mib = self.host_memory;
         settings.geometry_cache.clone_from(&self.geometry_cache);
-        Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(Pictures))
+        Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(GeneratedPictures))
     }
 
     pub(crate) fn size(&self) -> [u32; 2] {
