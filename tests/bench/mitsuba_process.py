@@ -200,7 +200,9 @@ def main() -> None:
     job = json.loads(pathlib.Path(sys.argv[1]).read_text())
     asked = variant(job.get("variant", ""))
     import mitsuba as mi
-    import numpy as np
+
+    sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+    import exr_pixels
 
     mi.set_variant(asked)
     mi.set_log_level(mi.LogLevel.Error)
@@ -222,7 +224,7 @@ def main() -> None:
         picture, taken = render(mi, scene, samples, seed)
         seconds = time.monotonic() - start
         used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2]) - before
-        mi.Bitmap(picture.astype(np.float32)).write(str(out / f"mitsuba-{samples}-{seed}.exr"))
+        exr_pixels.write(out / f"mitsuba-{samples}-{seed}.exr", picture)
         tell(kind="render", samples=samples, taken=taken, seed=seed, seconds=seconds, cpu=used)
 
 
