@@ -181,9 +181,19 @@ class Mesh:
     def backs(self) -> Mesh:
         """The other side, a little behind: Mitsuba's emitters shine from one."""
         normals = smooth_normals(self.points, self.faces)
-        gap = 1e-4 * float(np.ptp(self.points, axis=0).max())
+        edges = self.points[self.faces[:, 1]] - self.points[self.faces[:, 0]]
+        gap = 1e-3 * float(np.median(np.linalg.norm(edges, axis=1)))
         turned = None if self.normals is None else -self.normals
         return Mesh(self.points - gap * normals, turned, self.st, self.faces[:, ::-1], self.material)
+
+    def moved(self, place: np.ndarray) -> Mesh:
+        linear = place[:3, :3]
+        is_turned = np.linalg.det(linear) < 0
+        normals = None if self.normals is None else self.normals @ np.linalg.inv(linear)
+        if normals is not None:
+            normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        faces = self.faces[:, ::-1] if is_turned else self.faces
+        return Mesh(self.points @ linear.T + place[:3, 3], normals, self.st, faces, self.material)
 
     def write(self, path: pathlib.Path) -> None:
         """Binary PLY."""
@@ -481,24 +491,23 @@ class Writer:
         self.entries: dict = {}
         self._folder, self._time, self._most, self.notes = folder, time, most, notes
         self._materials: dict[str, tuple[str, dict | None]] = {}
+        self._names: dict[str, str] = {}
+        self._glowing: dict[str, list[Mesh]] = {}
         self.stored = self.flattened = self.instances = self.groups = 0
         self.low, self.high = np.full(3, np.inf), np.full(3, -np.inf)
 
     def leaf(self, prim: Usd.Prim, places: np.ndarray) -> None:
         """A prim in all of its places."""
-        shapes, points, glows = self._shapes(prim)
+        shapes, points = self._shapes(prim, places)
         for local in places if len(points) else ():
             moved = points @ local[:3, :3].T + local[:3, 3]
             self.low, self.high = np.minimum(self.low, moved.min(0)), np.maximum(self.high, moved.max(0))
+        self.flattened += self._last * len(places)
+        if self.stored > self._most:
+            raise TooLarge(f"more than {self._most} triangles, {self.flattened} flattened so far")
         if not shapes:
             return
-        if glows:
-            # Mitsuba has no emitters in groups.
-            for place in places:
-                for shape in shapes:
-                    self._enter("shape", {**shape, "to_world": matrix(place @ _of(shape))})
-            self.stored += (len(places) - 1) * self._last
-        elif len(places) == 1 and shapes[0]["type"] not in ("bsplinecurve", "linearcurve", "ellipsoids"):
+        if len(places) == 1 and shapes[0]["type"] not in ("bsplinecurve", "linearcurve", "ellipsoids"):
             for shape in shapes:
                 self._enter("shape", {**shape, "to_world": matrix(places[0] @ _of(shape))})
         else:
@@ -513,9 +522,25 @@ class Writer:
             np.save(self._folder / f"{name}.npy", (places @ rest).astype(np.float32))
             self.entries[name] = {"type": "shapegroup", **inside}
             self.entries[f"{name}_places"] = {"places": f"{name}.npy", "group": name}
-        self.flattened += self._last * len(places)
-        if self.stored > self._most:
-            raise TooLarge(f"more than {self._most} triangles, {self.flattened} flattened so far")
+
+    def finish(self) -> None:
+        """Enters what shines: one shape for all that looks the same, as Mitsuba has no emitters in groups, and chooses
+        among emitters without regard to their power."""
+        for number, (key, parts) in enumerate(self._glowing.items()):
+            look, shine = json.loads(key)[:2]
+            ends = np.cumsum([0] + [len(part.points) for part in parts])
+            faces = np.concatenate([part.faces + start for part, start in zip(parts, ends)])
+            take = lambda name: None if getattr(parts[0], name) is None else np.concatenate(
+                [getattr(part, name) for part in parts]
+            )  # fmt: skip
+            whole = Mesh(take("points"), take("normals"), take("st"), faces, parts[0].material)
+            for side, part in enumerate((whole, whole.backs())):
+                file = f"glow{number}_{side}.ply"
+                part.write(self._folder / file)
+                self._enter("shape", {
+                    "type": "ply", "filename": file, "face_normals": part.normals is None, "bsdf": look,
+                    "emitter": {"type": "area", "radiance": shine},
+                })  # fmt: skip
 
     _last = 0
     """Triangles of the last prim."""
@@ -527,30 +552,30 @@ class Writer:
         self._last = number
         self.stored += number
 
-    def _shapes(self, prim: Usd.Prim) -> tuple[list[dict], np.ndarray, bool]:
-        """Entries in the prim's own space, corners of a box about them, and whether they shine."""
+    def _shapes(self, prim: Usd.Prim, places: np.ndarray) -> tuple[list[dict], np.ndarray]:
+        """Entries in the prim's own space and corners of a box about them; what shines is kept for the end."""
         name = f"part{len(self.entries)}"
         self._last, none = 0, np.zeros((0, 3))
         if prim.IsA(UsdGeom.Mesh):
-            return self._meshes(prim, name)
+            return self._meshes(prim, name, places)
         if prim.IsA(UsdGeom.BasisCurves):
             kind, made = strands(prim, self._time, self.notes)
             if not made:
-                return [], none, False
+                return [], none
             write_strands(self._folder / f"{name}.txt", made)
             self._count(sum(len(strand) for strand in made))
             entry = {"type": kind, "filename": f"{name}.txt", "bsdf": self._look(bound(prim), prim)[0]}
-            return [entry], _corners(np.concatenate(made)[:, :3]), False
+            return [entry], _corners(np.concatenate(made)[:, :3])
         if prim.IsA(UsdGeom.Points):
             made = balls(prim, self._time, self.notes)
             if not len(made):
-                return [], none, False
+                return [], none
             size = float(np.median(made[:, 3])) or 1.0
             np.save(self._folder / f"{name}.npy", (made / size).astype(np.float32))
             self._count(len(made))
             look = self._look(bound(prim), prim)[0]
             entry = {"type": "ellipsoids", "points": f"{name}.npy", "extent": 1.0, "size": size, "bsdf": look}
-            return [entry], _corners(made[:, :3]), False
+            return [entry], _corners(made[:, :3])
         if prim.IsA(UsdGeom.Sphere) or prim.IsA(UsdGeom.Cube):
             is_ball = prim.IsA(UsdGeom.Sphere)
             attribute = UsdGeom.Sphere(prim).GetRadiusAttr() if is_ball else UsdGeom.Cube(prim).GetSizeAttr()
@@ -559,28 +584,28 @@ class Writer:
                 "type": "sphere" if is_ball else "cube", "to_world": matrix(np.diag([half] * 3 + [1.0])),
                 "bsdf": self._look(bound(prim), prim)[0],
             }  # fmt: skip
-            return [entry], half * _corners(np.array([[-1.0] * 3, [1.0] * 3])), False
+            return [entry], half * _corners(np.array([[-1.0] * 3, [1.0] * 3]))
         self.notes.add(f"{prim.GetTypeName()} prims", prim)
-        return [], none, False
+        return [], none
 
-    def _meshes(self, prim: Usd.Prim, name: str) -> tuple[list[dict], np.ndarray, bool]:
-        found, glow, entries = meshes(prim, self._time, self.notes), None, []
+    def _meshes(self, prim: Usd.Prim, name: str, places: np.ndarray) -> tuple[list[dict], np.ndarray]:
+        found, entries = meshes(prim, self._time, self.notes), []
         self._count(sum(len(mesh.faces) for mesh in found))
         if not found:
-            return [], np.zeros((0, 3)), False
+            return [], np.zeros((0, 3))
         own = rgb(radiance(prim, self._time)) if prim.HasAPI(UsdLux.MeshLightAPI) else None
         for number, mesh in enumerate(found):
             look, shine = self._look(mesh.material, prim)
-            shine = own or shine
-            for side, part in enumerate([mesh, mesh.backs()] if shine else [mesh]):
-                file = f"{name}_{number}_{side}.ply"
-                part.write(self._folder / file)
-                entry = {"type": "ply", "filename": file, "face_normals": part.normals is None, "bsdf": look}
-                if shine:
-                    entry["emitter"], glow = {"type": "area", "radiance": shine}, shine
-                    self._count(self._last + (side and len(part.faces)))
-                entries.append(entry)
-        return entries, _corners(np.concatenate([mesh.points for mesh in found])), glow is not None
+            if shine := own or shine:
+                self.stored += (2 * len(places) - 1) * len(mesh.faces)
+                if self.stored <= self._most:
+                    kind = [look, shine, mesh.normals is None, mesh.st is None]
+                    self._glowing.setdefault(json.dumps(kind), []).extend(mesh.moved(place) for place in places)
+                continue
+            mesh.write(self._folder / f"{name}_{number}.ply")
+            is_flat = mesh.normals is None
+            entries.append({"type": "ply", "filename": f"{name}_{number}.ply", "face_normals": is_flat, "bsdf": look})
+        return entries, _corners(np.concatenate([mesh.points for mesh in found]))
 
     def _look(self, material, prim: Usd.Prim) -> tuple[dict, dict | None]:
         """A reference to a material's BSDF, and what it shines."""
@@ -592,11 +617,12 @@ class Writer:
                 self.notes.add("a displayColor that varies, taken as its mean", prim)
             key = json.dumps([float(x) for x in color])
         if key not in self._materials:
-            name = f"material{len(self._materials)}"
             if material:
                 entry, shine = mitsuba_materials.bsdf(material, self._time, self.notes)
             else:
                 entry, shine = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": rgb(color)}}, None
+            # Materials of the same values are one.
+            name = self._names.setdefault(json.dumps(entry), f"material{len(self._names)}")
             self.entries[name] = entry
             self._materials[key] = name, shine
         name, shine = self._materials[key]
@@ -633,6 +659,7 @@ def translate(stage: Usd.Stage, folder: pathlib.Path, job: dict) -> dict:
             lights += [(leaf, place) for place in matrices]
         else:
             writer.leaf(leaf, matrices)
+    writer.finish()
     is_empty = not np.isfinite(writer.low).all()
     low, high = (np.zeros(3), np.ones(3)) if is_empty else (writer.low, writer.high)
     ball = (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-6)
