@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The same USD files by OocPT, Cycles and Mitsuba: seconds until the relMSE of a picture is below a target, each against
-a converged picture of its own, and memory. What `cargo xtask bench beside` runs.
+"""The same USD files by OocPT, Cycles and Mitsuba: seconds until the relMSE of a picture is below a target, each
+against a converged picture of its own, and memory. What `cargo xtask bench beside` runs.
 
     beside.py [--sets reef,city,interior,grove] [--scene FILE[,camera=PATH][,frame=TIME]] [--seed 1] [--size 0.05]
         [--width 160] [--target 5e-2] [--reference 256] [--blender FOLDER] [--mitsuba PYTHON] [--json FILE]

@@ -408,14 +408,16 @@ def form(prim: Usd.Prim, place: np.ndarray, time) -> tuple[np.ndarray, str, np.n
 
 
 def spot(prim, place, power: np.ndarray, angle: float, kind: str, time) -> dict:
-    """Radiance times area is the intensity along the axis; a sphere shows a quarter of its area."""
+    """Radiance times area is the intensity along the axis. A flat light has the mean of its cosine within the cone, a
+    sphere shows a quarter of its area."""
     softness = min(max(get(prim, "shaping:cone:softness", 0.0, time), 0.0), 1.0)
+    shown = 0.25 if kind == "sphere" else (1 + math.cos(math.radians(angle * (1 - softness / 2)))) / 2
     turn = place[:3, :3] / np.linalg.norm(place[:3, :3], axis=0)
     to_world = np.eye(4)
     # Mitsuba's shines along +z.
     to_world[:3, :3], to_world[:3, 3] = turn @ np.diag([-1.0, 1.0, -1.0]), place[:3, 3]
     return {
-        "type": "spot", "to_world": matrix(to_world), "intensity": rgb(power / (4 if kind == "sphere" else 1)),
+        "type": "spot", "to_world": matrix(to_world), "intensity": rgb(power * shown),
         "cutoff_angle": float(angle), "beam_width": float(angle) * (1 - softness) * 0.999,
     }  # fmt: skip
 
