@@ -12,7 +12,7 @@ use oocpt_materialx::program::{Instruction, Lookup, Program};
 use rustc_hash::FxHasher;
 use xxhash_rust::xxh3::Xxh3;
 
-use super::compile::Compiler;
+use super::compiler::Compiler;
 use super::params::{Shape, connection, numbers};
 use super::{Input, PTEX_SET, TextureRef, UvSet};
 use crate::desc::MaterialDesc;

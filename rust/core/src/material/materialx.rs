@@ -16,8 +16,10 @@ use oocpt_materialx::uses::{AddressMode, Texture};
 use oocpt_materialx::value::{FileRef, Value};
 use oocpt_materialx::{InputSource, Offset, Translation, translate, translate_displacement};
 
-use super::compile::{Compiled, MAX_NODES, needs};
+use super::compiled::Compiled;
+use super::compiler::MAX_NODES;
 use super::displacement::{Displacement, PatternDisplacement};
+use super::inputs::needs;
 use super::params::Problems;
 use super::spaces::{linear_from_srgb, named};
 use super::{ColorSpace, Input, Material, PrimvarSlot, TextureRef, UvSet, Wrap};

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::compile::Compiler;
+use super::compiler::Compiler;
 use super::params::{Shape, numbers, text};
 use super::{Input, MAX_PRIMVARS, MAX_UV_SETS, PrimvarSlot, UvSet};
 use crate::desc::NodeDesc;

@@ -10,7 +10,7 @@
 //! ignores, counts only where the scene leaves the question open.
 
 use super::ColorSpace;
-use super::compile::Compiler;
+use super::compiler::Compiler;
 use super::params::text;
 use crate::desc::NodeDesc;
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! `UsdUVTexture`, `HwPtexTexture_1` and `UsdTransform2d`. Pure.
 
-use super::compile::Compiler;
+use super::compiler::Compiler;
 use super::params::{Shape, asset, connection, numbers, param, text};
 use super::reader::READER;
 use super::{Input, MAX_UV_SETS, PTEX_SET, TextureRef, UvSet, Wrap};

@@ -5,72 +5,21 @@
 //! A mesh is an entry with one payload. One in clusters is an entry for each cluster, written as soon as that is made,
 //! and an entry without payloads that sums them up.
 
-use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, OnceLock};
 
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_128;
 
-use super::build::{Built, Cuts, build_mesh_into};
-use super::cover::Covers;
-use super::demand::{Demand, Displacements};
-use super::dicing::Dicing;
-use super::footprint::Footprint;
-use super::host_memory::{HeldMemory, HostMemory, Reserved};
+use super::MeshAsset;
+use super::build::Built;
+use super::host_memory::{HeldMemory, Reserved};
 use super::payload::{parts, payload_bytes, ptex_words};
+use super::recipe::{MeshStorage, Recipe};
 use super::scene_mesh::{SceneMesh, Stored};
 use super::store::{MeshFiles, Payload, PayloadError};
 use super::summary::MeshSummary;
-use super::{MeshAsset, WantedPrimvar};
-use crate::desc::{DroppedData, MeshDesc};
-use crate::texture::{HeightFiles, Heights};
-
-/// Raised whenever a description is built to other bits than before, or they are stored otherwise: entries of other
-/// versions are not found.
-const VERSION: u32 = 6;
-
-/// What a mesh is built from.
-#[derive(Debug)]
-pub(crate) struct Recipe {
-    pub(crate) desc: MeshDesc,
-    pub(crate) wanted: Vec<WantedPrimvar>,
-    pub(crate) dicing: Dicing,
-    pub(crate) displacements: Displacements,
-    pub(crate) covers: Covers,
-    pub(crate) height_files: Option<Arc<dyn HeightFiles>>,
-    /// [`super::mesh_key_with`] of all that.
-    pub(crate) key: u128,
-    /// A larger mesh is split.
-    pub(crate) limit_bytes: u64,
-    /// Into clusters of so many bytes.
-    pub(crate) cluster_bytes: u64,
-}
-
-impl Recipe {
-    fn demand(&self) -> Demand<'_> {
-        let Self { wanted, dicing, displacements, covers, .. } = self;
-        Demand { wanted, dicing: Some(dicing), displacements, covers, heights: None }
-    }
-
-    /// The mesh, and its clusters to `put`, of which `at_once` are made side by side.
-    pub(super) fn build(&self, heights: &Heights, at_once: usize, put: &mut dyn FnMut(MeshAsset)) -> Built {
-        let demand = Demand { heights: Some(heights), ..self.demand() };
-        let cuts = Cuts { limit_bytes: self.limit_bytes, cluster_bytes: self.cluster_bytes, at_once };
-        build_mesh_into(&self.desc, &demand, self.key, cuts, put)
-    }
-
-    /// What building takes.
-    pub(crate) fn footprint(&self) -> Footprint {
-        Footprint::of(&self.desc, &self.demand(), self.limit_bytes, self.cluster_bytes)
-    }
-
-    /// What tells its entry in files; none where it depends on more than the description: the textures of displacements
-    /// may have changed when another process reads it.
-    fn entry_key(&self) -> Option<u128> {
-        let words = [VERSION.into(), self.key, self.limit_bytes.into(), self.cluster_bytes.into()];
-        (!self.demand().displaces(&self.desc)).then(|| xxh3_128(bytemuck::cast_slice::<u128, u8>(&words)))
-    }
-}
+use crate::desc::DroppedData;
+use crate::texture::Heights;
 
 /// What tells the entry of a cluster of the mesh with this key.
 fn cluster_key(key: u128, number: usize) -> u128 {
@@ -81,15 +30,6 @@ fn cluster_key(key: u128, number: usize) -> u128 {
 fn lasting<'a>(recipe: &Recipe, shelf: &'a MeshStorage) -> Option<(&'a Arc<dyn MeshFiles>, u128)> {
     let files = shelf.files.as_ref().filter(|files| files.lasts())?;
     Some((files, recipe.entry_key()?))
-}
-
-/// Where assets are put.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct MeshStorage {
-    pub(crate) memory: Arc<HostMemory>,
-    pub(crate) files: Option<Arc<dyn MeshFiles>>,
-    /// The last read failed, all tries of it.
-    pub(crate) is_unreadable: Arc<AtomicBool>,
 }
 
 /// What a build may take.

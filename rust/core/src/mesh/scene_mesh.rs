@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use super::MeshAsset;
 use super::host_memory::HeldMemory;
-use super::kept_mesh::{MeshStorage, Recipe};
 use super::payload;
+use super::recipe::{MeshStorage, Recipe};
 use super::store::{Payload, PayloadError};
 use super::summary::MeshSummary;
 use crate::again::again;

@@ -10,10 +10,11 @@ use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
-use super::blocks::{Block, Peaks};
+use super::blocks::Block;
 use super::chunk::{AssemblyMembers, Chunk, Readers, SCATTERED};
 use super::cost::CutRule;
 use super::lattice::Lattice;
+use super::peaks::Peaks;
 use crate::instancing::assembly::Target;
 use crate::instancing::item::Item;
 

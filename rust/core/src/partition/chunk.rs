@@ -9,8 +9,9 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 use glam::DVec3;
 
-use super::blocks::{Block, Peaks};
+use super::blocks::Block;
 use super::lattice::Lattice;
+use super::peaks::Peaks;
 use super::which::IndexSet;
 use crate::instancing::assembly::{InstanceRecord, Member, Target, Visit};
 use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};

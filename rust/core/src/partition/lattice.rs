@@ -8,7 +8,7 @@
 
 use glam::DVec3;
 
-use super::blocks::Peaks;
+use super::peaks::Peaks;
 use crate::instancing::item::Item;
 use crate::instancing::placement::nearest;
 use crate::mesh::Aabb;

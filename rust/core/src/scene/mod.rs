@@ -46,15 +46,14 @@ use lent::{Lending, of_instancer, of_mesh};
 pub use resolve::MAX_NESTING;
 pub use snapshot::{
     Aabb, Assembly, Attribute, Bvh2, BvhError, BvhNode, DomeTexture, Emitter, IesError, IesProfile, InstanceFlags,
-    InstanceRecord, Light, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset, SceneCounts,
-    SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle, blackbody,
+    InstanceRecord, Light, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset, PrimRecord,
+    SceneCounts, SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle, blackbody,
 };
 
 pub use mesh_lights::MESH_LIGHT;
 pub use mesh_placements::{MeshPlacement, MeshPlacements};
 pub use placement_motion::PlacementMotion;
 pub use summary::summary;
-pub use surfaces::PrimRecord;
 
 use crate::instancing::GroupId;
 use crate::mesh::{Demand, Dicing, HostMemory, MeshFiles};

@@ -12,25 +12,12 @@ use super::entries::{Cutouts, InstancerEntry, MeshEntry};
 use super::linking::LinkedPrims;
 use super::mesh_lights::{MESH_LIGHT, MeshLight};
 use super::report::Reports;
-use super::snapshot::SurfaceTables;
+use super::snapshot::{PrimRecord, SurfaceTables};
 use crate::desc::{LightDesc, MaterialDesc, MeshDesc, Shape};
 use crate::instancing::instance_primvars::{InstancePrimvar, MemberPrimvar};
 use crate::material::{ACROSS_NAME, Compiled, Cutout, Input, Material, PTEX_SET, TextureRef, built_in, compile};
 use crate::mesh::{Displacements, WantedPrimvar};
 use oocpt_materialx::program::{Lookup, REGISTERS};
-
-/// What a prim looks like: an entry of [`SurfaceTables::prims`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PrimRecord {
-    /// First of its slots: the mesh's own material, then those of its subsets.
-    pub first_slot: u32,
-    /// Number of slots; 0 = no prim has this id, or it has no materials at all.
-    pub slot_count: u32,
-    /// Which categories it is in: index into [`SurfaceTables::category_sets`].
-    pub category_set: u32,
-    /// Of a prim that is another one below instances that are in collections of their own: the prim id of that.
-    pub shown_as: Option<i32>,
-}
 
 /// The meshes that tables are made for.
 #[derive(Clone, Copy)]

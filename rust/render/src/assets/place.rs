@@ -2,8 +2,9 @@
 //! One memory in which assets may lie, the device's or the host's: what is there, and what the loader is bringing.
 //! Render thread only.
 
+use super::copied::Copied;
 use super::kept::EncodedAssets;
-use super::load::{Copied, Inbox, Wanted};
+use super::load::{Inbox, Wanted};
 use super::source::{AssetKey, Source};
 use crate::device::Device;
 use crate::error::RenderError;

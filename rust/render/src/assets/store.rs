@@ -6,8 +6,9 @@
 //! is done by the loader's threads and the device.
 
 use super::catalog::SceneAssets;
+use super::copied::Copied;
 use super::kept::EncodedAssets;
-use super::load::{Copied, Loaded};
+use super::load::Loaded;
 use super::place::{AssetMemory, Resident};
 use super::source::{AssetKey, Source};
 use super::values::ALIGN;

@@ -5,7 +5,7 @@
 use super::convert::make_finite;
 use super::disk::DiskCache;
 use super::image::{Image, ImageLibrary};
-use super::set::open;
+use super::open::open;
 use super::texels::Texels;
 use super::tiles::{Stores, TextureImage};
 use crate::sync::lock;

@@ -8,9 +8,11 @@ mod native;
 mod passes;
 mod paths;
 mod record;
+mod traced;
 
 pub(crate) use ahead::{BackgroundCompile, Pending};
 pub(crate) use native::{Backend, Native};
 pub(crate) use passes::Passes;
 pub(crate) use paths::{PathBuffers, PathNeeds};
-pub(crate) use record::{Kind, Recorder, Traced};
+pub(crate) use record::{Kind, Recorder};
+pub(crate) use traced::Traced;

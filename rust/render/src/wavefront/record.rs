@@ -5,7 +5,7 @@
 //! step of streaming has some, between waking rays and counting demand (`streaming/record.rs`). Passes that a frame has
 //! not are left out.
 
-use super::{Native, Passes};
+use super::{Native, Passes, Traced};
 use crate::film::{Film, error_groups};
 use crate::wave::Wave;
 use oocpt_abi::{
@@ -22,17 +22,6 @@ pub(crate) enum Kind {
     Aovs,
     /// Samples of the colour.
     Samples,
-}
-
-/// The rays of a round that are traced.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Traced {
-    /// Those that continue paths.
-    Closest,
-    /// Those that look for light from the surfaces shaded last.
-    Shadow,
-    /// Both.
-    All,
 }
 
 /// See the module.

@@ -14,7 +14,7 @@ mod values;
 
 use glam::Vec3;
 
-use super::{Items, LeafKind, Vertices, point};
+use super::{Items, LeafKind, Vertices, point_at};
 use crate::array::ArrayView;
 use crate::desc::{CurvesDesc, DroppedData, Interpolation, MeshDesc, NamedPrimvar, Primvar};
 use crate::material::ACROSS_NAME;
@@ -100,7 +100,7 @@ pub(super) fn read_points(desc: &MeshDesc, dicing: &Dicing, poses: &[Pose], drop
     let poses: Vec<Pose> = poses.iter().map(|pose| widened(desc, pose, view.len())).collect();
     let (mut topology, mut radii) = (Topology { face_count: view.len(), ..Topology::default() }, Vec::new());
     for (at, index) in (0..view.len()).zip(0_u32..) {
-        let place = point(&view, at);
+        let place = point_at(&view, at);
         let width = widths.at(at, place.unwrap_or_default());
         radii.push((0.5 * width) as f32);
         topology.points.push(place.unwrap_or_default());
