@@ -9,6 +9,7 @@ use crate::engine::{self, Parts, Tiles, Tracer, Waves};
 use crate::error::RenderError;
 use crate::feedback::Feedback;
 use crate::film::Film;
+use crate::first_picture::{self, FirstPictures};
 use crate::host_memory;
 use crate::in_core::{LEFT_BY_WAVES, path_needs, roomy_waves};
 use crate::in_flight;
@@ -17,25 +18,52 @@ use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
 use crate::progress::Progress;
 use crate::request::Severity;
 use crate::setting::{Setting, geometry_cap, in_flight, is_cpu, paths, shrinking};
-use crate::shared::Gate;
+use crate::shared::{Gate, Shared};
 use crate::specialise::ForcedFeatures;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::upload::Upload;
 use crate::wavefront::{BackgroundCompile, PathBuffers};
-use oocpt_abi::{Features, Frame};
+use oocpt_abi::{ClipPlane, Features, Frame};
+use oocpt_core::CameraMotion;
+use oocpt_core::camera::CameraRays;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::Snapshot;
 #[cfg(feature = "faults")]
 use oocpt_gpu::{Call, Failure};
 use oocpt_gpu::{Gpu, GpuError};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Share of a scene's bytes that is lost between the ranges of arenas, at most.
 const PACKING: u64 = 24;
 
 /// A scene counts as fitting only when it leaves room for tiles of textures of so many bytes (or for all there are).
 const FEWEST_TILES: u64 = 8 << 20;
+
+/// Where there is no other first picture, a newer job waits so long for the first sample of each pixel.
+const FIRST_SAMPLE: Duration = Duration::from_millis(100);
+
+/// The view of a job, as rays.
+#[derive(Debug)]
+struct View {
+    rays: CameraRays,
+    motion: Option<CameraMotion>,
+    clip_planes: Vec<ClipPlane>,
+}
+
+impl View {
+    fn of(job: &Job, shared: &Shared) -> Result<Self, RenderError> {
+        let origin = job.snapshot.origin;
+        let in_motion = job.request.camera.in_motion(origin).unwrap_or_else(|why| {
+            shared.report(Severity::Warning, why.to_string());
+            None
+        });
+        let still = in_motion.as_ref().map_or(&job.request.camera, |(still, _)| still);
+        let (rays, clip_planes) = (still.rays(origin)?, still.planes_along_rays()?);
+        Ok(Self { rays, clip_planes, motion: in_motion.map(|(_, motion)| motion) })
+    }
+}
 
 /// What the render thread keeps from frame to frame.
 #[derive(Debug, Default)]
@@ -46,6 +74,7 @@ pub(crate) struct Renderer {
     stream: Option<StreamBuffers>,
     ahead: BackgroundCompile,
     film: Option<Film>,
+    first_pictures: FirstPictures,
     light_files: FileCache,
     mesh_lights: MeshLightCache,
     light_tables: LightTables,
@@ -138,14 +167,7 @@ impl Renderer {
         gate: &Gate<'_>,
         progress: &mut Progress<'_>,
     ) -> Result<(), RenderError> {
-        let origin = job.snapshot.origin;
-        let in_motion = job.request.camera.in_motion(origin).unwrap_or_else(|why| {
-            gate.shared().report(Severity::Warning, why.to_string());
-            None
-        });
-        let still = in_motion.as_ref().map_or(&job.request.camera, |(still, _)| still);
-        let rays = still.rays(origin)?;
-        let clip_planes = still.planes_along_rays()?;
+        let view = View::of(job, gate.shared())?;
         let scene_lights = if job.settings.enable_scene_lights { job.snapshot.lights.as_slice() } else { &[] };
         let dome_visible = job.settings.dome_light_camera_visible;
         let files = &*job.files;
@@ -172,15 +194,16 @@ impl Renderer {
         let setting = Setting {
             device,
             job,
-            rays: &rays,
-            camera_motion: in_motion.as_ref().map(|(_, motion)| motion),
-            clip_planes: &clip_planes,
+            rays: &view.rays,
+            camera_motion: view.motion.as_ref(),
+            clip_planes: &view.clip_planes,
             lights: &lights,
             lighting: tables.lighting,
             film: &film,
             tables: &tables,
             carry: &carry,
             light_carry,
+            pace: self.first_pictures.pace.rate().filter(|_| job.settings.interactive),
             is_frugal: self.is_frugal,
             has_outgrown: self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot)),
         };
@@ -253,6 +276,13 @@ impl Renderer {
         let mut first = None;
         if !(streaming::may_split(setting, scene) && scene.is_all_there()) {
             self.waves = None;
+            // The first time, memory is made as large as the whole picture needs it.
+            if self.stream.is_some() {
+                self.show_first(setting, gate, |renderer, setting, gate, progress| {
+                    streaming::render(setting, scene, (&mut renderer.stream, &mut renderer.ahead), gate, progress)
+                        .map(|_| ())
+                })?;
+            }
             first = streaming::render(setting, scene, (&mut self.stream, &mut self.ahead), gate, progress)?;
             if first.is_none() {
                 return Ok(());
@@ -317,6 +347,62 @@ impl Renderer {
 
     /// Renders a scene that is all there, or the rest from path `first` on.
     fn render_in_core(
+        &mut self,
+        setting: &Setting<'_>,
+        scene: &mut Scene,
+        first: Option<u64>,
+        gate: &Gate<'_>,
+        progress: &mut Progress<'_>,
+    ) -> Result<(), RenderError> {
+        if first.is_none() {
+            self.show_first(setting, gate, |renderer, setting, gate, progress| {
+                renderer.trace_in_core(setting, scene, None, gate, progress)
+            })?;
+        }
+        #[cfg(feature = "faults")]
+        if setting.job.options.faults.first_picture_alone {
+            return Ok(());
+        }
+        let gate = if setting.job.settings.interactive { gate.for_first_picture(FIRST_SAMPLE) } else { *gate };
+        self.trace_in_core(setting, scene, first, &gate, progress)?;
+        if progress.timings.paths >= setting.job.request.pixels() {
+            self.first_pictures.pace.learn(progress.timings.paths, progress.timings.trace_secs);
+        }
+        Ok(())
+    }
+
+    /// Shows the first picture of a job, if it is to have one ([`first_picture`]), which `render` traces.
+    fn show_first(
+        &mut self,
+        setting: &Setting<'_>,
+        gate: &Gate<'_>,
+        render: impl FnOnce(&mut Self, &Setting<'_>, &Gate<'_>, &mut Progress<'_>) -> Result<(), RenderError>,
+    ) -> Result<(), RenderError> {
+        let mut kept = std::mem::take(&mut self.first_pictures);
+        if let Some(picture) = (!setting.is_frugal).then(|| kept.begin(setting.device, setting.job)).flatten() {
+            let began = Instant::now();
+            let view = View::of(&picture.job, &kept.apart)?;
+            let inner = Setting {
+                job: &picture.job,
+                rays: &view.rays,
+                camera_motion: view.motion.as_ref(),
+                clip_planes: &view.clip_planes,
+                film: &picture.film,
+                ..*setting
+            };
+            let gate = gate.for_first_picture(first_picture::PATIENCE);
+            let mut progress = Progress::start(&kept.apart, &picture.job);
+            render(self, &inner, &gate, &mut progress)?;
+            let is_whole = !picture.film.has_color() || progress.paths_done() >= progress.total_paths();
+            let done = (progress.is_finished() && is_whole).then(|| began.elapsed().as_secs_f64());
+            drop(progress);
+            kept.end(picture, done, &mut lock(&gate.shared().published), is_cpu(setting.device));
+        }
+        self.first_pictures = kept;
+        Ok(())
+    }
+
+    fn trace_in_core(
         &mut self,
         setting: &Setting<'_>,
         scene: &mut Scene,

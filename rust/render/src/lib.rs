@@ -29,6 +29,7 @@ pub mod error_report;
 mod faults;
 mod feedback;
 mod film;
+mod first_picture;
 mod frame;
 mod geometry_files;
 mod host_memory;

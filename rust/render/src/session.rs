@@ -342,6 +342,12 @@ impl Session {
         lock(&self.shared.published).copy(kind, known, out)
     }
 
+    /// Number of the job whose picture is shown ([`Session::generation`] is that of the newest one); 0 before there is
+    /// one.
+    pub fn shown_generation(&self) -> u64 {
+        lock(&self.shared.published).generation()
+    }
+
     /// Counters of the current or last render.
     pub fn stats(&self) -> Stats {
         lock(&self.shared.stats).clone()

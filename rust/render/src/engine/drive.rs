@@ -7,6 +7,7 @@
 use super::{Tracer, finish};
 use crate::error::RenderError;
 use crate::progress::Progress;
+use crate::publish::Extent;
 use crate::setting::Setting;
 use crate::shared::Gate;
 use crate::wavefront::Kind;
@@ -39,8 +40,8 @@ pub(crate) struct StreamingEnd {
 #[derive(Debug)]
 pub(crate) struct Work<T> {
     pub(crate) submission: Submission,
-    /// It ends with an image to be published.
-    pub(crate) publishes: bool,
+    /// It ends with an image to be published, of which so much is there.
+    pub(crate) publishes: Option<Extent>,
     /// Octaves of samples that it completes.
     pub(crate) octaves: Vec<u32>,
     /// What the feed remembers of it.
@@ -178,8 +179,8 @@ fn land<F: PathSource>(
     let Some(work) = work else { return Ok(()) };
     let Setting { film, device, .. } = *feed.tracer().setting;
     progress.note_driver_usage(device);
-    if work.publishes {
-        progress.publish(film)?;
+    if let Some(extent) = work.publishes {
+        progress.publish(film, extent)?;
     }
     progress.octaves(film, &work.octaves)?;
     feed.landed(progress)

@@ -177,7 +177,7 @@ impl<'a> Tracer<'a> {
             self.recorder().measure(&mut commands, LAST_SLOT);
         }
         finish(&commands.submit()?, progress)?;
-        progress.publish(film)?;
+        progress.publish_last(film)?;
         if film.has_color() {
             progress.error_at_end(film, measures)?;
         }
@@ -214,7 +214,9 @@ pub(crate) fn render<F: PathSource>(
         }
         progress.trace_ended();
     }
-    feed.tracer().end(progress)?;
+    if !gate.is_superseded() {
+        feed.tracer().end(progress)?;
+    }
     feed.end()?;
     Ok(None)
 }

@@ -19,6 +19,7 @@ use crate::engine::{InFlightSubmission, PathSource, StreamingEnd, Tracer, Work};
 use crate::error::RenderError;
 use crate::patience::Patience;
 use crate::progress::Progress;
+use crate::publish::Extent;
 use crate::setting::is_cpu;
 use crate::shared::Gate;
 use crate::wavefront::Kind;
@@ -283,19 +284,24 @@ impl PathSource for Stage<'_, '_> {
             return Ok(None);
         }
         let number = self.next_step;
-        let publishes = self.kind == Kind::Samples && progress.publish_due();
-        let mut plan = StepPlan { round: self.round, rounds: self.rounds, publishes, ..StepPlan::default() };
+        let mut plan = StepPlan { round: self.round, rounds: self.rounds, ..StepPlan::default() };
         // Rays of steps that are still under way may be waiting by now.
         plan.wakes = self.seen.waiting() > 0 || !flights.is_empty();
         let (seen, begun) = (&self.seen, &self.begun);
         let film = self.streamer.tracer.setting.film;
+        let mut compares = false;
         while let Some(segment) = self.segments.take_finished(|segment| seen.is_finished(begun, segment)) {
             plan.finished.push(segment);
             // A step shows one octave at most.
             if self.kind == Kind::Samples && film.pieces(segment.wave, u64::MAX).iter().any(|p| p.completes.is_some()) {
-                plan.publishes |= progress.compares(&[0]);
+                compares = progress.compares(&[0]);
                 break;
             }
+        }
+        if self.kind == Kind::Samples {
+            let finished: u64 = plan.finished.iter().map(|segment| u64::from(segment.wave.count)).sum();
+            let extent = Extent { planes: u64::MAX, samples: progress.paths_done() + finished };
+            plan.publishes = (progress.publish_due(extent) || compares).then_some(extent);
         }
         let mut room = self.room_for_rays();
         while room > 0
