@@ -35,6 +35,7 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
         integer("oocpt:instances", stats.instances),
         integer("oocpt:triangles", stats.triangles),
         integer("oocpt:uniqueTriangles", stats.unique_triangles),
+        integer("oocpt:meshesMade", stats.meshes_made),
         integer("oocpt:meshes", stats.meshes),
         text("oocpt:featuresLeftOut", &stats.features_left_out.join("; ")),
         integer("oocpt:dropped", stats.dropped.total()),

@@ -76,6 +76,7 @@ impl<'a> Progress<'a> {
             dropped: job.snapshot.dropped,
             instances: small(counts.instances),
             unique_triangles: counts.unique_triangles,
+            meshes_made: job.meshes_made,
             triangles: small(counts.instanced_triangles),
             meshes: counts.meshes,
             host_bytes: job.snapshot.meshes.iter().map(|mesh| mesh.host_bytes()).sum(),
