@@ -118,6 +118,7 @@ impl FirstPictures {
     pub(crate) fn end(&mut self, picture: FirstPicture, done: Option<f64>, published: &mut Published, is_cpu: bool) {
         let FirstPicture { factor, size, job, film } = picture;
         self.film = Some(film);
+        lock(&self.apart.messages).clear();
         let Some(secs) = done else { return };
         self.pace.learn_at_least(job.request.pixels(), secs, if is_cpu { TARGET_SECS_CPU } else { TARGET_SECS });
         fill_up(&lock(&self.apart.published), published, (&job, size), factor);

@@ -14,19 +14,18 @@ use crate::host_memory;
 use crate::in_core::{LEFT_BY_WAVES, path_needs, roomy_waves};
 use crate::in_flight;
 use crate::job::Job;
-use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
+use crate::lights::{FileCache, KeptLights, LightSource, LightTable, LightTables, MeshLightCache};
 use crate::progress::Progress;
 use crate::request::Severity;
 use crate::setting::{Setting, geometry_cap, in_flight, is_cpu, paths, shrinking};
-use crate::shared::{Gate, Shared};
+use crate::shared::Gate;
 use crate::specialise::ForcedFeatures;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::upload::Upload;
+use crate::view::View;
 use crate::wavefront::{BackgroundCompile, PathBuffers};
-use oocpt_abi::{ClipPlane, Features, Frame};
-use oocpt_core::CameraMotion;
-use oocpt_core::camera::CameraRays;
+use oocpt_abi::{Features, Frame};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::Snapshot;
 #[cfg(feature = "faults")]
@@ -44,27 +43,6 @@ const FEWEST_TILES: u64 = 8 << 20;
 /// Where there is no other first picture, a newer job waits so long for the first sample of each pixel.
 const FIRST_SAMPLE: Duration = Duration::from_millis(100);
 
-/// The view of a job, as rays.
-#[derive(Debug)]
-struct View {
-    rays: CameraRays,
-    motion: Option<CameraMotion>,
-    clip_planes: Vec<ClipPlane>,
-}
-
-impl View {
-    fn of(job: &Job, shared: &Shared) -> Result<Self, RenderError> {
-        let origin = job.snapshot.origin;
-        let in_motion = job.request.camera.in_motion(origin).unwrap_or_else(|why| {
-            shared.report(Severity::Warning, why.to_string());
-            None
-        });
-        let still = in_motion.as_ref().map_or(&job.request.camera, |(still, _)| still);
-        let (rays, clip_planes) = (still.rays(origin)?, still.planes_along_rays()?);
-        Ok(Self { rays, clip_planes, motion: in_motion.map(|(_, motion)| motion) })
-    }
-}
-
 /// What the render thread keeps from frame to frame.
 #[derive(Debug, Default)]
 pub(crate) struct Renderer {
@@ -77,6 +55,8 @@ pub(crate) struct Renderer {
     first_pictures: FirstPictures,
     light_files: FileCache,
     mesh_lights: MeshLightCache,
+    /// Whose tables `light_tables` has.
+    lights: Option<KeptLights>,
     light_tables: LightTables,
     /// Memory is short: streams even if the scene seems to fit, with few paths at a time.
     is_frugal: bool,
@@ -168,24 +148,12 @@ impl Renderer {
         progress: &mut Progress<'_>,
     ) -> Result<(), RenderError> {
         let view = View::of(job, gate.shared())?;
-        let scene_lights = if job.settings.enable_scene_lights { job.snapshot.lights.as_slice() } else { &[] };
-        let dome_visible = job.settings.dome_light_camera_visible;
-        let files = &*job.files;
-        let (mut lights, mut warnings) =
-            LightTable::new(&job.snapshot, scene_lights, dome_visible, files, &mut self.light_files);
-        let textures = self.scene.open_textures(&job.snapshot, job.images.as_ref(), &job.settings);
-        if let Some(meshes) = self.mesh_lights.get(&job.snapshot, job.images.as_ref().map(|_| textures)) {
-            lights.add_meshes(&meshes);
-            warnings.extend(meshes.warning.clone());
-        }
-        warnings.extend(self.mesh_lights.warning());
         let (carry, unknown) = ForcedFeatures::parse(&job.settings.carry);
-        warnings.extend(unknown.iter().map(|name| format!("oocpt:carry: {name:?} is no feature")));
-        for warning in warnings {
+        let lights = self.sync_lights(device, job, &carry, progress)?;
+        let unknown = unknown.iter().map(|name| format!("oocpt:carry: {name:?} is no feature"));
+        for warning in lights.warnings.iter().cloned().chain(unknown) {
             gate.shared().report(Severity::Warning, warning);
         }
-        let light_carry = if carry.is_empty() { Features::empty() } else { lights.carry() };
-        self.light_tables.sync(device, &lights)?;
         self.make_images(device, job)?;
         let Some(film) = self.film.take() else {
             return Err(RenderError::Internal("the frame's images were not made".into()));
@@ -197,12 +165,12 @@ impl Renderer {
             rays: &view.rays,
             camera_motion: view.motion.as_ref(),
             clip_planes: &view.clip_planes,
-            lights: &lights,
+            lights: &lights.table,
             lighting: tables.lighting,
             film: &film,
             tables: &tables,
             carry: &carry,
-            light_carry,
+            light_carry: lights.carried,
             pace: self.first_pictures.pace.rate().filter(|_| job.settings.interactive),
             is_frugal: self.is_frugal,
             has_outgrown: self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot)),
@@ -210,7 +178,36 @@ impl Renderer {
         let result = self.render_scene(&setting, gate, progress);
         self.film = Some(film);
         self.light_tables = tables;
+        self.lights = Some(lights);
         result
+    }
+
+    /// Makes the device have the lights of `job`: those of the frame before, if nothing of them can have changed.
+    fn sync_lights(
+        &mut self,
+        device: &Device,
+        job: &Job,
+        carry: &ForcedFeatures,
+        progress: &mut Progress<'_>,
+    ) -> Result<KeptLights, RenderError> {
+        let source = LightSource::of(job);
+        let textures = self.scene.open_textures(&job.snapshot, job.images.as_ref(), &job.settings);
+        if let Some(kept) = self.lights.take().filter(|kept| kept.serve(&source)) {
+            return Ok(kept);
+        }
+        let scene_lights = if job.settings.enable_scene_lights { job.snapshot.lights.as_slice() } else { &[] };
+        let dome_visible = job.settings.dome_light_camera_visible;
+        let (mut table, mut warnings) =
+            LightTable::new(&job.snapshot, scene_lights, dome_visible, &*job.files, &mut self.light_files);
+        if let Some(meshes) = self.mesh_lights.get(&job.snapshot, job.images.as_ref().map(|_| textures)) {
+            table.add_meshes(&meshes);
+            warnings.extend(meshes.warning.clone());
+        }
+        warnings.extend(self.mesh_lights.warning());
+        let carried = if carry.is_empty() { Features::empty() } else { table.carry() };
+        self.light_tables.sync(device, &table)?;
+        progress.timings.light_tables += 1;
+        Ok(KeptLights { source, table, carried, warnings })
     }
 
     /// Renders from a scene that is all there, or, where it does not fit, from what the rays ask for.
@@ -392,7 +389,14 @@ impl Renderer {
             };
             let gate = gate.for_first_picture(first_picture::PATIENCE);
             let mut progress = Progress::start(&kept.apart, &picture.job);
-            render(self, &inner, &gate, &mut progress)?;
+            match render(self, &inner, &gate, &mut progress) {
+                // The whole picture finds out what to do about it.
+                Err(
+                    error
+                    @ (RenderError::Budget { .. } | RenderError::NoProgress { .. } | RenderError::TexturesOutgrow),
+                ) => tracing::debug!(%error, "no first picture"),
+                result => result?,
+            }
             let is_whole = !picture.film.has_color() || progress.paths_done() >= progress.total_paths();
             let done = (progress.is_finished() && is_whole).then(|| began.elapsed().as_secs_f64());
             drop(progress);

@@ -61,6 +61,7 @@ pub mod textures;
 mod thread;
 mod timings;
 mod upload;
+mod view;
 mod wave;
 mod wavefront;
 
