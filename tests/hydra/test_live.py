@@ -78,7 +78,7 @@ def view(host, settings):
 
 
 def live(view, steps, **arguments):
-    """Plays `steps`; each picture that was shown was whole."""
+    """Plays `steps`; each picture that was shown was whole, and without a period each step has its own."""
     rows = view.host.call("live", viewer=view.name, steps=list(steps), **arguments)
     view.pending_log += view.host.log
     for number, row in enumerate(rows):

@@ -80,6 +80,11 @@ fn inventory(inventory: &Inventory) -> [NamedValue; 15] {
     ]
 }
 
+/// The newest job, and the one whose picture is shown.
+pub(crate) fn jobs([newest, shown]: [u64; 2]) -> [NamedValue; 2] {
+    [integer("oocpt:job", newest), integer("oocpt:shownJob", shown)]
+}
+
 /// How samples were spent at that look.
 fn adaptive(spent: &AdaptiveUsage) -> [NamedValue; 4] {
     [

@@ -210,7 +210,7 @@ impl<'a> Progress<'a> {
         if !self.interactive || (now < self.next_publish && !is_first) {
             return false;
         }
-        if !is_whole && self.shown_extent(extent) != Some(extent) {
+        if !is_whole && (self.decided.is_some() || self.shown_extent(extent).is_none()) {
             return false;
         }
         self.is_whole |= is_whole;
@@ -221,11 +221,12 @@ impl<'a> Progress<'a> {
     /// What of `extent` can be shown: a part of the picture only over a whole one of this job.
     fn shown_extent(&self, extent: Extent) -> Option<Extent> {
         if extent.covers(self.pixels) {
-            return Some(extent);
+            return Some(Extent::WHOLE);
         }
         // Adaptive samples are not in the order of the pixels.
         let samples = if self.decided.is_some() { 0 } else { extent.samples };
-        lock(&self.shared.published).shows(self.generation).then_some(Extent { samples, ..extent })
+        let part = Extent { samples, ..extent }.whole_strips(self.size[0]);
+        lock(&self.shared.published).shows(self.generation).then_some(part)
     }
 
     /// What of the picture is shown at the end of a render, given up or not: as much as there is, but over the first
@@ -278,6 +279,7 @@ impl<'a> Progress<'a> {
     #[expect(clippy::cast_precision_loss, reason = "rates are shown, not computed with")]
     pub(crate) fn publish(&mut self, film: &Film, extent: Extent) -> Result<(), RenderError> {
         let began = Instant::now();
+        let extent = self.shown_extent(extent).unwrap_or(extent);
         let Counters { closest_rays, shadow_rays, nonfinite, nonfinite_pixel, stack_overflows, .. } =
             film.publish(&self.shared.published, self.generation, extent)?;
         self.next_publish = self.next_publish.max(Instant::now() + PUBLISHING_SHARE * began.elapsed());

@@ -6,7 +6,10 @@
 
 use crate::aov::AovKind;
 
-/// How much of a picture is there: so many of its pixels, from the first on.
+/// Rows of the strips in which pixels are traced, one strip after the other (`pixel_position` of the shaders).
+const STRIP_ROWS: u64 = 8;
+
+/// How much of a picture is there: so many of its pixels, in the order in which they are traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Extent {
     /// Of images traced through pixel centres.
@@ -22,6 +25,13 @@ impl Extent {
     /// Whether all of `pixels` are there.
     pub(crate) fn covers(self, pixels: u64) -> bool {
         self.planes.min(self.samples) >= pixels
+    }
+
+    /// The strips of it that are whole, in a picture of this width: these are rows from the first on.
+    pub(crate) fn whole_strips(self, width: u32) -> Self {
+        let strip = STRIP_ROWS * u64::from(width.max(1));
+        let whole = |pixels: u64| if pixels == u64::MAX { pixels } else { pixels - pixels % strip };
+        Self { planes: whole(self.planes), samples: whole(self.samples) }
     }
 
     fn of(self, kind: AovKind) -> u64 {
@@ -158,6 +168,13 @@ mod tests {
         put(&mut published, 1, 2, 3, Extent::WHOLE);
         assert_ne!(published.copy(AovKind::Depth, known, &mut out), known, "another one");
         assert_eq!(out, [3; 8], "is copied");
+    }
+
+    #[test]
+    fn parts_of_a_picture_are_whole_strips() {
+        let extent = Extent { planes: 8 * 10 * 3 + 79, samples: 79 };
+        assert_eq!(extent.whole_strips(10), Extent { planes: 240, samples: 0 });
+        assert_eq!(Extent::WHOLE.whole_strips(10), Extent::WHOLE, "all of it");
     }
 
     #[test]
