@@ -6,11 +6,27 @@
 #include "pxr/base/tf/diagnostic.h"
 
 #include <cstdint>
+#include <cstring>
 #include <utility>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
+
+// The same picture in another number of pixels, the nearest of each.
+std::vector<unsigned char> _Resized(std::vector<unsigned char> const& pixels, size_t width, size_t height,
+    size_t newWidth, size_t newHeight, size_t pixelBytes)
+{
+    std::vector<unsigned char> resized(newWidth * newHeight * pixelBytes);
+    unsigned char* to = resized.data();
+    for (size_t y = 0; y < newHeight; ++y) {
+        unsigned char const* const row = pixels.data() + y * height / newHeight * width * pixelBytes;
+        for (size_t x = 0; x < newWidth; ++x, to += pixelBytes) {
+            std::memcpy(to, row + x * width / newWidth * pixelBytes, pixelBytes);
+        }
+    }
+    return resized;
+}
 
 // Beyond any film format in use, and far from overflow of width * height * 16 bytes.
 constexpr int _maxSide = 1 << 16;
@@ -31,12 +47,13 @@ void HdOocPTRenderBuffer::Bind(HdOocPTAov const* aov, VtValue const& clearValue)
     std::lock_guard<std::mutex> const lock(_mutex);
     // Bound at every execution; hosts read few of the images that they bind, so the others stay as they were filled.
     bool const isFilled = _isFilled && _clearValue == clearValue;
-    if (_isBound && _aov == aov && (_holdsImage || isFilled)) {
+    if (_isBound && _aov == aov && (_holdsImage || _isStretched || isFilled)) {
         return;
     }
     _isBound = true;
     _aov = aov;
     _holdsImage = false;
+    _isStretched = false;
     _isFilled = _mapCount == 0;
     if (_isFilled) {
         _clearValue = clearValue;
@@ -47,10 +64,10 @@ void HdOocPTRenderBuffer::Bind(HdOocPTAov const* aov, VtValue const& clearValue)
 bool HdOocPTRenderBuffer::Allocate(GfVec3i const& dimensions, HdFormat format, bool)
 {
     return HdOocPTGuard("allocating a render buffer", false, [&] {
-        _Deallocate();
         bool const isInRange = dimensions[0] >= 0 && dimensions[0] <= _maxSide && dimensions[1] >= 0
             && dimensions[1] <= _maxSide && dimensions[2] == 1;
         if (!isInRange || !HdOocPTIsStorable(format)) {
+            _Deallocate();
             TF_RUNTIME_ERROR("OocPT: render buffer <%s> cannot be %d x %d x %d pixels of format %d", GetId().GetText(),
                 dimensions[0], dimensions[1], dimensions[2], static_cast<int>(format));
             return false;
@@ -58,17 +75,38 @@ bool HdOocPTRenderBuffer::Allocate(GfVec3i const& dimensions, HdFormat format, b
         uint64_t const byteCount
             = uint64_t(dimensions[0]) * uint64_t(dimensions[1]) * uint64_t(HdDataSizeOfFormat(format));
         if (byteCount > _maxBytes) {
+            _Deallocate();
             TF_RUNTIME_ERROR("OocPT: render buffer <%s> of %d x %d pixels is too large", GetId().GetText(),
                 dimensions[0], dimensions[1]);
             return false;
         }
+        // Until there is a picture of the new size the host shows the one that was there.
+        bool const isStretched = _StretchTo(
+            static_cast<size_t>(dimensions[0]), static_cast<size_t>(dimensions[1]), format);
+        if (!isStretched) {
+            _Deallocate();
+        }
         std::lock_guard<std::mutex> const lock(_mutex);
-        _pixels.assign(static_cast<size_t>(byteCount), 0);
+        _pixels.resize(static_cast<size_t>(byteCount), 0);
         _width = static_cast<unsigned int>(dimensions[0]);
         _height = static_cast<unsigned int>(dimensions[1]);
         _format = format;
         return true;
     });
+}
+
+bool HdOocPTRenderBuffer::_StretchTo(size_t width, size_t height, HdFormat format)
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    bool const showsImage = _holdsImage || _isStretched;
+    if (!showsImage || format != _format || _PixelCount() == 0 || width * height == 0 || _mapCount > 0) {
+        return false;
+    }
+    _pixels = _Resized(_pixels, _width, _height, width, height, HdDataSizeOfFormat(format));
+    std::vector<unsigned char>().swap(_unconverted);
+    _holdsImage = false;
+    _isStretched = true;
+    return true;
 }
 
 void HdOocPTRenderBuffer::_Deallocate()
@@ -78,6 +116,7 @@ void HdOocPTRenderBuffer::_Deallocate()
     _height = 0;
     _format = HdFormatInvalid;
     _holdsImage = false;
+    _isStretched = false;
     _isFilled = false;
     std::vector<unsigned char>().swap(_pixels);
     std::vector<unsigned char>().swap(_unconverted);
@@ -157,6 +196,7 @@ bool HdOocPTRenderBuffer::_CopyLatest() const
     }
     if (_aov && !_pixels.empty() && _ReadFrom(*_aov)) {
         _holdsImage = true;
+        _isStretched = false;
     }
     return true;
 }

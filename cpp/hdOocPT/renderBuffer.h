@@ -32,10 +32,12 @@ public:
     ~HdOocPTRenderBuffer() override;
 
     /// Says which output this buffer shows; null is an output that OocPT does not make: the buffer keeps the clear
-    /// value. The buffer is cleared when the output changes or nothing was copied since the last allocation.
+    /// value. The buffer is cleared when the output changes, or when there is no image to show since the last
+    /// allocation.
     void Bind(HdOocPTAov const* aov, VtValue const& clearValue);
 
-    /// Refuses, with an error and an empty buffer, sizes that are negative, deep, or beyond the limits of one image.
+    /// Refuses, with an error and an empty buffer, sizes that are negative, deep, or beyond the limits of one image. An
+    /// image of another size is stretched over the buffer until there is one of this size.
     bool Allocate(GfVec3i const& dimensions, HdFormat format, bool multiSampled) override;
 
     unsigned int GetWidth() const override;
@@ -64,6 +66,8 @@ private:
     bool _CopyLatest() const;
     bool _IsBound() const;
     bool _ReadFrom(HdOocPTAov const& aov) const;
+    /// Fits an image that the buffer shows to another size. False: it shows none, or its format is another one.
+    bool _StretchTo(size_t width, size_t height, HdFormat format);
     size_t _PixelCount() const { return static_cast<size_t>(_width) * _height; }
 
     std::shared_ptr<HdOocPTSession> const _session;
@@ -72,6 +76,8 @@ private:
     mutable std::vector<unsigned char> _pixels;
     mutable std::vector<unsigned char> _unconverted;
     mutable bool _holdsImage = false;
+    /// It shows an image of another size, stretched.
+    mutable bool _isStretched = false;
     /// It was filled with _clearValue since it was allocated; an image may have come since.
     bool _isFilled = false;
     VtValue _clearValue;

@@ -130,6 +130,39 @@ class Commands:
         exec(compile(code, "<edit>", "exec"), scope)  # noqa: S102  the tests' own code
         return scope["result"]
 
+    def live(self, viewer, steps, period=None, patience=60.0):
+        """What a host with a window shows while `steps`, statements as those of `edit`, run one after the other: each
+        until a picture of what it made is there, or, with a `period`, for so many seconds. Reads every picture that is
+        shown.
+
+        For each step: of how many other jobs pictures were shown (`changed`), the largest share of black pixels in any (`black`), the
+        least `sampleCount`, which is 0 where nothing is known of a pixel; and meshes built so far.
+        """
+        view = self._viewers[viewer]
+        shown, rows = view.stats()["oocpt:shownJob"], []
+        for code in steps:
+            self.edit(viewer, code)
+            begun, row = time.monotonic(), {"changed": 0, "black": 0.0, "sampleCount": np.inf}
+            view.step()
+            newest = view.stats()["oocpt:job"]
+            while shown < newest if period is None else time.monotonic() - begun < period:
+                if time.monotonic() - begun > patience:
+                    raise TimeoutError(f"no other picture in {patience} s after `{code}`; stats {view.stats()}")
+                view.step()
+                pixels = aov_reader.read(view.engine, "color")
+                row["black"] = max(row["black"], float((pixels[..., :3].max(axis=-1) <= 0).mean()))
+                row["sampleCount"] = min(row["sampleCount"], float(aov_reader.read(view.engine, "sampleCount").min()))
+                before, shown = shown, view.stats()["oocpt:shownJob"]
+                row["changed"] += int(shown != before)
+                time.sleep(0.004)
+            row["meshes"] = view.stats()["oocpt:meshesMade"]
+            rows.append(row)
+        return rows
+
+    def held(self):
+        """What the process holds."""
+        return _held()
+
     def decode(self, viewer, pairs):
         """Hydra's reading of (primId, instanceId) pairs."""
         view = self._viewers[viewer]

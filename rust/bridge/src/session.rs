@@ -229,7 +229,10 @@ impl Session {
 
     /// Counters under the keys that hosts read.
     pub(crate) fn stats(&self) -> Result<Vec<NamedValue>, BridgeError> {
-        guard("stats", || Ok(stats::named_values(&self.inner.stats())))
+        guard("stats", || {
+            let jobs = [self.inner.generation(), self.inner.shown_generation()];
+            Ok(stats::named_values(&self.inner.stats()).into_iter().chain(stats::jobs(jobs)).collect())
+        })
     }
 
     /// What the user should see since the last call.

@@ -35,6 +35,7 @@ pub(crate) fn named_values(stats: &RenderStats) -> Vec<NamedValue> {
         integer("oocpt:instances", stats.instances),
         integer("oocpt:triangles", stats.triangles),
         integer("oocpt:uniqueTriangles", stats.unique_triangles),
+        integer("oocpt:meshesMade", stats.meshes_made),
         integer("oocpt:meshes", stats.meshes),
         text("oocpt:featuresLeftOut", &stats.features_left_out.join("; ")),
         integer("oocpt:dropped", stats.dropped.total()),
@@ -75,6 +76,11 @@ fn inventory(inventory: &RenderInventory) -> [NamedValue; 14] {
         text("oocpt:traversalBackend", &inventory.traversal.backend),
         text("oocpt:traversalReason", &inventory.traversal.why),
     ]
+}
+
+/// The newest job, and the one whose picture is shown.
+pub(crate) fn jobs([newest, shown]: [u64; 2]) -> [NamedValue; 2] {
+    [integer("oocpt:job", newest), integer("oocpt:shownJob", shown)]
 }
 
 /// How samples were spent at that look.

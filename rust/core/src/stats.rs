@@ -52,6 +52,8 @@ pub struct RenderStats {
     pub instances: u64,
     /// Triangles stored once per mesh.
     pub unique_triangles: u64,
+    /// Meshes that the session has built so far, or found in files.
+    pub meshes_made: u64,
     /// Triangles, multiplied out.
     pub triangles: u64,
     /// Unique meshes.

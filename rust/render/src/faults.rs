@@ -36,6 +36,11 @@ pub struct PlantedFaults {
     pub failure: Option<PlantedFailure>,
     /// So many devices are lost, one after the other, each after so many submissions, in the first render.
     pub lost_devices: [u32; 2],
+    /// By what the sides of the first picture of an interactive render are divided; 1 = there is none; none = by the
+    /// pace of the device.
+    pub first_picture: Option<u32>,
+    /// Nothing comes after it.
+    pub first_picture_alone: bool,
     /// Milliseconds after which a wait for loads is told, in place of a minute; 0 = a minute.
     pub impatient_millis: u32,
 }

@@ -5,7 +5,7 @@ use crate::adaptive::AdaptiveBuffers;
 use crate::aov::{AovKind, AovRequest};
 use crate::error::RenderError;
 use crate::job::RenderJob;
-use crate::publish::PublishedImages;
+use crate::publish::{Extent, PublishedImages};
 use crate::request::RenderRequest;
 use crate::sync::lock;
 use crate::wave::{ERROR_SLOTS, Wave, WavePiece, pieces};
@@ -235,18 +235,26 @@ impl Film {
         })
     }
 
-    /// Publishes what [`Film::copy_out`] copied, once its commands are done; returns the counters.
-    pub(crate) fn publish(&self, published: &Mutex<PublishedImages>) -> Result<WavefrontCounters, GpuError> {
+    /// Publishes what [`Film::copy_out`] copied, once its commands are done, as images of `generation`, unless these
+    /// would be no whole picture ([`PublishedImages::begin`]); returns the counters.
+    pub(crate) fn publish(
+        &self,
+        published: &Mutex<PublishedImages>,
+        generation: u64,
+        extent: Extent,
+    ) -> Result<WavefrontCounters, GpuError> {
         let mut counters = WavefrontCounters::default();
         self.readback.map(|bytes| {
             let mut published = lock(published);
-            published.retain(&self.kinds, self.pixels);
+            let is_shown = published.begin(generation, &self.kinds, self.pixels, extent);
             let mut rest: &[u8] = bytes;
             for kind in &self.kinds {
                 // Fits: the readback buffer is mapped whole.
                 let bytes = usize::try_from(self.pixels).unwrap_or(usize::MAX).saturating_mul(kind.pixel_bytes());
                 let (image, after) = rest.split_at(bytes);
-                published.put(*kind, image);
+                if is_shown {
+                    published.put(*kind, image, extent);
+                }
                 rest = after;
             }
             counters = bytemuck::pod_read_unaligned(&rest[..size_of::<WavefrontCounters>()]);

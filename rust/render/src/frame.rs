@@ -9,18 +9,21 @@ use crate::engine::{self, CompiledFeatures, FrameTiles, WaveSource, WavefrontTra
 use crate::error::RenderError;
 use crate::feedback::FeedbackBuffers;
 use crate::film::Film;
+use crate::first_picture::{self, FirstPictures};
+use crate::forced_features::ForcedFeatures;
 use crate::frame_context::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
 use crate::host_memory::{self, HostMemoryUser};
 use crate::in_core::{path_needs, roomy_waves, share_of_waves};
 use crate::in_flight;
 use crate::job::RenderJob;
-use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
+use crate::lights::{FileCache, KeptLights, LightSource, LightTable, LightTables, MeshLightCache};
 use crate::progress::FrameProgress;
 use crate::request::Severity;
 use crate::shared::FrameGate;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::upload::UploadDecision;
+use crate::view::View;
 use crate::wavefront::{BackgroundCompile, PathBuffers};
 use oocpt_abi::{Features, FrameConstants};
 use oocpt_core::inventory::RenderInventory;
@@ -29,12 +32,16 @@ use oocpt_core::scene::Snapshot;
 use oocpt_gpu::{DriverCall, PlantedFailure};
 use oocpt_gpu::{Gpu, GpuError};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Share of a scene's bytes that is lost between the ranges of arenas, at most.
 const PACKING: u64 = 24;
 
 /// A scene counts as fitting only when it leaves room for tiles of textures of so many bytes (or for all there are).
 const FEWEST_TILES: u64 = 8 << 20;
+
+/// Where there is no other first picture, a newer job waits so long for the first sample of each pixel.
+const FIRST_SAMPLE: Duration = Duration::from_millis(100);
 
 /// Sets the limit of host memory in which rays read tiles of textures that find no room on the device, where they may.
 /// A cap on geometry counts them: then there is none.
@@ -58,8 +65,11 @@ pub(crate) struct Renderer {
     stream: Option<StreamBuffers>,
     ahead: BackgroundCompile,
     film: Option<Film>,
+    first_pictures: FirstPictures,
     light_files: FileCache,
     mesh_lights: MeshLightCache,
+    /// Whose tables `light_tables` has.
+    lights: Option<KeptLights>,
     light_tables: LightTables,
     /// Memory is short: streams even if the scene seems to fit, with few paths at a time.
     is_frugal: bool,
@@ -150,31 +160,12 @@ impl Renderer {
         gate: &FrameGate<'_>,
         progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
-        let origin = job.snapshot.origin;
-        let in_motion = job.request.camera.in_motion(origin).unwrap_or_else(|why| {
-            gate.shared().report(Severity::Warning, why.to_string());
-            None
-        });
-        let still = in_motion.as_ref().map_or(&job.request.camera, |(still, _)| still);
-        let rays = still.rays(origin)?;
-        let clip_planes = still.planes_along_rays()?;
-        let scene_lights = if job.settings.enable_scene_lights { job.snapshot.lights.as_slice() } else { &[] };
-        let dome_visible = job.settings.dome_light_camera_visible;
-        let files = &*job.files;
-        let (mut lights, mut warnings) =
-            LightTable::new(&job.snapshot, scene_lights, dome_visible, files, &mut self.light_files);
-        let textures = self.scene.open_textures(&job.snapshot, job.images.as_ref(), &job.settings);
-        if let Some(meshes) = self.mesh_lights.get(&job.snapshot, job.images.as_ref().map(|_| textures)) {
-            lights.add_meshes(&meshes);
-            warnings.extend(meshes.warning.clone());
-        }
-        warnings.extend(self.mesh_lights.warning());
-        for warning in warnings {
+        let view = View::of(job, gate.shared())?;
+        let carry = &job.options.forced_features;
+        let lights = self.sync_lights(device, job, carry, progress)?;
+        for warning in lights.warnings.iter().cloned() {
             gate.shared().report(Severity::Warning, warning);
         }
-        let carry = &job.options.forced_features;
-        let light_carry = if carry.is_empty() { Features::empty() } else { lights.carry() };
-        self.light_tables.sync(device, &lights)?;
         self.make_images(device, job)?;
         let Some(film) = self.film.take() else {
             return Err(RenderError::Internal("the frame's images were not made".into()));
@@ -183,22 +174,52 @@ impl Renderer {
         let context = FrameContext {
             device,
             job,
-            rays: &rays,
-            camera_motion: in_motion.as_ref().map(|(_, motion)| motion),
-            clip_planes: &clip_planes,
-            lights: &lights,
+            rays: &view.rays,
+            camera_motion: view.motion.as_ref(),
+            clip_planes: &view.clip_planes,
+            lights: &lights.table,
             lighting: tables.lighting,
             film: &film,
             tables: &tables,
             carry,
-            light_carry,
+            light_carry: lights.carried,
+            pace: self.first_pictures.pace.rate().filter(|_| job.settings.interactive),
             is_frugal: self.is_frugal,
             has_outgrown: self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot)),
         };
         let result = self.render_scene(&context, gate, progress);
         self.film = Some(film);
         self.light_tables = tables;
+        self.lights = Some(lights);
         result
+    }
+
+    /// Makes the device have the lights of `job`: those of the frame before, if nothing of them can have changed.
+    fn sync_lights(
+        &mut self,
+        device: &Device,
+        job: &RenderJob,
+        carry: &ForcedFeatures,
+        progress: &mut FrameProgress<'_>,
+    ) -> Result<KeptLights, RenderError> {
+        let source = LightSource::of(job);
+        let textures = self.scene.open_textures(&job.snapshot, job.images.as_ref(), &job.settings);
+        if let Some(kept) = self.lights.take().filter(|kept| kept.serve(&source)) {
+            return Ok(kept);
+        }
+        let scene_lights = if job.settings.enable_scene_lights { job.snapshot.lights.as_slice() } else { &[] };
+        let dome_visible = job.settings.dome_light_camera_visible;
+        let (mut table, mut warnings) =
+            LightTable::new(&job.snapshot, scene_lights, dome_visible, &*job.files, &mut self.light_files);
+        if let Some(meshes) = self.mesh_lights.get(&job.snapshot, job.images.as_ref().map(|_| textures)) {
+            table.add_meshes(&meshes);
+            warnings.extend(meshes.warning.clone());
+        }
+        warnings.extend(self.mesh_lights.warning());
+        let carried = if carry.is_empty() { Features::empty() } else { table.carry() };
+        self.light_tables.sync(device, &table)?;
+        progress.timings.light_tables += 1;
+        Ok(KeptLights { source, table, carried, warnings })
     }
 
     /// Renders from a scene that is all there, or, where it does not fit, from what the rays ask for.
@@ -265,6 +286,13 @@ impl Renderer {
         let mut first = None;
         if !(streaming::may_split(context, scene) && scene.is_all_there()) {
             self.waves = None;
+            // The first time, memory is made as large as the whole picture needs it.
+            if self.stream.is_some() {
+                self.show_first(context, gate, |renderer, context, gate, progress| {
+                    streaming::render(context, scene, (&mut renderer.stream, &mut renderer.ahead), gate, progress)
+                        .map(|_| ())
+                })?;
+            }
             first = streaming::render(context, scene, (&mut self.stream, &mut self.ahead), gate, progress)?;
             if first.is_none() {
                 return Ok(());
@@ -329,6 +357,69 @@ impl Renderer {
 
     /// Renders a scene that is all there, or the rest from path `first` on.
     fn render_in_core(
+        &mut self,
+        context: &FrameContext<'_>,
+        scene: &mut DeviceScene,
+        first: Option<u64>,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
+    ) -> Result<(), RenderError> {
+        if first.is_none() {
+            self.show_first(context, gate, |renderer, context, gate, progress| {
+                renderer.trace_in_core(context, scene, None, gate, progress)
+            })?;
+        }
+        #[cfg(feature = "faults")]
+        if context.job.options.faults.first_picture_alone {
+            return Ok(());
+        }
+        let gate = if context.job.settings.interactive { gate.for_first_picture(FIRST_SAMPLE) } else { *gate };
+        self.trace_in_core(context, scene, first, &gate, progress)?;
+        if progress.timings.paths >= context.job.request.pixels() {
+            self.first_pictures.pace.learn(progress.timings.paths, progress.timings.trace_secs);
+        }
+        Ok(())
+    }
+
+    /// Shows the first picture of a job, if it is to have one ([`first_picture`]), which `render` traces.
+    fn show_first(
+        &mut self,
+        context: &FrameContext<'_>,
+        gate: &FrameGate<'_>,
+        render: impl FnOnce(&mut Self, &FrameContext<'_>, &FrameGate<'_>, &mut FrameProgress<'_>) -> Result<(), RenderError>,
+    ) -> Result<(), RenderError> {
+        let mut kept = std::mem::take(&mut self.first_pictures);
+        if let Some(picture) = (!context.is_frugal).then(|| kept.begin(context.device, context.job)).flatten() {
+            let began = Instant::now();
+            let view = View::of(&picture.job, &kept.apart)?;
+            let inner = FrameContext {
+                job: &picture.job,
+                rays: &view.rays,
+                camera_motion: view.motion.as_ref(),
+                clip_planes: &view.clip_planes,
+                film: &picture.film,
+                ..*context
+            };
+            let gate = gate.for_first_picture(first_picture::PATIENCE);
+            let mut progress = FrameProgress::start(&kept.apart, &picture.job);
+            match render(self, &inner, &gate, &mut progress) {
+                // The whole picture finds out what to do about it.
+                Err(
+                    error
+                    @ (RenderError::Budget { .. } | RenderError::NoProgress { .. } | RenderError::TexturesOutgrow),
+                ) => tracing::debug!(%error, "no first picture"),
+                result => result?,
+            }
+            let is_whole = !picture.film.has_color() || progress.paths_done() >= progress.total_paths();
+            let done = (progress.is_finished() && is_whole).then(|| began.elapsed().as_secs_f64());
+            drop(progress);
+            kept.end(picture, done, &mut lock(&gate.shared().published), is_cpu(context.device));
+        }
+        self.first_pictures = kept;
+        Ok(())
+    }
+
+    fn trace_in_core(
         &mut self,
         context: &FrameContext<'_>,
         scene: &mut DeviceScene,

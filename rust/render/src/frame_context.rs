@@ -35,6 +35,8 @@ pub(crate) struct FrameContext<'a> {
     pub(crate) carry: &'a ForcedFeatures,
     /// Of that, what these lights allow.
     pub(crate) light_carry: Features,
+    /// Paths a second that were traced last, where images are shown on the way.
+    pub(crate) pace: Option<f64>,
     /// Memory is short.
     pub(crate) is_frugal: bool,
     /// Tiles of the scene's textures found no room when it was rendered without streaming.

@@ -21,6 +21,8 @@ pub(crate) struct RenderJob {
     pub(crate) files: Arc<dyn LightFiles>,
     /// The scene's primvars, and which of them are used.
     pub(crate) primvars: Arc<[PrimvarUse]>,
+    /// Meshes that the session had built when it was posted.
+    pub(crate) meshes_made: u64,
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
     pub(crate) fixed_host_bytes: u64,
     /// That of `RenderControl` when it was posted.

@@ -29,6 +29,7 @@ pub mod error_report;
 mod faults;
 mod feedback;
 mod film;
+mod first_picture;
 mod forced_features;
 mod frame;
 mod frame_context;
@@ -61,6 +62,7 @@ pub mod textures;
 mod thread;
 mod timings;
 mod upload;
+mod view;
 mod wave;
 mod wavefront;
 

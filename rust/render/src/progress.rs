@@ -14,6 +14,7 @@ use crate::job::RenderJob;
 use crate::measure::{self, MeasuredError};
 use crate::patience::LoadWait;
 use crate::progress_bar::ProgressBar;
+use crate::publish::Extent;
 use crate::request::Severity;
 use crate::shared::SharedState;
 use crate::sync::lock;
@@ -27,10 +28,10 @@ use oocpt_gpu::Gpu;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// First interval between published images.
-const FIRST_INTERVAL: Duration = Duration::from_millis(100);
-/// Longest interval between published images.
-const LAST_INTERVAL: Duration = Duration::from_secs(2);
+/// Interval between published images: with the wave that ends in it less than a tenth of a second.
+const INTERVAL: Duration = Duration::from_millis(60);
+/// Publishing an image takes at most such a share of the time.
+const PUBLISHING_SHARE: u32 = 8;
 
 /// The progress of one frame.
 #[derive(Debug)]
@@ -44,7 +45,8 @@ pub(crate) struct FrameProgress<'a> {
     limit: Option<Duration>,
     done: u64,
     next_publish: Instant,
-    interval: Duration,
+    /// An image with a sample of each pixel was to be published.
+    is_whole: bool,
     bar: Option<ProgressBar>,
     log: ErrorLog,
     size: [u32; 2],
@@ -74,6 +76,7 @@ impl<'a> FrameProgress<'a> {
             dropped: job.snapshot.dropped,
             instances: small(counts.instances),
             unique_triangles: counts.unique_triangles,
+            meshes_made: job.meshes_made,
             triangles: small(counts.instanced_triangles),
             meshes: counts.meshes,
             host_bytes: job.snapshot.meshes.iter().map(|mesh| mesh.host_bytes()).sum(),
@@ -91,8 +94,8 @@ impl<'a> FrameProgress<'a> {
             generation: job.generation,
             limit: (limit > 0.0).then(|| Duration::try_from_secs_f32(limit).unwrap_or(Duration::MAX)),
             done: 0,
-            next_publish: now + FIRST_INTERVAL,
-            interval: FIRST_INTERVAL,
+            next_publish: now,
+            is_whole: false,
             interactive: job.settings.interactive,
             says_how_it_ended: job.options.closing_words && !job.settings.interactive,
             is_finished: false,
@@ -118,6 +121,11 @@ impl<'a> FrameProgress<'a> {
         self.before = None;
         *lock(&self.shared.reached) = (self.generation, 0);
         self.log.begin_again();
+    }
+
+    /// Paths that are done, or handed to the film.
+    pub(crate) fn paths_done(&self) -> u64 {
+        self.done
     }
 
     /// Paths of the whole render.
@@ -193,15 +201,40 @@ impl<'a> FrameProgress<'a> {
         self.done >= self.pixels && self.limit.is_some_and(|limit| self.started.elapsed() >= limit)
     }
 
-    /// Whether the wave about to be submitted should end with an image.
-    pub(crate) fn publish_due(&mut self) -> bool {
+    /// Whether the wave about to be submitted, with which the film has `extent`, should end with an image: when it is
+    /// whole for the first time, and from time to time.
+    pub(crate) fn publish_due(&mut self, extent: Extent) -> bool {
         let now = Instant::now();
-        if !self.interactive || now < self.next_publish {
+        let is_whole = extent.covers(self.pixels);
+        let is_first = is_whole && !self.is_whole;
+        if !self.interactive || (now < self.next_publish && !is_first) {
             return false;
         }
-        self.interval = (self.interval * 2).min(LAST_INTERVAL);
-        self.next_publish = now + self.interval;
+        if !is_whole && (self.decided.is_some() || self.shown_extent(extent).is_none()) {
+            return false;
+        }
+        self.is_whole |= is_whole;
+        self.next_publish = now + INTERVAL;
         true
+    }
+
+    /// What of `extent` can be shown: a part of the picture only over a whole one of this job.
+    fn shown_extent(&self, extent: Extent) -> Option<Extent> {
+        if extent.covers(self.pixels) {
+            return Some(Extent::WHOLE);
+        }
+        // Adaptive samples are not in the order of the pixels.
+        let samples = if self.decided.is_some() { 0 } else { extent.samples };
+        let part = Extent { samples, ..extent }.whole_strips(self.size[0]);
+        lock(&self.shared.published).shows(self.generation).then_some(part)
+    }
+
+    /// What of the picture is shown at the end of a render, given up or not: as much as there is, but over the first
+    /// picture of the job what has a sample.
+    fn last_extent(&self) -> Extent {
+        let extent = Extent { planes: u64::MAX, samples: self.done };
+        let part = if self.interactive { self.shown_extent(extent) } else { None };
+        part.unwrap_or(Extent::WHOLE)
     }
 
     /// Counts a finished wave.
@@ -237,11 +270,19 @@ impl<'a> FrameProgress<'a> {
         u32::try_from(samples).unwrap_or(u32::MAX)
     }
 
-    /// Publishes the images that the last finished submission copied out.
+    /// Publishes the images as they are at the end.
+    pub(crate) fn publish_last(&mut self, film: &Film) -> Result<(), RenderError> {
+        self.publish(film, self.last_extent())
+    }
+
+    /// Publishes the images that the last finished submission copied out, of which there is `extent`.
     #[expect(clippy::cast_precision_loss, reason = "rates are shown, not computed with")]
-    pub(crate) fn publish(&mut self, film: &Film) -> Result<(), RenderError> {
+    pub(crate) fn publish(&mut self, film: &Film, extent: Extent) -> Result<(), RenderError> {
+        let began = Instant::now();
+        let extent = self.shown_extent(extent).unwrap_or(extent);
         let WavefrontCounters { closest_rays, shadow_rays, nonfinite, nonfinite_pixel, stack_overflows, .. } =
-            film.publish(&self.shared.published)?;
+            film.publish(&self.shared.published, self.generation, extent)?;
+        self.next_publish = self.next_publish.max(Instant::now() + PUBLISHING_SHARE * began.elapsed());
         self.nonfinite_pixel = self.nonfinite_pixel.max(nonfinite_pixel);
         let before = self.before.unwrap_or_default();
         let (closest_rays, shadow_rays) = (closest_rays + before.closest_rays, shadow_rays + before.shadow_rays);
@@ -338,6 +379,11 @@ impl<'a> FrameProgress<'a> {
             self.trace_started += began.elapsed();
         }
         Ok(())
+    }
+
+    /// Whether the render has ended as planned.
+    pub(crate) fn is_finished(&self) -> bool {
+        self.is_finished
     }
 
     /// The render has ended as planned.

@@ -1,12 +1,50 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The images the host can read: the latest complete set, replaced as a whole by the render thread.
+//! The images the host can read, put there by the render thread: always whole pictures, of one generation.
+//!
+//! A picture that is not whole yet is shown over one of its own generation that is: the first picture of a change, at a
+//! part of the resolution. Until there is one, the host keeps the picture of the generation before.
 
 use crate::aov::AovKind;
+
+/// Rows of the strips in which pixels are traced, one strip after the other (`pixel_position` of the shaders).
+const STRIP_ROWS: u64 = 8;
+
+/// How much of a picture is there: so many of its pixels, in the order in which they are traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Extent {
+    /// Of images traced through pixel centres.
+    pub(crate) planes: u64,
+    /// Of images made of samples.
+    pub(crate) samples: u64,
+}
+
+impl Extent {
+    /// All of it.
+    pub(crate) const WHOLE: Self = Self { planes: u64::MAX, samples: u64::MAX };
+
+    /// Whether all of `pixels` are there.
+    pub(crate) fn covers(self, pixels: u64) -> bool {
+        self.planes.min(self.samples) >= pixels
+    }
+
+    /// The strips of it that are whole, in a picture of this width: these are rows from the first on.
+    pub(crate) fn whole_strips(self, width: u32) -> Self {
+        let strip = STRIP_ROWS * u64::from(width.max(1));
+        let whole = |pixels: u64| if pixels == u64::MAX { pixels } else { pixels - pixels % strip };
+        Self { planes: whole(self.planes), samples: whole(self.samples) }
+    }
+
+    fn of(self, kind: AovKind) -> u64 {
+        if matches!(kind, AovKind::Color | AovKind::SampleCount) { self.samples } else { self.planes }
+    }
+}
 
 /// The latest images of a session.
 #[derive(Debug, Default)]
 pub(crate) struct PublishedImages {
     images: Vec<PublishedImage>,
+    /// Of the job that they are of.
+    generation: u64,
     /// Of the image that came last; they are counted from 1.
     version: u64,
 }
@@ -19,21 +57,61 @@ struct PublishedImage {
 }
 
 impl PublishedImages {
-    /// Replaces the image of `kind`, in the memory that it had: fresh pages would take longer than the copy.
-    pub(crate) fn put(&mut self, kind: AovKind, pixels: &[u8]) {
+    /// Begins to replace the images by those of `generation`, of which `extent` is there: `kinds`, each of `pixels`.
+    /// False, and nothing changes, if that would show no whole picture, or an older one.
+    pub(crate) fn begin(&mut self, generation: u64, kinds: &[AovKind], pixels: u64, extent: Extent) -> bool {
+        let is_newer = generation > self.generation && extent.covers(pixels);
+        if generation != self.generation && !is_newer {
+            return false;
+        }
+        self.retain(kinds, pixels);
+        let has_all = kinds.iter().all(|kind| self.images.iter().any(|have| have.kind == *kind));
+        if !has_all && !extent.covers(pixels) {
+            return false;
+        }
+        self.generation = generation;
+        true
+    }
+
+    /// The job whose picture is there.
+    pub(crate) fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// Whether a whole picture of `generation` is there.
+    pub(crate) fn shows(&self, generation: u64) -> bool {
+        self.generation == generation && !self.images.is_empty()
+    }
+
+    /// Replaces what `extent` says of the image of `kind`, in the memory that it had: fresh pages would take longer
+    /// than the copy.
+    pub(crate) fn put(&mut self, kind: AovKind, pixels: &[u8], extent: Extent) {
+        let bytes = usize::try_from(extent.of(kind)).unwrap_or(usize::MAX).saturating_mul(kind.pixel_bytes());
+        let bytes = bytes.min(pixels.len());
+        self.change(kind, pixels.len(), |image| image[..bytes].copy_from_slice(&pixels[..bytes]));
+    }
+
+    /// Changes the image of `kind` of so many bytes.
+    pub(crate) fn change(&mut self, kind: AovKind, bytes: usize, change: impl FnOnce(&mut [u8])) {
         self.version += 1;
-        match self.images.iter_mut().find(|have| have.kind == kind) {
-            Some(slot) => {
-                slot.version = self.version;
-                slot.bytes.clear();
-                slot.bytes.extend_from_slice(pixels);
-            }
-            None => self.images.push(PublishedImage { kind, version: self.version, bytes: pixels.to_vec() }),
+        let at = self.images.iter().position(|have| have.kind == kind).unwrap_or_else(|| {
+            self.images.push(PublishedImage { kind, version: 0, bytes: Vec::new() });
+            self.images.len() - 1
+        });
+        if let Some(image) = self.images.get_mut(at) {
+            image.version = self.version;
+            image.bytes.resize(bytes, 0);
+            change(&mut image.bytes);
         }
     }
 
+    /// The image of `kind`.
+    pub(crate) fn image(&self, kind: AovKind) -> Option<&[u8]> {
+        self.images.iter().find(|have| have.kind == kind).map(|have| &*have.bytes)
+    }
+
     /// Forgets every image but those of `kinds` that have exactly the given number of pixels.
-    pub(crate) fn retain(&mut self, kinds: &[AovKind], pixels: u64) {
+    fn retain(&mut self, kinds: &[AovKind], pixels: u64) {
         self.images.retain(|have| {
             kinds.contains(&have.kind) && have.bytes.len() as u64 == pixels * have.kind.pixel_bytes() as u64
         });
@@ -56,30 +134,65 @@ impl PublishedImages {
 mod tests {
     use super::*;
 
+    /// Images of so many pixels, each byte `value`.
+    fn put(published: &mut PublishedImages, generation: u64, pixels: usize, value: u8, extent: Extent) -> bool {
+        let kinds = [AovKind::Depth, AovKind::SampleCount];
+        let shown = published.begin(generation, &kinds, pixels as u64, extent);
+        if shown {
+            kinds.iter().for_each(|kind| published.put(*kind, &vec![value; 4 * pixels], extent));
+        }
+        shown
+    }
+
     #[test]
     fn only_images_of_the_right_size_are_copied() {
         let mut published = PublishedImages::default();
-        published.put(AovKind::Depth, &[1; 8]);
+        assert!(put(&mut published, 1, 2, 1, Extent::WHOLE), "the first one");
         let mut out = [0_u8; 8];
         assert_ne!(published.copy(AovKind::Depth, 0, &mut out), 0, "the image is there");
         assert_eq!(out, [1; 8], "the pixels must arrive");
         assert_eq!(published.copy(AovKind::Depth, 0, &mut [0; 4]), 0, "another size must be refused");
-        published.retain(&[AovKind::Depth], 3);
+        assert!(put(&mut published, 2, 3, 1, Extent::WHOLE), "another resolution");
         assert_eq!(published.copy(AovKind::Depth, 0, &mut out), 0, "an image of another resolution must be forgotten");
     }
 
     #[test]
     fn an_image_that_is_known_is_not_copied_again_and_a_new_one_is() {
         let mut published = PublishedImages::default();
-        published.put(AovKind::Depth, &[1; 8]);
-        published.put(AovKind::PrimId, &[2; 8]);
+        put(&mut published, 1, 2, 1, Extent::WHOLE);
         let mut out = [0_u8; 8];
         let known = published.copy(AovKind::Depth, 0, &mut out);
         out = [9; 8];
         assert_eq!(published.copy(AovKind::Depth, known, &mut out), known, "it is still there");
         assert_eq!(out, [9; 8], "and was not copied");
-        published.put(AovKind::Depth, &[3; 8]);
+        put(&mut published, 1, 2, 3, Extent::WHOLE);
         assert_ne!(published.copy(AovKind::Depth, known, &mut out), known, "another one");
         assert_eq!(out, [3; 8], "is copied");
+    }
+
+    #[test]
+    fn parts_of_a_picture_are_whole_strips() {
+        let extent = Extent { planes: 8 * 10 * 3 + 79, samples: 79 };
+        assert_eq!(extent.whole_strips(10), Extent { planes: 240, samples: 0 });
+        assert_eq!(Extent::WHOLE.whole_strips(10), Extent::WHOLE, "all of it");
+    }
+
+    #[test]
+    fn a_picture_that_is_not_whole_is_shown_over_a_whole_one_of_its_generation_alone() {
+        let mut published = PublishedImages::default();
+        let part = Extent { planes: 2, samples: 1 };
+        let images = |published: &PublishedImages| {
+            [AovKind::Depth, AovKind::SampleCount].map(|kind| published.image(kind).map(<[u8]>::to_vec))
+        };
+        assert!(!put(&mut published, 1, 2, 1, part), "nothing to show it over");
+        assert_eq!(images(&published), [None, None], "so nothing is there");
+        assert!(put(&mut published, 1, 2, 1, Extent::WHOLE), "a whole one");
+        assert!(!put(&mut published, 2, 2, 2, part), "a part of the next one");
+        assert_eq!(images(&published), [Some(vec![1; 8]), Some(vec![1; 8])], "leaves the one before");
+        assert!(put(&mut published, 2, 2, 2, Extent::WHOLE), "a whole one of the next");
+        assert!(put(&mut published, 2, 2, 3, part), "a part over it");
+        assert_eq!(images(&published), [Some(vec![3; 8]), Some([[3; 4], [2; 4]].concat())], "as far as it is there");
+        assert!(!put(&mut published, 1, 2, 4, Extent::WHOLE), "an older one");
+        assert!(published.shows(2) && !published.shows(1), "is not shown");
     }
 }

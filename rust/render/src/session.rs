@@ -127,19 +127,20 @@ impl Session {
         let planes = request.camera.clip_planes.len();
         request.camera.clip_planes.retain(|plane| plane.is_finite());
         let is_cut = request.camera.clip_planes.len() < planes;
-        let (chunk_bytes, dicing_rate) = {
+        let (chunk_bytes, dicing_rate, is_live) = {
             let settings = lock(&self.settings);
             self.heights.iter().for_each(|heights| heights.keep_in(&settings));
-            (u64::from(settings.chunk_size_kib) << 10, settings.dicing_rate)
+            (u64::from(settings.chunk_size_kib) << 10, settings.dicing_rate, settings.interactive)
         };
         let mut scene = lock(&self.scene);
         scene.set_partition(PartitionOptions { chunk_bytes });
-        scene.set_dicing(DicingCamera::new(&request.camera, dicing_rate));
+        scene.set_dicing(DicingCamera::new(&request.camera, dicing_rate).live(is_live));
         let lent = self.keep_meshes(&mut scene);
         let commit = scene.commit();
         let fixed_host_bytes = self.watch_host_memory(&scene, &lent, &commit.snapshot);
         let primvars = self.primvars_of(&scene, commit.snapshot.version);
         self.report_materials(&scene);
+        let meshes_made = scene.meshes_made();
         drop(scene);
         for line in summary(&commit.warnings) {
             self.shared.report(Severity::Warning, line);
@@ -164,9 +165,18 @@ impl Session {
         let snapshot = commit.snapshot;
         control.generation += 1;
         let generation = control.generation;
-        let job =
-            RenderJob { snapshot, request, settings, options, images, files, primvars, fixed_host_bytes, generation };
-        control.job = Some(Arc::new(job));
+        control.job = Some(Arc::new(RenderJob {
+            snapshot,
+            request,
+            settings,
+            options,
+            images,
+            files,
+            primvars,
+            meshes_made,
+            fixed_host_bytes,
+            generation,
+        }));
         control.stopped = false;
         drop(control);
         self.shared.notify();
@@ -341,6 +351,12 @@ impl Session {
     /// `out` holds then: 0 if there is no such image, never the same for two images of a session.
     pub fn read_new_aov(&self, kind: AovKind, known: u64, out: &mut [u8]) -> u64 {
         lock(&self.shared.published).copy(kind, known, out)
+    }
+
+    /// Number of the job whose picture is shown ([`Session::generation`] is that of the newest one); 0 before there is
+    /// one.
+    pub fn shown_generation(&self) -> u64 {
+        lock(&self.shared.published).generation()
     }
 
     /// Counters of the current or last render.

@@ -108,16 +108,33 @@ impl SharedState {
 }
 
 /// What the frame asks between waves: may it go on?
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct FrameGate<'a> {
     shared: &'a SharedState,
     generation: u64,
+    /// Until then a newer job does not close it, as long as no picture of this one is shown.
+    until: Option<Instant>,
 }
 
 impl<'a> FrameGate<'a> {
     /// The gate of the job of `generation`.
     pub(crate) fn new(shared: &'a SharedState, generation: u64) -> Self {
-        Self { shared, generation }
+        Self { shared, generation, until: None }
+    }
+
+    /// The same, but a newer job waits for the first picture of this one, for so long at most.
+    pub(crate) fn for_first_picture(&self, patience: Duration) -> Self {
+        Self { until: Instant::now().checked_add(patience), ..*self }
+    }
+
+    /// Whether there is a newer job for which this one is given up: it publishes nothing any more.
+    pub(crate) fn is_superseded(&self) -> bool {
+        let is_newer = self.shared.control().generation != self.generation;
+        is_newer && !self.outlasts()
+    }
+
+    fn outlasts(&self) -> bool {
+        self.until.is_some_and(|until| Instant::now() < until) && !lock(&self.shared.published).shows(self.generation)
     }
 
     /// Waits out a pause; false when the image is to be given up (stop, a newer job, the end of the session), or
@@ -126,7 +143,7 @@ impl<'a> FrameGate<'a> {
         let mut control = self.shared.control();
         loop {
             let is_over = control.ends_early == self.generation || control.generation != self.generation;
-            if control.quit || control.stopped || is_over {
+            if control.quit || control.stopped || (is_over && !self.outlasts()) {
                 return false;
             }
             if !control.paused {

@@ -49,6 +49,8 @@ pub struct RenderTimings {
     pub translated: u64,
     /// From the first wave's submission to the last wave's end, seconds.
     pub trace_secs: f64,
+    /// Times that the tables of lights were made and sent: none where the lights are those of the frame before.
+    pub light_tables: u64,
     /// Bytes uploaded.
     pub uploaded_bytes: u64,
     /// Camera and bounce rays traced.

@@ -36,6 +36,8 @@ pub(crate) struct MeshStore {
     slots: Vec<u128>,
     /// What `built` was made for.
     options: PartitionOptions,
+    /// Meshes that were built or found in files so far.
+    pub(crate) made: u64,
     /// Where assets are put.
     pub(crate) shelf: MeshStorage,
     /// Images that cut meshes out.
@@ -92,6 +94,7 @@ impl MeshStore {
             .filter(|(key, _)| !self.built.contains_key(key) && begun.insert(**key))
             .map(|(key, (entry, covers))| NewMesh { key: *key, entry, covers })
             .collect();
+        self.made += new.len() as u64;
         let built = self.make(&new, heights);
         self.built.extend(built);
         for (key, entry) in keys.iter().zip(&mut missing) {

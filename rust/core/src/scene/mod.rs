@@ -275,6 +275,12 @@ impl SceneDb {
         }
     }
 
+    /// Meshes that commits have built so far, or found in files.
+    #[must_use]
+    pub fn meshes_made(&self) -> u64 {
+        self.mesh_store.made
+    }
+
     /// Says who opens the textures that displace surfaces or cut them out, for meshes that are built from now on.
     /// Without, the former have their fallbacks.
     pub fn set_height_files(&mut self, files: Arc<dyn HeightFiles>) {

@@ -8,6 +8,7 @@ use super::{WavefrontTracer, finish};
 use crate::error::RenderError;
 use crate::frame_context::FrameContext;
 use crate::progress::FrameProgress;
+use crate::publish::Extent;
 use crate::shared::FrameGate;
 use crate::wavefront::PathKind;
 use oocpt_abi::WavefrontCounters;
@@ -39,8 +40,8 @@ pub(crate) struct StreamingEnd {
 #[derive(Debug)]
 pub(crate) struct SubmittedWork<T> {
     pub(crate) submission: Submission,
-    /// It ends with an image to be published.
-    pub(crate) publishes: bool,
+    /// It ends with an image to be published, of which so much is there.
+    pub(crate) publishes: Option<Extent>,
     /// Octaves of samples that it completes.
     pub(crate) octaves: Vec<u32>,
     /// What the path source remembers of it.
@@ -179,8 +180,8 @@ fn retire_oldest<F: PathSource>(
     let Some(work) = work else { return Ok(()) };
     let FrameContext { film, device, .. } = *source.tracer().context;
     progress.note_driver_usage(device);
-    if work.publishes {
-        progress.publish(film)?;
+    if let Some(extent) = work.publishes {
+        progress.publish(film, extent)?;
     }
     progress.octaves(film, &work.octaves)?;
     source.end_submission(progress)

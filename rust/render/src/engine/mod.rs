@@ -178,7 +178,7 @@ impl<'a> WavefrontTracer<'a> {
             self.recorder().measure(&mut commands, LAST_SLOT);
         }
         finish(&commands.submit()?, progress)?;
-        progress.publish(film)?;
+        progress.publish_last(film)?;
         if film.has_color() {
             progress.error_at_end(film, measures)?;
         }
@@ -215,7 +215,9 @@ pub(crate) fn render<F: PathSource>(
         }
         progress.trace_ended();
     }
-    source.tracer().end(progress)?;
+    if !gate.is_superseded() {
+        source.tracer().end(progress)?;
+    }
     source.end()?;
     Ok(None)
 }

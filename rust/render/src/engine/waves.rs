@@ -9,6 +9,7 @@ use super::{FrameTiles, InFlightSubmission, PathSource, SubmittedWork, Wavefront
 use crate::error::RenderError;
 use crate::feedback::{FeedbackBuffers, FeedbackCopy};
 use crate::progress::FrameProgress;
+use crate::publish::Extent;
 use crate::schedule::{WaveSchedule, first_wave};
 use crate::shared::FrameGate;
 use crate::wave::Wave;
@@ -20,6 +21,8 @@ use std::ops::Range;
 
 /// What a wave should take, seconds; it is submitted in parts of about a third of that.
 const WAVE_SECS: f64 = 0.2;
+/// The same where images are shown on the way: the host moves on in the middle of it.
+const WAVE_SECS_INTERACTIVE: f64 = 0.03;
 /// Most pixels in the first wave of first hits, and what a wave of them should take, seconds.
 const FIRST_PIXELS: u32 = 1 << 15;
 const PIXELS_SECS: f64 = 0.05;
@@ -102,6 +105,15 @@ impl<'e> WaveSource<'e> {
         if ends { recorder.accumulate(commands, q, wave) } else { Vec::new() }
     }
 
+    /// What there is of the picture with the end of a wave.
+    fn extent(&self, wave: Wave) -> Extent {
+        let end = wave.first + u64::from(wave.count);
+        match self.kind {
+            PathKind::Aovs => Extent { planes: end, samples: 0 },
+            PathKind::Samples => Extent { planes: u64::MAX, samples: end },
+        }
+    }
+
     /// Hands a part of a wave to the device; `flags`: `RETRACE` for those paths of the wave that lacked a tile.
     fn submit(
         &self,
@@ -114,9 +126,9 @@ impl<'e> WaveSource<'e> {
         let q = self.tracer.recorder().push_of(self.kind, wave);
         let q = PushConstants { flags: q.flags | flags.bits(), ..q };
         let octaves = self.record(&mut commands, wave, rounds.clone(), q);
-        let is_due = self.kind == PathKind::Samples && (progress.publish_due() || progress.compares(&octaves));
-        let publishes = ends && is_due;
-        if publishes {
+        let extent = self.extent(wave);
+        let publishes = (ends && (progress.publish_due(extent) || progress.compares(&octaves))).then_some(extent);
+        if publishes.is_some() {
             self.tracer.recorder().copy_out(&mut commands);
         }
         let lacking = self.feedback.filter(|_| ends).map(|feedback| feedback.copy_out(&mut commands));
@@ -176,20 +188,26 @@ impl PathSource for WaveSource<'_> {
             feedback.reset(&mut commands);
         }
         commands.submit()?;
-        let first = first_wave(context.device.gpu.report().kind);
+        let interactive = context.job.settings.interactive;
+        let wave_secs = if interactive { WAVE_SECS_INTERACTIVE } else { WAVE_SECS };
+        let first =
+            context.pace.map_or_else(|| first_wave(context.device.gpu.report().kind), |pace| wave(pace, wave_secs));
         self.kind = kind;
         self.schedule = match kind {
             PathKind::Aovs => {
                 WaveSchedule::new(context.job.request.pixels(), first.min(FIRST_PIXELS), paths.capacity, PIXELS_SECS)
             }
-            PathKind::Samples => WaveSchedule::new(progress.total_paths(), first, paths.capacity, WAVE_SECS),
+            PathKind::Samples => WaveSchedule::new(progress.total_paths(), first, paths.capacity, wave_secs),
         };
         if kind == PathKind::Samples {
             self.schedule.begin_at(self.first.unwrap_or(0));
             if progress.wants_octaves() && context.film.adaptive().is_none() {
                 self.schedule = self.schedule.clone().with_octaves(context.job.request.pixels());
             }
-            self.schedule.cut_at(progress.begin_samples(context.film));
+            let cuts = progress.begin_samples(context.film);
+            // The first image is shown as soon as it is whole.
+            let is_whole = (interactive && cuts.is_empty()).then(|| context.job.request.pixels());
+            self.schedule.cut_at(cuts.into_iter().chain(is_whole).collect());
         }
         Ok(())
     }
@@ -256,6 +274,12 @@ impl PathSource for WaveSource<'_> {
     fn wait(&mut self, _progress: &mut FrameProgress<'_>) -> Result<bool, RenderError> {
         Ok(false)
     }
+}
+
+/// Paths of a wave of `secs` on a device of so many paths a second.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+fn wave(pace: f64, secs: f64) -> u32 {
+    (pace * secs) as u32
 }
 
 /// The parts that a wave is submitted in: rounds `0`, `1`, `2..4`, `4..8` and so on. Short enough each for the host to

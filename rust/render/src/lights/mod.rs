@@ -13,6 +13,7 @@ mod emission;
 mod emission_map;
 mod emitter;
 mod files;
+mod kept;
 mod local;
 mod mesh;
 mod mesh_motion;
@@ -27,6 +28,7 @@ mod tree;
 mod upload;
 
 pub(crate) use files::FileCache;
+pub(crate) use kept::{KeptLights, LightSource};
 pub(crate) use mesh::{MeshLightCache, MeshLights};
 pub(crate) use table::LightTable;
 pub(crate) use upload::LightTables;

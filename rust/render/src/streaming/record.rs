@@ -5,6 +5,7 @@ use super::StreamingContext;
 use super::buffers::verdict_table;
 use super::segments::LiveSegment;
 use crate::error::RenderError;
+use crate::publish::Extent;
 use crate::wavefront::{PathKind, TracedRays};
 use oocpt_abi::{PREPARE_DEMAND, PushConstants, SCAN_BLOCKS, SCAN_SUMS};
 use oocpt_gpu::{CommandList, Submission};
@@ -27,8 +28,8 @@ pub(super) struct StepPlan {
     pub(super) plays: bool,
     /// Whether what rays that wait bring is looked at (roulette on loads).
     pub(super) weighs: bool,
-    /// Whether an image is copied out at the end.
-    pub(super) publishes: bool,
+    /// An image is copied out at the end, of which so much is there.
+    pub(super) publishes: Option<Extent>,
 }
 
 impl StreamingContext<'_, '_> {
@@ -93,7 +94,7 @@ impl StreamingContext<'_, '_> {
             recorder.direct(&mut commands, Pass::RouletteLevel, q.with(round, 0), 1);
             recorder.indirect(&mut commands, Pass::RouletteWorth, q.with(round, 0));
         }
-        if plan.publishes {
+        if plan.publishes.is_some() {
             recorder.copy_out(&mut commands);
         }
         self.buffers.copy_out(&mut commands, number);

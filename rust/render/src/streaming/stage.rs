@@ -20,6 +20,7 @@ use crate::error::RenderError;
 use crate::frame_context::is_cpu;
 use crate::patience::LoadWait;
 use crate::progress::FrameProgress;
+use crate::publish::Extent;
 use crate::shared::FrameGate;
 use crate::wavefront::PathKind;
 use oocpt_abi::WavefrontCounters;
@@ -284,21 +285,26 @@ impl PathSource for StreamingStage<'_, '_> {
             return Ok(None);
         }
         let number = self.next_step;
-        let publishes = self.kind == PathKind::Samples && progress.publish_due();
-        let mut plan = StepPlan { round: self.round, rounds: self.rounds, publishes, ..StepPlan::default() };
+        let mut plan = StepPlan { round: self.round, rounds: self.rounds, ..StepPlan::default() };
         // Rays of steps that are still under way may be waiting by now.
         plan.wakes = self.seen.waiting() > 0 || !in_flight.is_empty();
         let (seen, begun) = (&self.seen, &self.begun);
         let film = self.streamer.tracer.context.film;
+        let mut compares = false;
         while let Some(segment) = self.segments.take_finished(|segment| seen.is_finished(begun, segment)) {
             plan.finished.push(segment);
             // A step shows one octave at most.
             if self.kind == PathKind::Samples
                 && film.pieces(segment.wave, u64::MAX).iter().any(|p| p.completes.is_some())
             {
-                plan.publishes |= progress.compares(&[0]);
+                compares = progress.compares(&[0]);
                 break;
             }
+        }
+        if self.kind == PathKind::Samples {
+            let finished: u64 = plan.finished.iter().map(|segment| u64::from(segment.wave.count)).sum();
+            let extent = Extent { planes: u64::MAX, samples: progress.paths_done() + finished };
+            plan.publishes = (progress.publish_due(extent) || compares).then_some(extent);
         }
         let mut room = self.room_for_rays();
         while room > 0

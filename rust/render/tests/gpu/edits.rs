@@ -100,6 +100,10 @@ fn another_camera_uploads_nothing() {
     let other = request(perspective(DVec3::new(-3.0, 3.0, 6.0), DVec3::ZERO, 0.7, [40, 28]));
     render(&session, &other);
     let second = session.timings().uploaded_bytes;
+    assert_eq!(session.timings().light_tables, 0, "nor the lights");
+    session.with_scene(|db| db.upsert_light(dome([0.5; 3])));
+    render(&session, &other);
+    assert_eq!(session.timings().light_tables, 1, "another light is sent");
     assert!(first > 10_000, "the first render uploads the scene, not {first} bytes");
     assert_eq!(second, 0, "a camera move must not upload geometry");
 }

@@ -17,6 +17,7 @@ mod error_estimate;
 mod extending;
 mod failures;
 mod features;
+mod first_picture;
 mod furnace;
 mod glass_furnace;
 mod last_bounce;

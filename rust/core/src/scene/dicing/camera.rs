@@ -8,6 +8,31 @@ use crate::camera::Camera;
 /// What is out of the picture is seen in reflections and shadows only: its edges may be so many times longer.
 const OUT_OF_PICTURE: f64 = 4.0;
 
+/// Pixels of a unit of length.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Density {
+    /// What is needed.
+    pub(super) needed: f64,
+    /// What were needed if all were in the picture.
+    pub(super) in_picture: f64,
+}
+
+impl Density {
+    pub(super) fn max(self, other: Self) -> Self {
+        Self { needed: self.needed.max(other.needed), in_picture: self.in_picture.max(other.in_picture) }
+    }
+
+    /// In a frame whose units are so many times as long.
+    pub(super) fn stretched(self, by: f64) -> Self {
+        Self { needed: self.needed * by, in_picture: self.in_picture * by }
+    }
+
+    /// Whether nothing of `other` is more.
+    pub(super) fn covers(self, other: Self) -> bool {
+        other.needed <= self.needed && other.in_picture <= self.in_picture
+    }
+}
+
 /// How large a thing is in the picture, in pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DicingCamera {
@@ -20,6 +45,8 @@ pub struct DicingCamera {
     pub(super) density: f64,
     /// Inner sides of the view, in the world: `dot(normal, p) + w` is negative outside.
     planes: Vec<DVec4>,
+    /// The view is a live one: what was cut for the one before stays as long as it is fine enough.
+    pub(super) is_live: bool,
 }
 
 impl DicingCamera {
@@ -40,10 +67,19 @@ impl DicingCamera {
             focal: if is_perspective { per_unit } else { 0.0 },
             density: if is_perspective { 0.0 } else { per_unit / units },
             planes: planes(&(projection * view_from_world), is_perspective),
+            is_live: false,
         };
         let numbers = [out.pixels, out.focal, out.density, out.position.length()];
         let is_usable = numbers.iter().all(|v| v.is_finite()) && out.planes.iter().all(|plane| plane.is_finite());
         if is_usable && out.pixels > 0.0 { out } else { Self::default() }
+    }
+
+    /// The same camera, for a view that artists move: rates change in steps of two and stay as long as they are fine
+    /// enough, so that few steps of the camera rebuild anything. They may be finer than asked for, and close to the
+    /// camera coarser.
+    #[must_use]
+    pub fn live(self, is_live: bool) -> Self {
+        Self { is_live: is_live && self.pixels > 0.0, ..self }
     }
 
     /// Longest piece of an edge, in pixels; 0 = surfaces are cut as their refine level says.
@@ -52,9 +88,10 @@ impl DicingCamera {
     }
 
     /// Pixels of a unit of length in a ball that is at least `distance` away.
-    pub(super) fn density_in(&self, center: DVec3, radius: f64, distance: f64) -> f64 {
-        let density = self.density + self.focal / distance;
-        if self.is_in_picture(center, radius) { density } else { density / OUT_OF_PICTURE }
+    pub(super) fn density_in(&self, center: DVec3, radius: f64, distance: f64) -> Density {
+        let in_picture = self.density + self.focal / distance;
+        let needed = if self.is_in_picture(center, radius) { in_picture } else { in_picture / OUT_OF_PICTURE };
+        Density { needed, in_picture }
     }
 
     /// True when some of a ball may be in the picture.
@@ -98,16 +135,17 @@ mod tests {
         let columns = |x: f64, y: f64, z: DVec4, w: DVec4| DMat4::from_cols(DVec4::X * x, DVec4::Y * y, z, w);
         let perspective = columns(1.0, 1.0, DVec4::new(0.0, 0.0, -1.0, -1.0), DVec4::Z * -0.2);
         let seen = DicingCamera::new(&camera(perspective), 2.0);
-        assert!((seen.density_in(DVec3::ZERO, 1.0, 10.0) - 10.0).abs() < 1e-9, "10 pixels a unit");
+        assert!((seen.density_in(DVec3::ZERO, 1.0, 10.0).needed - 10.0).abs() < 1e-9, "10 pixels a unit");
         let right = DVec3::new(20.0, 0.0, 0.0);
-        assert!((seen.density_in(right, 1.0, 10.0) - 2.5).abs() < 1e-9, "out of the picture a quarter of it");
+        assert!((seen.density_in(right, 1.0, 10.0).needed - 2.5).abs() < 1e-9, "out of the picture a quarter of it");
+        assert!((seen.density_in(right, 1.0, 10.0).in_picture - 10.0).abs() < 1e-9, "if it were in the picture");
         assert!(seen.is_in_picture(DVec3::new(10.5, 0.0, 0.0), 1.0), "the edge of the picture cuts the ball");
         assert!(!seen.is_in_picture(DVec3::new(0.0, 0.0, 12.0), 1.0), "behind the camera");
         // 8 units wide.
         let parallel = columns(0.25, 0.5, DVec4::Z * -0.02, DVec4::W);
         let seen = DicingCamera::new(&camera(parallel), 2.0);
         assert!(
-            (seen.density_in(DVec3::ZERO, 1.0, 1e9) - 25.0).abs() < 1e-9,
+            (seen.density_in(DVec3::ZERO, 1.0, 1e9).needed - 25.0).abs() < 1e-9,
             "200 pixels for 8 units, at any distance"
         );
     }

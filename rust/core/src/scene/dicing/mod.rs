@@ -4,8 +4,9 @@
 //! Prototypes are looked at as a whole where the camera is farther from them than their size; only near placements are
 //! gone into. What comes out is coarse on purpose, so that small movements of the camera change nothing: sizes are
 //! rounded up to the next half power of two, places of the camera to a quarter of their distance from the surface. A
-//! function of the scene and the camera, not of what was before. Pure; reads every instance of instancers with
-//! subdivision surfaces.
+//! function of the scene and the camera, not of what was before; but in a live view ([`DicingCamera::live`]) what was
+//! cut stays as long as it is fine enough (`found`). Pure; reads every instance of instancers with subdivision
+//! surfaces.
 
 mod camera;
 mod found;
@@ -16,6 +17,7 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use camera::Density;
 pub use camera::DicingCamera;
 use found::SurfaceDensity;
 
@@ -59,7 +61,7 @@ pub(crate) fn dice(
     };
     if camera.pixels > 0.0 && !bounds.is_empty() {
         walk.visit(&GroupId::Root, &DAffine3::IDENTITY, 0);
-        let far: Vec<(GroupId, f64)> = walk.far.drain().collect();
+        let far: Vec<(GroupId, Density)> = walk.far.drain().collect();
         for (group, density) in far {
             walk.spread(&group, density, 0);
         }
@@ -96,7 +98,18 @@ fn share(
         let of_content = shared.entry(MeshOutline::of(entry).content).or_default();
         of_content.add(found.remove(*path).unwrap_or_default());
     }
-    let dicing = |entry: &MeshEntry| shared.get(&MeshOutline::of(entry).content).map(|found| found.dicing(camera));
+    // What there is of a content is the same for all prims that have been cut.
+    let kept: FxHashMap<u128, &DicingRate> = refined
+        .iter()
+        .filter(|(_, entry)| entry.dicing.pixels > 0.0)
+        .map(|(_, entry)| (MeshOutline::of(entry).content, &entry.dicing))
+        .collect();
+    let dicing = |entry: &MeshEntry| {
+        let content = MeshOutline::of(entry).content;
+        let found = shared.get(&content)?;
+        let kept = kept.get(&content).copied().filter(|_| camera.is_live);
+        Some(if camera.is_live { found.live_dicing(camera, kept) } else { found.dicing(camera) })
+    };
     refined.iter().map(|(path, entry)| ((*path).clone(), dicing(entry).unwrap_or_default())).collect()
 }
 
@@ -157,7 +170,7 @@ struct DicingTraversal<'a> {
     boxes: FxHashMap<GroupId, Aabb>,
     found: FxHashMap<Arc<str>, SurfaceDensity>,
     /// Pixels of a unit of length in a prototype's frame, for those of its placements that are not gone into.
-    far: FxHashMap<GroupId, f64>,
+    far: FxHashMap<GroupId, Density>,
     visits: usize,
 }
 
@@ -208,7 +221,7 @@ impl<'a> DicingTraversal<'a> {
                 let room = MOST_NEAR.min(MOST_VISITS - self.visits.min(MOST_VISITS));
                 let rest = near.split_off(room.min(near.len()));
                 let ball = BoundingSphere::of(&bounds);
-                let rest = rest.iter().map(|near| self.density(&ball, &near.map)).fold(far, f64::max);
+                let rest = rest.iter().map(|near| self.density(&ball, &near.map)).fold(far, Density::max);
                 let known = self.far.entry(id.clone()).or_default();
                 *known = known.max(rest);
                 self.visits += near.len();
@@ -220,10 +233,10 @@ impl<'a> DicingTraversal<'a> {
     }
 
     /// Pixels of a unit of a prototype's frame.
-    fn density(&self, ball: &BoundingSphere, map: &DAffine3) -> f64 {
+    fn density(&self, ball: &BoundingSphere, map: &DAffine3) -> Density {
         let placed = ball.placed(map);
         let distance = placed.distance(self.camera.position);
-        self.camera.density_in(placed.center, placed.radius, distance) * stretch(map)
+        self.camera.density_in(placed.center, placed.radius, distance).stretched(stretch(map))
     }
 
     /// The near placements of a prototype, and the largest density of the others.
@@ -233,9 +246,10 @@ impl<'a> DicingTraversal<'a> {
         prototype: &InstancerPrototype,
         bounds: &Aabb,
         before: DAffine3,
-    ) -> (Vec<NearPlacement>, f64) {
+    ) -> (Vec<NearPlacement>, Density) {
         let ball = BoundingSphere::of(bounds);
-        let look = |(mut near, far): (Vec<NearPlacement>, f64), map: DAffine3| {
+        let nothing = || (Vec::new(), Density::default());
+        let look = |(mut near, far): (Vec<NearPlacement>, Density), map: DAffine3| {
             let placed = ball.placed(&map);
             if placed.is_near(self.camera.position) {
                 near.push(NearPlacement { distance: placed.center.distance(self.camera.position), map });
@@ -244,11 +258,11 @@ impl<'a> DicingTraversal<'a> {
                 (near, far.max(self.density(&ball, &map)))
             }
         };
-        let join = |(mut near, far): (Vec<NearPlacement>, f64), (more, other): (Vec<NearPlacement>, f64)| {
+        let join = |(mut near, far): (Vec<NearPlacement>, Density), (more, other): (Vec<NearPlacement>, Density)| {
             near.extend(more);
             (near, far.max(other))
         };
-        maps(entry, prototype, bounds, before).fold(|| (Vec::new(), 0.0), look).reduce(|| (Vec::new(), 0.0), join)
+        maps(entry, prototype, bounds, before).fold(nothing, look).reduce(nothing, join)
     }
 
     /// The box of what is cut in a prototype.
@@ -277,20 +291,20 @@ impl<'a> DicingTraversal<'a> {
     }
 
     /// Hands the density of a prototype down to all surfaces in it.
-    fn spread(&mut self, id: &GroupId, density: f64, depth: u32) {
-        if density <= self.far.get(id).copied().unwrap_or(0.0) || depth > MAX_NESTING {
+    fn spread(&mut self, id: &GroupId, density: Density, depth: u32) {
+        if self.far.get(id).copied().unwrap_or_default().covers(density) || depth > MAX_NESTING {
             return;
         }
         self.far.insert(id.clone(), density);
         for (path, _, map) in self.surfaces(id) {
-            self.found.entry(path.clone()).or_default().cover(density * stretch(&map));
+            self.found.entry(path.clone()).or_default().cover(density.stretched(stretch(&map)));
         }
         for (entry, before) in self.instancers(id) {
             for prototype in &entry.desc.prototypes {
                 let inner = id_of(entry, prototype);
                 let bounds = self.box_of(&inner, depth);
                 let largest = maps(entry, prototype, &bounds, before).map(|map| stretch(&map)).reduce(|| 0.0, f64::max);
-                self.spread(&inner, density * largest, depth + 1);
+                self.spread(&inner, density.stretched(largest), depth + 1);
             }
         }
     }

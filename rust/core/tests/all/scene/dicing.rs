@@ -13,12 +13,18 @@ use crate::support::asset;
 
 /// A camera at `position` that looks along -z, 90 degrees wide, 200 pixels.
 fn camera(position: DVec3) -> DicingCamera {
-    let projection = DMat4::from_cols(DVec4::X, DVec4::Y, DVec4::new(0.0, 0.0, -1.0, -1.0), DVec4::Z * -0.2);
+    camera_with(DMat4::from_translation(position), 1.0, 200)
+}
+
+/// A camera that sees half as much at a `zoom` of 2, in so many pixels.
+fn camera_with(world_from_view: DMat4, zoom: f64, pixels: u16) -> DicingCamera {
+    let [x, y] = [DVec4::X * zoom, DVec4::Y * zoom];
+    let projection = DMat4::from_cols(x, y, DVec4::new(0.0, 0.0, -1.0, -1.0), DVec4::Z * -0.2);
     let camera = Camera {
-        world_from_view: DMat4::from_translation(position),
+        world_from_view,
         projection,
-        display_window: [0.0, 0.0, 200.0, 200.0],
-        data_window: [0, 0, 200, 200],
+        display_window: [0.0, 0.0, f32::from(pixels), f32::from(pixels)],
+        data_window: [0, 0, i32::from(pixels), i32::from(pixels)],
         lens_radius: 0.0,
         focus_distance: 1.0,
         clip_planes: Vec::new(),
@@ -188,4 +194,110 @@ fn dicing_ends_on_recursive_prototypes() {
     db.upsert_instancer(instancer("/i", "/i/p", &[[0.0, 0.0, -5.0]], 1.0, by("/i/p/j", "/j")));
     db.upsert_instancer(instancer("/i/p/j", "/j", &[[0.0, 0.0, -5.0]], 1.0, by("/i", "/i/p")));
     assert_eq!(commit(&mut db, at(0.0)).meshes.len(), 0, "a cycle shows nothing, and takes no time");
+}
+
+/// Commits as a live view sees the scene; gives how many meshes were built for it.
+fn look(db: &mut SceneDb, camera: DicingCamera) -> u64 {
+    let before = db.meshes_made();
+    db.set_dicing(camera.live(true));
+    db.commit();
+    db.meshes_made() - before
+}
+
+/// A bumpy terrain of 32 x 32 faces, 64 units wide, around the origin; up is y.
+fn terrain() -> MeshDesc {
+    let side = 33_u8;
+    let at = |k: u8| 2.0 * f32::from(k) - 32.0;
+    let height = |x: u8, z: u8| if (x + z) % 3 == 0 { 0.5 } else { 0.0 };
+    let points: Vec<[f32; 3]> = (0..side).flat_map(|z| (0..side).map(move |x| [at(x), height(x, z), at(z)])).collect();
+    let corner = |x: u8, z: u8| i32::from(z) * i32::from(side) + i32::from(x);
+    let faces = (0..side - 1).flat_map(|z| (0..side - 1).map(move |x| (x, z)));
+    let corners: Vec<i32> =
+        faces.flat_map(|(x, z)| [corner(x, z), corner(x, z + 1), corner(x + 1, z + 1), corner(x + 1, z)]).collect();
+    MeshDesc {
+        face_vertex_counts: TypedArray::of(vec![4_i32; corners.len() / 4]),
+        face_vertex_indices: TypedArray::of::<i32>(corners),
+        points: TypedArray::of(points),
+        ..cube("/terrain", DVec3::ZERO)
+    }
+}
+
+#[test]
+fn a_zoom_in_a_live_view_rebuilds_at_octaves() {
+    for place in [at(-20.0), at(-3.0)] {
+        let mut db = SceneDb::new();
+        db.upsert_mesh(cube("/a", place));
+        let zoom = |step: i32| camera_with(DMat4::IDENTITY, 1.05_f64.powi(step), 200);
+        assert_eq!(look(&mut db, zoom(0)), 1, "the first view");
+        let there: u64 = (1..=45).map(|step| look(&mut db, zoom(step))).sum();
+        assert!(there <= 4, "{there} meshes built while a zoom of 9 went in, at {place}");
+        let back: u64 = (0..45).rev().map(|step| look(&mut db, zoom(step))).sum();
+        assert!(back <= 2, "{back} built on the way back, at {place}");
+        let here_and_there: u64 = (0..40).map(|step| look(&mut db, zoom(step % 7))).sum();
+        assert!(here_and_there <= 1, "{here_and_there} built while it went back and forth, at {place}");
+        let resized: u64 = (0..20).map(|step| look(&mut db, camera_with(DMat4::IDENTITY, 1.0, 200 + 5 * step))).sum();
+        assert!(resized <= 1, "{resized} built for other widths, at {place}");
+    }
+}
+
+#[test]
+fn a_walk_in_a_live_view_rebuilds_when_it_has_come_far() {
+    let mut db = SceneDb::new();
+    db.upsert_mesh(terrain());
+    let step =
+        |step: i32| camera_with(DMat4::from_translation(DVec3::new(0.0, 2.0, 20.0 - 0.1 * f64::from(step))), 1.0, 200);
+    assert_eq!(look(&mut db, step(0)), 1, "the first view");
+    let built: u64 = (1..=200).map(|k| look(&mut db, step(k))).sum();
+    // 20 units, where what is nearer than 1 counts as that far away.
+    assert!((1..=16).contains(&built), "{built} built on 200 steps of a walk");
+    let turned = |k: i32| {
+        let turn = DMat4::from_rotation_y(0.1 * f64::from(k));
+        camera_with(DMat4::from_translation(DVec3::new(0.0, 2.0, 0.0)) * turn, 1.0, 200)
+    };
+    look(&mut db, turned(0));
+    let built: u64 = (1..63).map(|k| look(&mut db, turned(k))).sum();
+    assert_eq!(built, 0, "looking around builds nothing");
+}
+
+#[test]
+fn what_leaves_the_picture_of_a_live_view_stays_as_it_is() {
+    let mut db = SceneDb::new();
+    db.upsert_mesh(cube("/a", at(-20.0)));
+    let turned = |k: i32| camera_with(DMat4::from_rotation_y(0.2 * f64::from(k)), 1.0, 200);
+    assert_eq!(look(&mut db, turned(16)), 1, "out of the picture");
+    assert_eq!(look(&mut db, turned(0)), 1, "it comes in");
+    let built: u64 = (1..100).map(|k| look(&mut db, turned(k))).sum();
+    assert_eq!(built, 0, "going out and coming in again");
+}
+
+/// Edges of the surfaces in a live view are as fine as in a final one, or finer by a bounded factor, wherever the
+/// camera came from.
+#[test]
+fn a_live_view_cuts_as_finely_as_a_final_one() {
+    let mut live = SceneDb::new();
+    live.upsert_mesh(cube("/a", at(-20.0)));
+    let places = [60.0, 30.0, 0.0, -10.0, -15.0, -10.0, 0.0, 30.0, 90.0, 300.0].map(at);
+    for place in places {
+        look(&mut live, camera(place));
+        let live = triangles(&live.commit().snapshot)[0];
+        let mut exact = SceneDb::new();
+        exact.upsert_mesh(cube("/a", at(-20.0)));
+        let exact = triangles(&commit(&mut exact, place))[0];
+        // Final rates are rounded up by less than the root of two in each direction.
+        assert!(live * 2 >= exact, "{live} triangles, {exact} in a final picture, at {place}");
+        assert!(live <= exact * 16 + 12, "{live} triangles, {exact} in a final picture, at {place}");
+    }
+}
+
+#[test]
+fn a_final_picture_after_a_live_view_has_its_own_rates() {
+    let mut db = SceneDb::new();
+    db.upsert_mesh(cube("/a", at(-20.0)));
+    for place in [at(-10.0), at(-2.0), at(0.0)] {
+        look(&mut db, camera(place));
+    }
+    let mut other = SceneDb::new();
+    other.upsert_mesh(cube("/a", at(-20.0)));
+    let (after, alone) = (commit(&mut db, at(0.0)), commit(&mut other, at(0.0)));
+    assert_eq!(asset(&after.meshes[0]).triangles, asset(&alone.meshes[0]).triangles, "the same mesh");
 }

@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The first picture of a change in a live host: where a sample of each pixel takes longer than a frame, one of a part
+//! of the resolution, filled up, so that what is shown is whole and follows the camera.
+//!
+//! It is rendered as a job of its own, one sample and the same passes, with statistics and messages that nobody sees;
+//! what comes after it does not depend on it. Render thread only.
+
+use crate::aov::AovKind;
+use crate::device::Device;
+use crate::film::Film;
+use crate::frame_context::is_cpu;
+use crate::job::RenderJob;
+use crate::publish::{Extent, PublishedImages};
+use crate::request::RenderRequest;
+use crate::shared::SharedState;
+use crate::sync::lock;
+use oocpt_core::camera::Camera;
+use oocpt_core::settings::Settings;
+use oocpt_gpu::GpuError;
+use rayon::prelude::*;
+use std::time::Duration;
+
+/// What the first picture may take to trace, seconds.
+const TARGET_SECS: f64 = 0.02;
+const TARGET_SECS_CPU: f64 = 0.07;
+/// Paths a second of a device that has traced none yet.
+const UNKNOWN_PACE: f64 = 2e7;
+const UNKNOWN_PACE_CPU: f64 = 3e5;
+/// By what each side of the picture is divided; the last where nothing is fast enough.
+const FACTORS: [u32; 4] = [1, 2, 4, 8];
+/// A newer job waits so long for the first picture of the one before: a host that moves the camera faster than a first
+/// picture takes would see none at all.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(1);
+
+/// How fast paths were traced last.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Pace {
+    /// Paths a second.
+    rate: Option<f64>,
+}
+
+impl Pace {
+    /// Paths a second, if any have been traced.
+    pub(crate) fn rate(self) -> Option<f64> {
+        self.rate
+    }
+
+    /// Learns from a render of at least a sample for each pixel.
+    pub(crate) fn learn(&mut self, paths: u64, secs: f64) {
+        self.rate = rate(paths, secs).or(self.rate);
+    }
+
+    /// Learns from a first picture: when it was short, it says only how fast the device is at least.
+    fn learn_at_least(&mut self, paths: u64, secs: f64, target: f64) {
+        let Some(new) = rate(paths, secs) else { return };
+        let old = self.rate.unwrap_or(new);
+        self.rate = Some(if secs > target { old.min(new) } else { old.max(new) });
+    }
+
+    /// By what to divide the sides of a picture of so many pixels.
+    fn factor(self, pixels: u64, is_cpu: bool) -> u32 {
+        let [target, unknown] = if is_cpu { [TARGET_SECS_CPU, UNKNOWN_PACE_CPU] } else { [TARGET_SECS, UNKNOWN_PACE] };
+        let most = self.rate.unwrap_or(unknown) * target;
+        let fits = |factor: &u32| approximate(pixels) / f64::from(factor * factor) <= most;
+        FACTORS.into_iter().find(fits).unwrap_or(FACTORS[FACTORS.len() - 1])
+    }
+}
+
+fn rate(paths: u64, secs: f64) -> Option<f64> {
+    (paths > 0 && secs > 0.0).then(|| approximate(paths) / secs)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts of paths are compared with measured times")]
+fn approximate(count: u64) -> f64 {
+    count as f64
+}
+
+/// The first picture of a job.
+#[derive(Debug)]
+pub(crate) struct FirstPicture {
+    factor: u32,
+    size: [u32; 2],
+    pub(crate) job: RenderJob,
+    pub(crate) film: Film,
+}
+
+/// What is kept from one to the next.
+#[derive(Debug, Default)]
+pub(crate) struct FirstPictures {
+    pub(crate) pace: Pace,
+    film: Option<Film>,
+    /// Where its stats, messages and images go.
+    pub(crate) apart: SharedState,
+}
+
+impl FirstPictures {
+    /// The first picture of `job`; none where the host does not want to see images on the way, or where a sample of
+    /// each pixel is as fast, or where there is no memory for it.
+    pub(crate) fn begin(&mut self, device: &Device, job: &RenderJob) -> Option<FirstPicture> {
+        let factor = self.pace.factor(job.request.pixels(), is_cpu(device));
+        #[cfg(feature = "faults")]
+        let factor = job.options.faults.first_picture.unwrap_or(factor);
+        if !job.settings.interactive || factor <= 1 || job.request.aovs.is_empty() {
+            return None;
+        }
+        let size = [job.request.width, job.request.height];
+        let job = coarser(job, factor);
+        let film = self
+            .film
+            .take()
+            .filter(|film| film.fits(&job.request, false))
+            .map_or_else(|| Film::new(&device.gpu, &job.request, false), Ok::<_, GpuError>);
+        let film = film.inspect_err(|error| tracing::debug!(%error, "no first picture")).ok()?;
+        Some(FirstPicture { factor, size, job, film })
+    }
+
+    /// Takes back what was made for a first picture, which took so long; shows it if it is `done`.
+    pub(crate) fn end(
+        &mut self,
+        picture: FirstPicture,
+        done: Option<f64>,
+        published: &mut PublishedImages,
+        is_cpu: bool,
+    ) {
+        let FirstPicture { factor, size, job, film } = picture;
+        self.film = Some(film);
+        lock(&self.apart.messages).clear();
+        let Some(secs) = done else { return };
+        self.pace.learn_at_least(job.request.pixels(), secs, if is_cpu { TARGET_SECS_CPU } else { TARGET_SECS });
+        fill_up(&lock(&self.apart.published), published, (&job, size), factor);
+    }
+}
+
+/// The job of a first picture: one sample, of a part of the resolution.
+fn coarser(job: &RenderJob, factor: u32) -> RenderJob {
+    let request = &job.request;
+    let [width, height] = [request.width, request.height].map(|side| side.div_ceil(factor));
+    let camera = coarser_camera(&request.camera, factor, [width, height]);
+    let settings = Settings {
+        samples_per_pixel: 1,
+        adaptive_sampling: false,
+        target_error: 0.0,
+        time_limit_secs: 0.0,
+        report: String::new(),
+        reference: String::new(),
+        chunk_report: String::new(),
+        ..job.settings.clone()
+    };
+    let mut options = job.options;
+    (options.progress_bar, options.closing_words) = (false, false);
+    RenderJob {
+        request: RenderRequest { width, height, camera, aovs: request.aovs.clone() },
+        settings,
+        options,
+        ..job.clone()
+    }
+}
+
+/// The same view in pixels `factor` times as wide, from the lower left corner on: the last ones may lie half outside.
+#[expect(clippy::cast_precision_loss, clippy::cast_possible_wrap, reason = "sides are at most 2^16 pixels")]
+fn coarser_camera(camera: &Camera, factor: u32, [width, height]: [u32; 2]) -> Camera {
+    let [left, _, _, bottom] = camera.data_window;
+    let [x0, y0, x1, y1] = camera.display_window;
+    let x = |x: f32| (x - left as f32) / factor as f32;
+    let y = |y: f32| height as f32 - (bottom as f32 - y) / factor as f32;
+    Camera {
+        display_window: [x(x0), y(y0), x(x1), y(y1)],
+        data_window: [0, 0, width as i32, height as i32],
+        ..camera.clone()
+    }
+}
+
+/// Shows images whose pixels are `factor` times as wide.
+fn fill_up(from: &PublishedImages, into: &mut PublishedImages, (job, size): (&RenderJob, [u32; 2]), factor: u32) {
+    let mut kinds: Vec<AovKind> = job.request.aovs.iter().map(|aov| aov.kind).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    let pixels = u64::from(size[0]) * u64::from(size[1]);
+    if !kinds.iter().all(|kind| from.image(*kind).is_some())
+        || !into.begin(job.generation, &kinds, pixels, Extent::WHOLE)
+    {
+        return;
+    }
+    let [width, height, factor, coarse] = [size[0], size[1], factor, job.request.width].map(|side| side as usize);
+    for kind in kinds {
+        let (Some(image), bytes) = (from.image(kind), kind.pixel_bytes()) else { continue };
+        let mut image = image.to_vec();
+        if kind == AovKind::Motion {
+            widen_motion(&mut image, factor);
+        }
+        into.change(kind, width * height * bytes, |filled| {
+            filled.par_chunks_exact_mut(width * bytes).enumerate().for_each(|(y, row)| {
+                let pixels = &image[y / factor * coarse * bytes..][..coarse * bytes];
+                for (block, pixel) in row.chunks_mut(factor * bytes).zip(pixels.chunks_exact(bytes)) {
+                    block.chunks_exact_mut(bytes).for_each(|to| to.copy_from_slice(pixel));
+                }
+            });
+        });
+    }
+}
+
+/// Motion over the image is in its pixels, the change of depth behind it is not.
+#[expect(clippy::cast_precision_loss, reason = "a small number")]
+fn widen_motion(image: &mut [u8], factor: usize) {
+    for pixel in image.chunks_exact_mut(AovKind::Motion.pixel_bytes()) {
+        for number in pixel.chunks_exact_mut(4).take(2) {
+            let wide: f32 = bytemuck::pod_read_unaligned::<f32>(number) * factor as f32;
+            number.copy_from_slice(bytemuck::bytes_of(&wide));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_picture_is_as_fine_as_the_pace_allows() {
+        let of = |rate: Option<f64>, pixels: u64| [true, false].map(|is_cpu| Pace { rate }.factor(pixels, is_cpu));
+        assert_eq!(of(None, 64 * 64), [1, 1], "a small picture needs none");
+        assert_eq!(of(None, 1280 * 720), [8, 2], "nothing is known");
+        assert_eq!(of(Some(1e6), 1280 * 720), [4, 8], "a million paths a second");
+        assert_eq!(of(Some(1e9), 1280 * 720), [1, 1], "a fast device");
+        assert_eq!(of(Some(1e3), 1280 * 720), [8, 8], "none is fast enough");
+    }
+
+    #[test]
+    fn a_short_first_picture_says_how_fast_the_device_is_at_least() {
+        let mut pace = Pace::default();
+        pace.learn_at_least(1000, 0.01, 0.02);
+        assert_eq!(pace.rate(), Some(1e5), "all that is known");
+        pace.learn(1 << 20, 1.0);
+        pace.learn_at_least(1000, 0.01, 0.02);
+        assert_eq!(pace.rate(), Some(f64::from(1 << 20)), "it was too short to tell");
+        pace.learn_at_least(1000, 0.1, 0.02);
+        assert_eq!(pace.rate(), Some(1e4), "the scene has become slow");
+        pace.learn(0, 0.0);
+        assert_eq!(pace.rate(), Some(1e4), "nothing was traced");
+    }
+}
