@@ -11,15 +11,14 @@ use rayon::prelude::*;
 
 use super::cage::Cage;
 use super::creases::Sharpness;
-use super::deform::Pose;
 use super::demand::Demand;
 use super::dicing::{Dicing, MOST_PIECES};
 use super::displace::{Cut, Displaced};
-use super::leaf::round::is_of_lines;
+use super::pose::Pose;
 use super::refine_values::ControlValues;
 use super::topology::{Face, Topology};
 use crate::array::TypedArray;
-use crate::desc::{CurveBasis, DroppedData, Interpolation, MeshDesc, Primvar, Shape, Subdivision};
+use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar, Subdivision};
 
 /// Triangles of one mesh above which its edges are cut into fewer pieces.
 pub const MAX_REFINED_TRIANGLES: u64 = 1 << 23;
@@ -36,21 +35,6 @@ pub(crate) struct Refined {
     pub(crate) poses: Vec<Pose>,
     /// What could not be read.
     pub(crate) notes: Vec<String>,
-}
-
-/// True where a mesh is refined at all. Ptex is laid out for faces, not for what they are cut into: such meshes stay
-/// as they are ([`DroppedData::unrefined_meshes`] counts them).
-pub(super) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
-    match (&desc.shape, desc.subdivision) {
-        // Lines are as wide as a pixel.
-        (Shape::Curves(_) | Shape::Points, _) if pixels > 0.0 && is_of_lines(desc) => true,
-        // Cubic curves are cut; what nothing is cut of stays the same at any rate.
-        (Shape::Curves(curves), _) => curves.basis != CurveBasis::Linear && (pixels > 0.0 || desc.refine_level > 0),
-        // Flat where it is seen as flat: only who asks for more gets it.
-        (Shape::Mesh, Subdivision::Bilinear) => desc.refine_level > 0,
-        (Shape::Mesh, Subdivision::CatmullClark | Subdivision::Loop) => pixels > 0.0 || desc.refine_level > 0,
-        _ => false,
-    }
 }
 
 /// The limit surface of a mesh with the checked `topology`, and at its `poses`, displaced if that is asked for; `None`

@@ -16,8 +16,8 @@ mod triangle;
 use oocpt_abi::Leaf;
 use serde::{Deserialize, Serialize};
 
-use super::deform::Pose;
 use super::dicing::Dicing;
+use super::pose::Pose;
 use super::topology::{MAX_COORDINATE, Topology};
 use super::{Aabb, WantedPrimvar};
 use crate::array::ArrayView;

@@ -5,7 +5,7 @@
 use super::{Items, LeafKind, Vertices, point_at};
 use crate::desc::{DroppedData, MeshDesc};
 use crate::mesh::Aabb;
-use crate::mesh::deform::Pose;
+use crate::mesh::pose::Pose;
 use crate::mesh::topology::{Face, MAX_CORNERS, Topology};
 
 pub(super) fn bounds(&[first, second, _]: &Vertices) -> Aabb {
