@@ -3,29 +3,29 @@
 //! parallel.
 
 use oocpt_abi::{AttributeRate, NAME_PTEX};
-use std::cell::OnceCell;
 use std::sync::Arc;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::bvh4::{Bvh4, build_bvh4_over};
-use super::cover::covered_boxes;
-use super::deform::{PointsPose, poses, read_keys};
+use super::build_bvh4::build_bvh4_over;
+use super::bvh4::Bvh4;
+use super::covered::covered_boxes;
+use super::deform::{poses, read_keys};
 use super::demand::BuildDemand;
 use super::leaf::{LeafItems, read_items};
-use super::normals::smooth_normals;
-use super::primvar::{
-    PrimvarLayout, TriangleSource, ValueSlot, convert, convert_wanted, extend_points, subset_numbers,
-};
+use super::normals::{build_normals, geometric_normal};
+use super::pose::PointsPose;
+use super::primvar::{PrimvarLayout, TriangleSource, convert, convert_wanted, subset_numbers};
 use super::ptex::{PtexNumbers, PtexTriangle};
 use super::refine::{RefinedMesh, refine};
 use super::split::{SplitSource as Whole, TriangleOrder, arrange, expected_bytes, split_ordered};
 use super::topology::{MeshFace, MeshTopology, read_topology};
 use super::triangulate::FaceTriangulator;
-use super::{Aabb, Attribute, LeafKind, MeshAsset, Triangle, WantedPrimvar};
+use super::unsorted::UnsortedMesh;
+use super::{Aabb, Attribute, LeafKind, MeshAsset, Triangle};
 use crate::array::ArrayView;
-use crate::desc::{DroppedData, MeshDesc, PrimShape, Subdivision};
+use crate::desc::{DroppedData, MeshDesc, PrimShape};
 
 /// Faces that a thread triangulates at a time.
 const FACE_BLOCK: usize = 1 << 14;
@@ -177,21 +177,6 @@ fn arrange_or_split(
     drop(boxes);
     let order: Vec<u32> = order.iter().filter_map(|&at| there.get(at as usize).copied()).collect();
     Some(MeshAsset { bounds, is_clipped: true, ..arrange(&loose, bvh, &order, None) })
-}
-
-/// What becomes a mesh in authored order, without a hierarchy.
-#[derive(Clone, Copy)]
-pub(super) struct UnsortedMesh<'a> {
-    pub(super) desc: &'a MeshDesc,
-    wanted: &'a [WantedPrimvar],
-    key: u128,
-    pub(super) topology: &'a MeshTopology,
-    /// What its items are.
-    pub(super) kind: LeafKind,
-    /// By point, where they have some; else empty.
-    pub(super) radii: &'a [f32],
-    /// At the keys of what moves.
-    pub(super) poses: &'a [PointsPose],
 }
 
 /// The mesh in authored order, without a hierarchy.
@@ -390,46 +375,6 @@ fn has_area(triangle: &Triangle) -> bool {
     let longest = e.length_squared().max(f.length_squared()).max((c - b).length_squared());
     let double_area = e.cross(f).length();
     double_area >= MIN_DOUBLE_AREA.max(MIN_RELATIVE_DOUBLE_AREA * longest) && geometric_normal(triangle, 1.0).is_some()
-}
-
-fn geometric_normal(triangle: &Triangle, side: f32) -> Option<[f32; 3]> {
-    let [a, b, c] = triangle.vertices.map(Vec3::from);
-    let (e, f) = (b - a, c - a);
-    // Scaled first: products of large edges would overflow.
-    let scale = 1.0 / e.abs().max(f.abs()).max_element();
-    Some(((e * scale).cross(f * scale).try_normalize()? * side).to_array())
-}
-
-pub(super) fn build_normals(
-    desc: &MeshDesc,
-    topology: &MeshTopology,
-    layout: PrimvarLayout<'_>,
-    triangles: &[Triangle],
-    dropped: &mut DroppedData,
-) -> Option<Attribute<[f32; 3]>> {
-    let smooth = OnceCell::new();
-    let smooth = || smooth.get_or_init(|| smooth_normals(topology, desc.left_handed));
-    let side = if desc.left_handed { -1.0 } else { 1.0 };
-    let replacement = |slot| match slot {
-        ValueSlot::Mesh => None,
-        ValueSlot::Triangle(t) => triangles.get(t).and_then(|t| geometric_normal(t, side)),
-        ValueSlot::Point(p) => smooth().get(p).copied(),
-    };
-    let authored = desc.normals.as_ref().and_then(|p| convert(p, layout, dropped, read_normal, replacement));
-    let is_smooth = matches!(desc.subdivision, Subdivision::CatmullClark | Subdivision::Loop);
-    let smoothed = || Attribute { rate: AttributeRate::Vertex, values: extend_points(layout, smooth().clone()) };
-    let mut normals = authored.or_else(|| is_smooth.then(smoothed));
-    if !layout.centers.is_empty() {
-        // The mean of unit vectors is none.
-        for normal in normals.iter_mut().flat_map(|normals| &mut normals.values) {
-            *normal = Vec3::from(*normal).try_normalize().unwrap_or(Vec3::Z).to_array();
-        }
-    }
-    normals
-}
-
-fn read_normal(values: &ArrayView<'_>, i: usize) -> Option<[f32; 3]> {
-    values.vec3(i)?.try_normalize().map(|n| n.as_vec3().to_array())
 }
 
 fn read_color(values: &ArrayView<'_>, i: usize) -> Option<[f32; 3]> {

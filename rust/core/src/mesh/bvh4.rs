@@ -7,14 +7,11 @@
 //! triangles of a mesh ([`Bvh4`]) the children lie one after the other; over boxes ([`LevelNode`]) each is named. Pure;
 //! one thread per build.
 
-use super::bundle::build_bundles;
-use super::bvh::{Bvh2, build_item_bvh};
-use super::collapse::{BvhCollapse, CollapsedChild};
-use super::{Aabb, LeafKind, Triangle};
+use super::Aabb;
+use super::bvh::Bvh2;
+use super::collapse::{BvhCollapse, CollapsedChild, WIDTH};
 use oocpt_abi::{ABSENT, Bvh4Node, LEAF, LevelNode};
 
-/// Children of a node.
-pub const WIDTH: usize = 4;
 /// Cells along an axis of a node's grid: fewer than planes can tell, for the rounding of their number and the margin.
 const CELLS: f64 = 253.0;
 /// Cells that planes over boxes are further out at least. Walks do not pad these boxes as they do those of meshes, and
@@ -33,23 +30,6 @@ pub struct Bvh4 {
     pub nodes: Vec<Bvh4Node>,
     /// Stack entries that suffice for a walk: on the longest way down, the children that wait.
     pub stack: u32,
-}
-
-/// Builds the hierarchy over `triangles` (at least one, finite, fewer than 2^28) and the BVH order: `order[k]` is the
-/// number of the triangle at place k.
-#[must_use]
-pub fn build_bvh4(triangles: &[Triangle], kind: LeafKind) -> (Bvh4, Vec<u32>) {
-    let boxes: Vec<Aabb> = triangles.iter().map(|triangle| triangle.bounds(kind)).collect();
-    build_bvh4_over(&boxes, kind)
-}
-
-/// [`build_bvh4`] over the boxes of triangles.
-pub(super) fn build_bvh4_over(boxes: &[Aabb], kind: LeafKind) -> (Bvh4, Vec<u32>) {
-    if kind == LeafKind::Points {
-        return build_bundles(boxes);
-    }
-    let (bvh, order) = build_item_bvh(boxes);
-    compress(&bvh, &order, false)
 }
 
 /// The hierarchy of `bvh`, whose leaves are of the items `order`, and these in its own order. With `in_order` the first
@@ -114,12 +94,6 @@ fn widen<N: Copy + Default>(
 
 fn index(of: usize) -> u32 {
     u32::try_from(of).unwrap_or(u32::MAX)
-}
-
-/// Half the surface of a box, which single precision may not hold.
-pub(super) fn half_area(b: &Aabb) -> f64 {
-    let [x, y, z] = [0, 1, 2].map(|k| f64::from(b.max[k]) - f64::from(b.min[k]));
-    x * y + y * z + z * x
 }
 
 /// The grid of a node and the planes of its children.

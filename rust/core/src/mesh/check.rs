@@ -3,7 +3,8 @@
 
 use super::bundle::bundle_boxes;
 use super::bvh::{Bvh2, BvhError, MAX_LEAF_TRIANGLES};
-use super::bvh4::{Bvh4, WIDTH};
+use super::bvh4::Bvh4;
+use super::collapse::WIDTH;
 use super::{Aabb, LeafKind, Triangle};
 use oocpt_abi::NodeChild;
 

@@ -6,8 +6,9 @@
 
 use super::Aabb;
 use super::bvh::{Bvh2, BvhNode};
-use super::bvh4::{WIDTH, half_area};
 
+/// Children of a node.
+pub(super) const WIDTH: usize = 4;
 /// Most trees that a side of a binary node may bring into a wide one.
 const MOST: usize = WIDTH - 1;
 
@@ -82,6 +83,12 @@ impl<'b> BvhCollapse<'b> {
         parts.sort_by(|a, b| is_leaf(a).cmp(&is_leaf(b)).then(area(b).total_cmp(&area(a))));
         parts
     }
+}
+
+/// Half the surface of a box, which single precision may not hold.
+fn half_area(b: &Aabb) -> f64 {
+    let [x, y, z] = [0, 1, 2].map(|k| f64::from(b.max[k]) - f64::from(b.min[k]));
+    x * y + y * z + z * x
 }
 
 /// The node on a side, if there is one.

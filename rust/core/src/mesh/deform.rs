@@ -8,10 +8,12 @@
 use glam::DVec3;
 use oocpt_abi::AttributeRate;
 
-use super::build::{UnsortedMesh, build_normals};
 use super::leaf::round::is_width;
+use super::normals::build_normals;
+use super::pose::PointsPose;
 use super::primvar::{PrimvarLayout, TriangleSource, extend_points};
 use super::topology::{MeshTopology, read_point};
+use super::unsorted::UnsortedMesh;
 use super::{Aabb, Attribute, LeafKind, Triangle};
 use crate::array::{ArrayView, TypedArray};
 use crate::desc::{DroppedData, MeshDesc, PointsMotion, PointsSample, PrimShape};
@@ -22,21 +24,6 @@ const MAX_POSES: usize = 16;
 const ACCELERATED_POSES: usize = 5;
 /// Times nearer to each other are one.
 const LEAST_TIME: f64 = 1e-6;
-
-/// The points of a prim at a time.
-#[derive(Clone, Debug)]
-pub(crate) struct PointsPose {
-    /// Part of the shutter.
-    pub(crate) time: f32,
-    /// Positions; NaN where they are not usable.
-    pub(crate) points: Vec<[f32; 3]>,
-    /// Values of authored normals, where they change.
-    pub(crate) normals: Option<TypedArray>,
-    /// Values of authored widths, where they change.
-    pub(crate) widths: Option<TypedArray>,
-    /// By point, where points have some; none: those of the frame.
-    pub(crate) radii: Option<Vec<f32>>,
-}
 
 /// The items of an asset at its later keys.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -8,8 +8,8 @@ use xxhash_rust::xxh3::Xxh3;
 use super::WantedPrimvar;
 use super::cover::CutoutCover;
 use super::dicing::DicingRate;
-use super::refine::is_refined;
-use crate::desc::{MeshDesc, PrimShape};
+use super::leaf::round::is_of_lines;
+use crate::desc::{CurveBasis, MeshDesc, PrimShape, Subdivision};
 use crate::material::Displacement;
 use crate::texture::HeightCache;
 
@@ -67,5 +67,20 @@ impl BuildDemand<'_> {
     pub(crate) fn reads(&self, name: &str) -> bool {
         self.wanted.iter().any(|wanted| &*wanted.name == name)
             || self.displacements.iter().flatten().any(|displacement| displacement.reads(name))
+    }
+}
+
+/// True where a mesh is refined at all. Ptex is laid out for faces, not for what they are cut into: such meshes stay
+/// as they are ([`DroppedData::unrefined_meshes`] counts them).
+fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
+    match (&desc.shape, desc.subdivision) {
+        // Lines are as wide as a pixel.
+        (PrimShape::Curves(_) | PrimShape::Points, _) if pixels > 0.0 && is_of_lines(desc) => true,
+        // Cubic curves are cut; what nothing is cut of stays the same at any rate.
+        (PrimShape::Curves(curves), _) => curves.basis != CurveBasis::Linear && (pixels > 0.0 || desc.refine_level > 0),
+        // Flat where it is seen as flat: only who asks for more gets it.
+        (PrimShape::Mesh, Subdivision::Bilinear) => desc.refine_level > 0,
+        (PrimShape::Mesh, Subdivision::CatmullClark | Subdivision::Loop) => pixels > 0.0 || desc.refine_level > 0,
+        _ => false,
     }
 }

@@ -11,7 +11,8 @@ use glam::{Vec3A, Vec3Swizzles as _};
 use oocpt_abi::{ABSENT, LEAF, LevelNode};
 
 use super::Aabb;
-use super::bvh4::{WIDTH, level_node};
+use super::bvh4::level_node;
+use super::collapse::WIDTH;
 
 /// Boxes above which the two halves of a node are built side by side.
 const FORK_ABOVE: usize = 1 << 13;

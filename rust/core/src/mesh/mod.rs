@@ -9,6 +9,7 @@
 
 mod attribute;
 pub mod build;
+pub mod build_bvh4;
 mod bundle;
 pub mod bvh;
 pub mod bvh4;
@@ -16,6 +17,7 @@ mod cage;
 mod check;
 mod collapse;
 mod cover;
+mod covered;
 mod creases;
 mod cut_values;
 mod deform;
@@ -31,6 +33,7 @@ pub mod level;
 mod normals;
 mod pattern_relief;
 mod payload;
+mod pose;
 mod preview_relief;
 mod primvar;
 mod ptex;
@@ -45,6 +48,7 @@ mod summary;
 mod tangents;
 mod topology;
 mod triangulate;
+mod unsorted;
 
 use bytemuck::{Pod, Zeroable};
 use oocpt_abi::{GpuAttribute, GpuPoint, GpuTriangle};

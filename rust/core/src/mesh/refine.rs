@@ -14,15 +14,14 @@ use rayon::prelude::*;
 
 use super::cage::SubdivisionCage;
 use super::creases::CreaseSharpness;
-use super::deform::PointsPose;
 use super::demand::BuildDemand;
 use super::dicing::{DicingRate, MOST_PIECES};
 use super::displace::{DicedMesh, DisplacedVertices};
-use super::leaf::round::is_of_lines;
+use super::pose::PointsPose;
 use super::refine_values::ControlValues;
 use super::topology::{MeshFace, MeshTopology};
 use crate::array::TypedArray;
-use crate::desc::{CurveBasis, DroppedData, Interpolation, MeshDesc, PrimShape, Primvar, Subdivision};
+use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar, Subdivision};
 
 /// Triangles of one mesh above which its edges are cut into fewer pieces.
 pub const MAX_REFINED_TRIANGLES: u64 = 1 << 23;
@@ -39,21 +38,6 @@ pub(crate) struct RefinedMesh {
     pub(crate) poses: Vec<PointsPose>,
     /// What could not be read.
     pub(crate) notes: Vec<String>,
-}
-
-/// True where a mesh is refined at all. Ptex is laid out for faces, not for what they are cut into: such meshes stay
-/// as they are ([`DroppedData::unrefined_meshes`] counts them).
-pub(super) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
-    match (&desc.shape, desc.subdivision) {
-        // Lines are as wide as a pixel.
-        (PrimShape::Curves(_) | PrimShape::Points, _) if pixels > 0.0 && is_of_lines(desc) => true,
-        // Cubic curves are cut; what nothing is cut of stays the same at any rate.
-        (PrimShape::Curves(curves), _) => curves.basis != CurveBasis::Linear && (pixels > 0.0 || desc.refine_level > 0),
-        // Flat where it is seen as flat: only who asks for more gets it.
-        (PrimShape::Mesh, Subdivision::Bilinear) => desc.refine_level > 0,
-        (PrimShape::Mesh, Subdivision::CatmullClark | Subdivision::Loop) => pixels > 0.0 || desc.refine_level > 0,
-        _ => false,
-    }
 }
 
 /// The limit surface of a mesh with the checked `topology`, and at its `poses`, displaced if that is asked for; `None`

@@ -10,8 +10,9 @@ use oocpt_abi::{AttributeRate, Bvh4Node};
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
 
+use super::build_bvh4::build_bvh4_over;
 use super::bundle::POINT_BUNDLE;
-use super::bvh4::{Bvh4, build_bvh4_over};
+use super::bvh4::Bvh4;
 use super::{
     Aabb, AnyAttribute, Attribute, LeafKind, MeshAsset, MeshPrimvar, MeshSummary, PRIMVAR_BYTES, SECTION_ALIGN,
     each_width,

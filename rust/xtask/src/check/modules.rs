@@ -36,14 +36,6 @@ const KNOWN: &[(&str, &str, &[&str])] = &[
             "scan",
         ],
     ),
-    (
-        "core",
-        "mesh",
-        &[
-            "build", "bundle", "bvh", "bvh4", "collapse", "cover", "deform", "demand", "displace", "leaf", "refine",
-            "split", "summary",
-        ],
-    ),
     ("core", "scene", &["dicing", "entries", "linking", "resolve"]),
 ];
 

@@ -16,8 +16,8 @@ mod triangle;
 use oocpt_abi::LeafType;
 use serde::{Deserialize, Serialize};
 
-use super::deform::PointsPose;
 use super::dicing::DicingRate;
+use super::pose::PointsPose;
 use super::topology::{MAX_COORDINATE, MeshTopology};
 use super::{Aabb, WantedPrimvar};
 use crate::array::ArrayView;

@@ -5,7 +5,7 @@
 use super::{ItemVertices, LeafItems, LeafKind, point_at};
 use crate::desc::{DroppedData, MeshDesc};
 use crate::mesh::Aabb;
-use crate::mesh::deform::PointsPose;
+use crate::mesh::pose::PointsPose;
 use crate::mesh::topology::{MAX_CORNERS, MeshFace, MeshTopology};
 
 pub(super) fn bounds(&[first, second, _]: &ItemVertices) -> Aabb {

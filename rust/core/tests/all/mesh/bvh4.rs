@@ -3,7 +3,8 @@
 
 use glam::DVec3;
 use oocpt_abi::{ABSENT, LEAF, LevelNode, NodeChild};
-use oocpt_core::mesh::bvh4::{Bvh4, build_bvh4, level_nodes};
+use oocpt_core::mesh::build_bvh4::build_bvh4;
+use oocpt_core::mesh::bvh4::{Bvh4, level_nodes};
 use oocpt_core::mesh::{LeafKind, build_box_bvh, build_level, level_node_count, likely_level_stack};
 use oocpt_core::{Aabb, BvhError, Triangle};
 use proptest::prelude::*;

@@ -7,7 +7,7 @@ use oocpt_abi::{
     GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, GpuTriangle, LevelNode, MeshFlags, NO_ROW,
     TARGET_ASSEMBLY,
 };
-use oocpt_core::mesh::bvh4::build_bvh4;
+use oocpt_core::mesh::build_bvh4::build_bvh4;
 use oocpt_core::mesh::{LeafKind, build_box_bvh, level_nodes};
 use oocpt_core::{Aabb, Triangle};
 use oocpt_gpu::{Buffer, BufferUsage, Gpu};

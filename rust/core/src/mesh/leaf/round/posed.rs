@@ -8,7 +8,7 @@ use super::curves::{CurveRadii, CurveStencil, CutCurves};
 use super::values::on_points;
 use crate::array::TypedArray;
 use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar};
-use crate::mesh::deform::PointsPose;
+use crate::mesh::pose::PointsPose;
 
 /// The points of ribbons, two for each point of the cut, and their normals.
 pub(super) struct RibbonPoints {
