@@ -7,9 +7,8 @@ use super::AovTargets;
 use bytemuck::{Pod, Zeroable};
 
 shared! {
-    /// What the film knows of a pixel, 80 B. All zero = no sample yet.
-    /// Sums are compensated (Kahan 1965) and taken in ascending sample order, so they do not depend on the size of the
-    /// waves, and hold at 2^24 samples.
+    /// What the film knows of a pixel, 80 B. All zero = no sample yet. Sums are compensated (Kahan 1965) and taken in
+    /// ascending sample order, so they do not depend on the size of the waves, and hold at 2^24 samples.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct FilmPixel {
         /// Sum of (rgb, alpha) over the samples, premultiplied.

@@ -10,8 +10,8 @@ use bytemuck::{Pod, Zeroable};
 /// Threads in every workgroup of every pass, along x.
 pub const WORKGROUP_SIZE: u32 = 64;
 
-/// Largest workgroup count along x that [`groups`] and `prepare_dispatch` ask for; more go along y.
-/// 2^15 keeps below the 65535 that every device grants.
+/// Largest workgroup count along x that [`groups`] and `prepare_dispatch` ask for; more go along y. 2^15 keeps below
+/// the 65535 that every device grants.
 pub const MAX_DIRECT_GROUPS: u32 = 1 << 15;
 
 /// Specialisation constant: instance records on the longest chain from a chunk's record to a mesh, 1..=16. The chunk

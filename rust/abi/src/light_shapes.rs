@@ -3,8 +3,8 @@
 //! (`generated/light_shapes.glsl`).
 //!
 //! A row is all there is to declare; the shape itself is `shaders/light/shapes/NAME.glsl`, and
-//! `shaders/light/shape.glsl` says which functions it has. `oocpt_core::scene::LocalShape` has the same names.
-//! Pure, any thread.
+//! `shaders/light/shape.glsl` says which functions it has. `oocpt_core::scene::LocalShape` has the same names. Pure,
+//! any thread.
 
 /// A row of [`LIGHT_SHAPES`].
 #[derive(Debug, Clone, Copy)]

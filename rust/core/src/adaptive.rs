@@ -176,7 +176,7 @@ impl AdaptiveSchedule {
         &self.epoch
     }
 
-    /// Whether no epoch follows this one: nothing that its samples say decides anything any more.
+    /// Returns true if no epoch follows this one: nothing that its samples say decides anything any more.
     #[must_use]
     pub fn is_last(&self) -> bool {
         self.budget(self.number + 1) <= self.budget(self.number)

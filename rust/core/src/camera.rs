@@ -35,8 +35,8 @@ pub struct Camera {
 /// With `px, py` in pixels from the lower left corner of the data window (pixel centres at +0.5):
 /// `origin = (o + o_lo) + px * o_x + py * o_y`, `direction = d + px * d_x + py * d_y`. The direction is not normalised:
 /// it goes one unit along the view axis, so the ray parameter is the camera depth (of a camera without scale). With a
-/// lens: `p = origin + direction * focus`, `origin' = origin + u * lens_u + v * lens_v`, `direction' = (p - origin') /
-/// focus`, for `(u, v)` in the unit disk.
+/// lens: `p = origin + direction * focus`, `origin' = origin + u * lens_u + v * lens_v`,
+/// `direction' = (p - origin') / focus`, for `(u, v)` in the unit disk.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CameraRays {
     /// Ray origin at pixel position (0, 0), rounded to single precision.

@@ -20,9 +20,8 @@
 //! # The interval
 //! Log-normal, of three independent parts: what the filter does not know; by how much this picture's error differs from
 //! its mean (signs of halves may be swapped, so `sum (d - R s)^2` is the variance of `sum x^2` too, for a lone firefly
-//! as for Gaussian noise); and the standard errors of the means that errors are divided by.
-//! Between powers of two the estimate lies between that of independent blocks and the power law, and the interval
-//! covers both.
+//! as for Gaussian noise); and the standard errors of the means that errors are divided by. Between powers of two the
+//! estimate lies between that of independent blocks and the power law, and the interval covers both.
 
 use serde::{Deserialize, Serialize};
 

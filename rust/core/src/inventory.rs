@@ -68,7 +68,7 @@ pub struct FeatureUse {
 pub struct PassUse {
     /// Name of its shader.
     pub name: String,
-    /// Whether there is a pipeline of it for this render.
+    /// True if there is a pipeline of it for this render.
     pub made: bool,
     /// Seconds that compiling its pipeline took when this process first needed it; 0 when left out.
     pub compile_secs: f64,

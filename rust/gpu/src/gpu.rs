@@ -84,7 +84,7 @@ impl Gpu {
         &self.device().report
     }
 
-    /// Whether all its memory is the host's too: no bus lies between them.
+    /// Returns true if all its memory is the host's too: no bus lies between them.
     #[must_use]
     pub fn is_unified(&self) -> bool {
         self.device().unified
@@ -131,7 +131,7 @@ impl Gpu {
         self.device().instance.log.clone()
     }
 
-    /// Whether the validation layer was asked for and found.
+    /// Returns true if the validation layer was asked for and found.
     #[must_use]
     pub fn is_validating(&self) -> bool {
         self.device().instance.validating
@@ -153,7 +153,7 @@ impl Gpu {
         self.pipeline_cache.save();
     }
 
-    /// Whether transfer lists run on a queue of their own.
+    /// Returns true if transfer lists run on a queue of their own.
     #[must_use]
     pub fn has_transfer_queue(&self) -> bool {
         self.device().choice(QueueLane::Transfer) != self.device().choice(QueueLane::Main)

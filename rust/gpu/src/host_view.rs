@@ -36,7 +36,7 @@ pub struct HostView {
 }
 
 impl Gpu {
-    /// Whether [`Gpu::host_view`] gives a view.
+    /// Returns true if [`Gpu::host_view`] gives a view.
     #[must_use]
     pub fn has_host_memory(&self) -> bool {
         self.device().report.host_memory
@@ -171,7 +171,7 @@ impl HostBytes<'_> {
         Self { at, bytes: self.bytes - offset, view: PhantomData }
     }
 
-    /// Whether there is none.
+    /// Returns true if there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes == 0

@@ -73,8 +73,8 @@ impl Pipeline {
     }
 }
 
-/// Whether the words start as SPIR-V and declare a compute entry point called `main`. Bounds are checked: words may be
-/// anything.
+/// Returns true if the words start as SPIR-V and declare a compute entry point called `main`. Bounds are checked: words
+/// may be anything.
 fn has_compute_main(words: &[u32]) -> bool {
     if words.first() != Some(&SPIRV_MAGIC) {
         return false;

@@ -54,11 +54,11 @@ pub struct PtexFace {
     /// The face beyond each edge, and which edge of that face it is; `None` at the border of the mesh, and where the
     /// file names a face or an edge that is none.
     pub adjacent: [Option<(u32, u8)>; 4],
-    /// Whether all texels are equal and only one is stored.
+    /// True if all texels are equal and only one is stored.
     pub is_constant: bool,
-    /// Whether it is the quad at a corner of a polygon that is not a quad.
+    /// True if it is the quad at a corner of a polygon that is not a quad.
     pub is_subface: bool,
-    /// Whether an edit block at the end of the file has replaced it.
+    /// True if an edit block at the end of the file has replaced it.
     pub has_edits: bool,
 }
 

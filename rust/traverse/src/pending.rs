@@ -9,7 +9,7 @@ const MAX: usize = oocpt_abi::MAX_PENDING as usize;
 /// A distance and a number, in the order of a ray.
 pub(crate) type EntryKey = (f32, u32);
 
-/// Whether `a` comes before `b`.
+/// Returns true if `a` comes before `b`.
 pub(crate) fn before(a: EntryKey, b: EntryKey) -> bool {
     a.0 < b.0 || (a.0 == b.0 && a.1 < b.1)
 }
@@ -30,12 +30,12 @@ impl PendingItem {
         Self { chunk, record: (0.0, NO_MESH) }
     }
 
-    /// Whether it comes before `other`.
+    /// Returns true if it comes before `other`.
     pub(crate) fn is_before(&self, other: &Self) -> bool {
         if self.chunk == other.chunk { before(self.record, other.record) } else { before(self.chunk, other.chunk) }
     }
 
-    /// Whether nothing of its chunk instance was visited.
+    /// Returns true if nothing of its chunk instance was visited.
     pub(crate) fn is_whole(&self) -> bool {
         self.record.1 == NO_MESH
     }
@@ -65,12 +65,12 @@ impl ListedItems {
         self.items().iter().filter(move |item| item.chunk.1 == chunk_instance)
     }
 
-    /// Whether a chunk instance that is not listed is to be visited.
+    /// Returns true if a chunk instance that is not listed is to be visited.
     pub(crate) fn has_chunk_due(&self, chunk: EntryKey) -> bool {
         !self.more || self.items().last().is_none_or(|last| before(last.chunk, chunk))
     }
 
-    /// Whether records of a chunk instance of which items are listed are still to be visited.
+    /// Returns true if records of a chunk instance of which items are listed are still to be visited.
     pub(crate) fn is_due(&self, item: &PendingItem) -> bool {
         let is_behind = self.more && self.items().last().is_some_and(|last| last.is_before(item));
         is_behind || self.items().contains(item)

@@ -91,7 +91,7 @@ fn wraps_of(t: &GpuTexture) -> [u32; 2] {
     [TEXTURE_WRAP_S_SHIFT, TEXTURE_WRAP_T_SHIFT].map(|shift| (t.flags >> shift) & 3)
 }
 
-/// Whether the fallback is what lies outside of the picture.
+/// Returns true if the fallback is what lies outside of the picture.
 fn has_border(t: &GpuTexture) -> bool {
     t.flags & TEXTURE_BORDER != 0
 }

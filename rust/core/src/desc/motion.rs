@@ -43,7 +43,7 @@ pub struct PointsMotion {
 }
 
 impl PointsMotion {
-    /// Whether there is anything that may move the points.
+    /// Returns true if there is anything that may move the points.
     #[must_use]
     pub fn is_given(&self) -> bool {
         self.samples.len() > 1 || self.velocities.as_ref().is_some_and(|velocities| !velocities.is_empty())

@@ -97,7 +97,7 @@ impl SolidProfile {
 }
 
 impl SolidSize {
-    /// Whether there is such a solid.
+    /// Returns true if there is such a solid.
     fn is_usable(self) -> bool {
         self.height.is_finite() && self.radii.iter().all(|radius| radius.is_finite())
     }

@@ -60,7 +60,7 @@ impl MotionKey {
         DAffine3 { matrix3: DMat3::from_quat(self.rotation) * self.stretch, translation: self.translation }
     }
 
-    /// Whether the stretch is not along the axes of what moves.
+    /// Returns true if the stretch is not along the axes of what moves.
     pub(crate) fn is_sheared(&self) -> bool {
         let DMat3 { x_axis: x, y_axis: y, .. } = self.stretch;
         let off = x.y.abs().max(x.z.abs()).max(y.z.abs());

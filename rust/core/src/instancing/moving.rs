@@ -32,8 +32,8 @@ impl<'a> InstancePlacer<'a> {
         Self { keys: Some(keys.into()), ..self }
     }
 
-    /// The keys of a placement of what moves, one for each time, and whether they move it: where
-    /// one of them cannot be used, all are the placement as it is at the frame's own time.
+    /// The keys of a placement of what moves, one for each time, and whether they move it: where one of them cannot be
+    /// used, all are the placement as it is at the frame's own time.
     pub(crate) fn keys(&self, number: Option<usize>) -> Option<(PlacementKeys, bool)> {
         let all = self.keys.as_ref()?;
         let mut keys = PlacementKeys::new();

@@ -176,7 +176,7 @@ fn fill(text: &mut MaterialText, material: &Material, compiled: &CompiledMateria
     text.lookups = direct + text.program.lookups + text.opacity_program.lookups;
 }
 
-/// Whether it is what it is where nothing is said, as far as its components count.
+/// Returns true if it is what it is where nothing is said, as far as its components count.
 fn is_neutral(input: &InputValue, name: MaterialInput) -> bool {
     match (input, &NEUTRAL[name as usize]) {
         (InputValue::Constant(value), InputValue::Constant(neutral)) => {

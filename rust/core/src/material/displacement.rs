@@ -67,7 +67,7 @@ impl Displacement {
         })
     }
 
-    /// Whether it reads the primvar of that name.
+    /// Returns true if it reads the primvar of that name.
     #[must_use]
     pub fn reads(&self, name: &str) -> bool {
         match self {

@@ -26,7 +26,7 @@ use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 /// What the kinds of `MaterialX` nodes begin with, in their namespace.
 const PREFIX: &str = "ND_";
 
-/// Whether a terminal of a network is a node of `MaterialX`.
+/// Returns true if a terminal of a network is a node of `MaterialX`.
 pub(super) fn is_materialx(desc: &MaterialDesc, terminal: Option<usize>) -> bool {
     let Some(node) = terminal.and_then(|at| desc.nodes.get(at)) else { return false };
     let name = node.kind.rsplit(':').next().unwrap_or_default();

@@ -2,12 +2,10 @@
 //! Names of colour spaces, and which of those that a texture node has counts. Pure.
 //!
 //! The rule: `sourceColorSpace`, where it is authored and not `auto`, wins; then the `colorSpace` metadata of the
-//! attribute `file`; then
-//! the file itself (`auto` of the `UsdPreviewSurface` specification 2.6). The specification knows `raw`, `sRGB` and
-//! `auto` and no
-//! metadata, and `HdStorm` reads nothing else, so a scene that says one of the two looks here as it does there;
-//! metadata, which `HdStorm`
-//! ignores, counts only where the scene leaves the question open.
+//! attribute `file`; then the file itself (`auto` of the `UsdPreviewSurface` specification 2.6). The specification
+//! knows `raw`, `sRGB` and `auto` and no metadata, and `HdStorm` reads nothing else, so a scene that says one of the
+//! two looks here as it does there; metadata, which `HdStorm` ignores, counts only where the scene leaves the question
+//! open.
 
 use super::ColorSpace;
 use super::compile::NetworkCompiler;
@@ -15,8 +13,7 @@ use super::params::text;
 use crate::desc::NodeDesc;
 
 /// The sRGB curve with the primaries of Rec. 709: of `UsdUVTexture`, `GfColorSpaceNames`, the Color Interop Forum, and
-/// the
-/// configurations of ACES.
+/// the configurations of ACES.
 const SRGB: &[&str] = &[
     "srgb",
     "srgb_texture",

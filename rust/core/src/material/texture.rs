@@ -12,12 +12,12 @@ use std::sync::Arc;
 /// Storm's node for Ptex; `UsdUVTexture` reads Ptex, too, from files that end in `.ptx`.
 const PTEX_NODE: &str = "HwPtexTexture_1";
 
-/// Whether a node is a texture.
+/// Returns true if a node is a texture.
 pub(super) fn is_texture(node: &NodeDesc) -> bool {
     matches!(&*node.kind, "UsdUVTexture" | PTEX_NODE)
 }
 
-/// Whether a file is Ptex by its resolved name, which may be that of a file in a package.
+/// Returns true if a file is Ptex by its resolved name, which may be that of a file in a package.
 #[must_use]
 pub fn is_ptex_name(resolved: &str) -> bool {
     let name = resolved.trim_end_matches(']').as_bytes();

@@ -317,9 +317,9 @@ fn triangulate(
     all
 }
 
-/// The triangles of some faces. A face that keeps some area has lost nothing: quads that close to a
-/// point, as at the tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped. What
-/// moves has an area if it has one at some key.
+/// The triangles of some faces. A face that keeps some area has lost nothing: quads that close to a point, as at the
+/// tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped. What moves has an
+/// area if it has one at some key.
 fn triangulate_block(
     (topology, poses): (&MeshTopology, &[PointsPose]),
     faces: &[MeshFace],

@@ -95,7 +95,7 @@ impl ClippedTriangle {
         cut
     }
 
-    /// Whether nothing was cut off.
+    /// Returns true if nothing was cut off.
     fn is_whole(&self) -> bool {
         self.corners() == Self::WHOLE.corners()
     }

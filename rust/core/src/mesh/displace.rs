@@ -35,7 +35,7 @@ pub(super) struct DicedMesh<'a> {
     pub(super) face_count: usize,
     /// Of the surface that was cut.
     pub(super) normals: Vec<[f32; 3]>,
-    /// Whether authored normals say where it is moved to.
+    /// True if authored normals say where it is moved to.
     pub(super) is_flat: bool,
 }
 

@@ -2,10 +2,9 @@
 //! Mesh assets: what a mesh becomes before it goes to the GPU. Immutable, shared by content.
 //!
 //! Stages: [`build`] runs `topology` (check, holes), `refine` (limit surfaces, cut as [`DicingRate`] says, moved by
-//! `displace` as far as a `relief` says), `triangulate`,
-//! `primvar` and `normals`, [`bvh`] and [`bvh4`]; `split` cuts large meshes into clusters; `key` is the content hash.
-//! A snapshot has [`SceneMesh`]es: a `summary` of each asset, and the asset where `store` and `payload` have put it.
-//! Pure functions; called from rayon workers during a commit.
+//! `displace` as far as a `relief` says), `triangulate`, `primvar` and `normals`, [`bvh`] and [`bvh4`]; `split` cuts
+//! large meshes into clusters; `key` is the content hash. A snapshot has [`SceneMesh`]es: a `summary` of each asset,
+//! and the asset where `store` and `payload` have put it. Pure functions; called from rayon workers during a commit.
 
 mod attribute;
 pub mod build;

@@ -124,7 +124,7 @@ pub(super) fn unread(texture: &TextureRef, error: &str) -> String {
     format!("{}: texture {}: {error}; its fallback is used", texture.prim, texture.asset.authored)
 }
 
-/// Whether a set of files has none of the members that were looked at.
+/// Returns true if a set of files has none of the members that were looked at.
 pub(super) fn lacks_all(texture: &TextureRef, levels: &FxHashMap<u8, Option<HeightLevel>>) -> bool {
     texture.is_udim() && !levels.is_empty() && levels.values().all(Option::is_none)
 }

@@ -27,7 +27,7 @@ impl<'a> MeshRelief<'a> {
         }
     }
 
-    /// Whether it moves vertices other than along normals.
+    /// Returns true if it moves vertices other than along normals.
     pub(super) fn is_vector(&self) -> bool {
         matches!(self, Self::Pattern(pattern) if pattern.is_vector())
     }

@@ -71,8 +71,8 @@ struct MeshSplitter<'a> {
 /// may take more. A mesh that fits gives one cluster.
 ///
 /// A cluster's `key` is the xxh3-128 of the mesh's key, `max_bytes`, the cluster's number and whether the triangles
-/// came in authored order or in that of a hierarchy: equal keys mean equal clusters.
-/// Attributes keep their rates; values of points that a cluster does not use are left out of it.
+/// came in authored order or in that of a hierarchy: equal keys mean equal clusters. Attributes keep their rates;
+/// values of points that a cluster does not use are left out of it.
 #[must_use]
 pub fn split_mesh(mesh: &MeshAsset, max_bytes: u64) -> Vec<MeshAsset> {
     let mut clusters = Vec::new();

@@ -103,7 +103,7 @@ impl ChunkCutter<'_> {
         self.both(&left, &right, records)
     }
 
-    /// Whether [`is_scattered`] says so of the cell. A chunk from before that is the cell was found not to be.
+    /// Returns true if [`is_scattered`] says so of the cell. A chunk from before that is the cell was found not to be.
     fn is_scattered(&self, pieces: &[OrderPiece<'_>]) -> bool {
         let records: u64 = pieces.iter().map(OrderPiece::len).sum();
         let is_known = matches!(pieces, [OrderPiece::Kept(_)]) || self.roster.keeps_frame;
@@ -206,7 +206,7 @@ impl ChunkCutter<'_> {
     }
 }
 
-/// Whether sorted items, where they would be cut, fall into parts of which one is far smaller than all of them
+/// Returns true if sorted items, where they would be cut, fall into parts of which one is far smaller than all of them
 /// together: in one chunk, with a frame of single precision about the middle of all, that part would lose what tells
 /// its points apart. Never of items of equal codes, nor of more than [`SCATTERED`].
 pub(crate) fn is_scattered(items: &[PlacementItem], lattice: &MortonLattice) -> bool {

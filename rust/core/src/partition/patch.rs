@@ -156,7 +156,7 @@ impl ChunkPatch<'_> {
         Some(item)
     }
 
-    /// Whether an old record, whose code is given, comes before a gained one.
+    /// Returns true if an old record, whose code is given, comes before a gained one.
     fn is_before(&self, at: usize, code: u64, gained: &PlacementItem) -> bool {
         if code != gained.code() {
             return code < gained.code();

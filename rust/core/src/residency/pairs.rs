@@ -14,7 +14,7 @@ impl ResidencyPlanner {
         ((partner as usize) < self.entries.len() && partner != unit).then_some(partner)
     }
 
-    /// Whether the unit is on the device or on its way.
+    /// Returns true if the unit is on the device or on its way.
     pub(super) fn is_held(&self, unit: UnitId) -> bool {
         matches!(self.entries[unit as usize].state, UnitState::Loading | UnitState::Resident)
     }

@@ -149,7 +149,7 @@ impl LoadRoulette {
         });
     }
 
-    /// Whether the unit may be loaded; draws if it was not decided. What has to become of rays is in
+    /// Returns true if the unit may be loaded; draws if it was not decided. What has to become of rays is in
     /// [`Self::take_verdicts`], to be done in step `step` at the latest, and before the unit is shown.
     pub fn judge(&mut self, stakes: &LoadStakes, prices: &LoadPrices, step: u64) -> bool {
         self.judge_by(stakes, step, |lost, spent| probability(stakes, prices, lost, spent))
@@ -186,7 +186,7 @@ impl LoadRoulette {
         std::mem::take(&mut self.verdicts)
     }
 
-    /// Whether something was decided since.
+    /// Returns true if something was decided since.
     #[must_use]
     pub fn has_verdicts(&self) -> bool {
         !self.verdicts.is_empty()

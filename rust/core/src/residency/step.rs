@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! One step of planning: read the demand, make room where the budget shrank, load what starves, what is demanded, and
-//! what soon will be. Cost: a scan of the demand where the caller does not
-//! say what was asked for, then the units with demand, the resident units when room is needed.
+//! what soon will be. Cost: a scan of the demand where the caller does not say what was asked for, then the units with
+//! demand, the resident units when room is needed.
 
 use super::entry::UnitState;
 use super::planner::{LoadKind, ResidencyPlanner, UnitLoad};

@@ -96,7 +96,7 @@ impl PlacementMotion {
         (times, if self.only_turns() { most } else { PI })
     }
 
-    /// Whether normals turn by no more than the rotations of all levels.
+    /// Returns true if normals turn by no more than the rotations of all levels.
     fn only_turns(&self) -> bool {
         let mut has_turned = false;
         self.levels.iter().rev().all(|keys| {
@@ -151,7 +151,7 @@ fn trace(m: &DMat3) -> f64 {
     m.x_axis.x + m.y_axis.y + m.z_axis.z
 }
 
-/// Whether stretches differ in size only.
+/// Returns true if stretches differ in size only.
 fn is_steady(keys: &[MotionKey]) -> bool {
     let Some(first) = keys.first().map(|key| key.stretch) else { return true };
     let first = first * (1.0 / trace(&first));
@@ -161,7 +161,7 @@ fn is_steady(keys: &[MotionKey]) -> bool {
     })
 }
 
-/// Whether stretches are the same in all directions.
+/// Returns true if stretches are the same in all directions.
 fn is_even(keys: &[MotionKey]) -> bool {
     keys.iter().all(|key| {
         let even = DMat3::from_diagonal(DVec3::splat(trace(&key.stretch) / 3.0));

@@ -18,7 +18,7 @@ const MOST_LINES: usize = 100;
 struct WarningGroup<'a> {
     members: Vec<&'a SceneWarning>,
     dropped: DroppedData,
-    /// Whether all say the same notes.
+    /// True if all say the same notes.
     is_same: bool,
 }
 

@@ -100,12 +100,12 @@ fn bindings(desc: &MeshDesc) -> impl Iterator<Item = Option<&Arc<str>>> {
     std::iter::once(bound(desc.material.as_ref())).chain(desc.subsets.iter().map(|s| bound(s.material.as_ref())))
 }
 
-/// Whether a mesh has a primvar, be it empty.
+/// Returns true if a mesh has a primvar, be it empty.
 fn has_authored(desc: &MeshDesc, name: &str) -> bool {
     desc.authored_primvar(name).is_some()
 }
 
-/// Whether a mesh has a primvar of its own.
+/// Returns true if a mesh has a primvar of its own.
 fn has(desc: &MeshDesc, name: &str) -> bool {
     desc.authored_primvar(name).is_some_and(|primvar| !primvar.values.is_empty())
 }
@@ -118,7 +118,7 @@ const MISSING_MATERIAL: &str = "does not exist, or has no surface that is read (
 const NO_CURVE: &str = "its hair material is for curves: fibres go along the first texture coordinate, and are met \
                         where the normal says";
 
-/// Whether one of a mesh's materials emits light.
+/// Returns true if one of a mesh's materials emits light.
 fn is_emissive(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -> bool {
     bindings(desc).flatten().any(|material| {
         let compiled = materials.get(material).and_then(|entry| entry.compiled.as_ref()?.material.as_ref());

@@ -3,9 +3,9 @@
 
 use super::{ColorSpace, TexelFormat};
 
-/// Whether red, green and blue go through the sRGB curve. `Auto` asks the file's own word (`metadata`) first; without
-/// one, an image of 8 bits with three or four channels is sRGB and every other is not. Texels of a named space go
-/// through a conversion instead.
+/// Returns true if red, green and blue go through the sRGB curve. `Auto` asks the file's own word (`metadata`) first;
+/// without one, an image of 8 bits with three or four channels is sRGB and every other is not. Texels of a named space
+/// go through a conversion instead.
 pub fn is_srgb(space: &ColorSpace, metadata: Option<bool>, format: TexelFormat, channels: u32) -> bool {
     match space {
         ColorSpace::Raw | ColorSpace::Named(_) => false,

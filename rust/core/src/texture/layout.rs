@@ -79,7 +79,7 @@ impl TileLayout {
         Ok(Self { size: [TILE_SIDE, height], is_flat: true, ..Self::new([1, 1], texel_bytes)? })
     }
 
-    /// Whether it has one level of rows ([`Self::of_rows`]).
+    /// Returns true if it has one level of rows ([`Self::of_rows`]).
     pub fn is_flat(&self) -> bool {
         self.is_flat
     }

@@ -2,8 +2,8 @@
 //! The filter of `shaders/texture/texture.glsl` in f64, for tests.
 //!
 //! Widths of filters are in texels of level 0 (`footprint.rs`). Between widths of 2^l and 2^(l+1) texels the levels l
-//! and l + 1 are mixed linearly in the width (the usual choice is linear in its logarithm;
-//! the two agree at powers of two and differ by at most 0.086 of a level; this one needs no transcendental function).
+//! and l + 1 are mixed linearly in the width (the usual choice is linear in its logarithm; the two agree at powers of
+//! two and differ by at most 0.086 of a level; this one needs no transcendental function).
 
 use super::{FaceLayout, TileLayout, Wrap};
 

@@ -52,7 +52,7 @@ impl HostMemory {
         items
     }
 
-    /// Whether the host looks at memory now.
+    /// Returns true if the host looks at memory now.
     pub(crate) fn has_views(&self) -> bool {
         self.lock().views > 0
     }

@@ -49,7 +49,7 @@ impl SubmissionLog {
         }
     }
 
-    /// Whether nothing is known to be in flight.
+    /// Returns true if nothing is known to be in flight.
     pub(crate) fn is_empty(&self) -> bool {
         self.lock().in_flight.is_empty()
     }

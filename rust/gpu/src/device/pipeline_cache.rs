@@ -145,7 +145,7 @@ impl CacheFile {
     }
 }
 
-/// Whether a file of the folder has a name that [`CacheFile::new`] may have given: the user's own stay.
+/// Returns true if a file of the folder has a name that [`CacheFile::new`] may have given: the user's own stay.
 fn is_ours(name: &str) -> bool {
     name.strip_prefix(PREFIX).is_some_and(|rest| {
         let stem = rest.split('.').next().unwrap_or_default();

@@ -39,7 +39,7 @@ impl<T> RetireQueue<T> {
         ready.iter().filter_map(|points| waiting.remove(points)).flatten().collect()
     }
 
-    /// Whether nothing waits.
+    /// Returns true if nothing waits.
     pub(crate) fn is_empty(&self) -> bool {
         self.lock().is_empty()
     }

@@ -163,7 +163,7 @@ impl DriverWatch {
         self.lock().planted = Some(failure);
     }
 
-    /// Whether the device is lost with this submission, or was with one before.
+    /// Returns true if the device is lost with this submission, or was with one before.
     pub(crate) fn loses(&self) -> bool {
         let strikes = self.strikes(DriverCall::Submit);
         let state = &mut *self.lock();

@@ -44,7 +44,7 @@ impl TimelinePoints {
         self.0[lane.index()]
     }
 
-    /// Whether both lanes have come as far as this.
+    /// Returns true if both lanes have come as far as this.
     pub(crate) fn reached_by(self, completed: Self) -> bool {
         self.0.iter().zip(completed.0).all(|(&point, completed)| point <= completed)
     }

@@ -55,7 +55,7 @@ pub(crate) fn choose_type(types: &[vk::MemoryType], allowed: u32, usage: BufferU
         .map(|(i, _)| i)
 }
 
-/// Whether the memory that buffers get is mapped and coherent whatever they are for.
+/// Returns true if the memory that buffers get is mapped and coherent whatever they are for.
 pub(crate) fn is_all_mapped(types: &[vk::MemoryType]) -> bool {
     let seen = |usage| {
         choose_type(types, u32::MAX, usage)

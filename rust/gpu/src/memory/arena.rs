@@ -103,7 +103,7 @@ impl MemoryArena {
         Some(ArenaPlace { arena: Arc::clone(self), allocation, bytes })
     }
 
-    /// Whether any range, retired ones included, is in it.
+    /// Returns true if any range, retired ones included, is in it.
     pub(crate) fn holds_ranges(&self) -> bool {
         self.lock().ranges > 0
     }

@@ -105,7 +105,7 @@ impl CommandRecorder {
         self.timing
     }
 
-    /// Whether anything is recorded.
+    /// Returns true if anything is recorded.
     pub(crate) fn has_operations(&self) -> bool {
         self.has_operations
     }

@@ -2,8 +2,7 @@
 //! Leaf tests by kind (`oocpt_abi::LEAVES`): shaders/geometry, operation by operation. A kind is a module with
 //! `hit(vertices, o, d)`: the distance, in units of `d`, at which a ray meets an item in front of its origin, and the
 //! weights of the second and third corner there; `exit` is the same where a ray leaves an item that it enters there.
-//! Triangles have one of their own, for what is the same for all of them.
-//! Pure, any thread.
+//! Triangles have one of their own, for what is the same for all of them. Pure, any thread.
 
 mod point;
 mod round;
@@ -50,7 +49,7 @@ leaves! {
     TOY_BOX: toy_box;
 }
 
-/// Whether leaves may be made of anything but triangles (`HAS_LEAF_KINDS`).
+/// Returns true if leaves may be made of anything but triangles (`HAS_LEAF_KINDS`).
 pub(crate) fn has_kinds(features: Features) -> bool {
     LEAVES.iter().any(|leaf| *leaf != LeafType::TRIANGLE && features.contains(leaf.needs))
 }

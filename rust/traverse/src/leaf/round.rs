@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The leaf test of curves, hulls of two balls: geometry/round.glsl, operation by operation. Pure, any
-//! thread.
+//! The leaf test of curves, hulls of two balls: geometry/round.glsl, operation by operation. Pure, any thread.
 
 use crate::vector::{V3, cross3, dot3};
 

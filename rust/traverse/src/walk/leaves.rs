@@ -166,7 +166,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         if ANY_HIT { CandidateOutcome::Ends } else { CandidateOutcome::EnteredChildren }
     }
 
-    /// Whether the candidate comes before the closest hit in the order of ids.
+    /// Returns true if the candidate comes before the closest hit in the order of ids.
     fn precedes(&self, triangle: u32) -> bool {
         let depth = self.level_index();
         let ids = (self.chunk_instance, &self.chain[..=depth], triangle);

@@ -31,8 +31,7 @@ fn udim_tiles_are_selected_by_face() {
     };
     let built = build(&desc, &textured("tile<UDIM>", "r", &[], &[]), 8.0);
     for (position, _, _) in corners_of(asset(&built)) {
-        // Members go on as their last texels do.
-        // Pieces of an eighth look at level 2, of 16 x 8 texels.
+        // Members go on as their last texels do. Pieces of an eighth look at level 2, of 16 x 8 texels.
         let within = |x: f64| x.clamp(0.5 / 16.0, 15.5 / 16.0) / 16.0;
         let expected = if position.x < 0.999 {
             1001.0 + within(position.x)

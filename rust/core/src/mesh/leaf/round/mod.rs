@@ -146,7 +146,7 @@ fn widened(desc: &MeshDesc, pose: &PointsPose, count: usize) -> PointsPose {
     PointsPose { radii, ..pose.clone() }
 }
 
-/// Whether a point can be seen at a pose that has widths of its own.
+/// Returns true if a point can be seen at a pose that has widths of its own.
 fn has_width(pose: &PointsPose, at: usize) -> bool {
     pose.radii.as_ref().and_then(|radii| radii.get(at)).is_some_and(|&radius| radius > 0.0)
 }
