@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Adaptive sampling: which pixel gets how many samples, so that relMSE falls fastest and nothing is biased. Pure; any
-//! thread.
+//! Adaptive sampling: distributes samples over pixels so that relMSE falls fastest, without bias. Pure; any thread.
 //!
 //! # Why it is unbiased
 //! Each pixel has two streams of samples, independent of each other: scrambled Sobol sequences of their own. A picture
 //! is half the mean of one plus half the mean of the other, whatever their numbers. How many samples of stream 0 a
-//! pixel gets is decided by the estimates of stream 1 alone, and the other way round; and only by a first part of
-//! them that *every* pixel has, the same number everywhere. So a count is independent of all samples that it counts,
-//! and the mean of each stream has the right expectation, exactly. (Decided from its own samples a pixel that has
-//! missed what is bright so far would look easy, and stay too dark: Kirk and Arvo 1991, "Unbiased sampling techniques
-//! for image synthesis".)
+//! pixel gets is decided by the estimates of stream 1 alone, and the other way round; and only by a first part of them
+//! that *every* pixel has, the same number everywhere. So a count is independent of all samples that it counts, and the
+//! mean of each stream has the right expectation, exactly. (Decided from its own samples a pixel that has missed what
+//! is bright so far would look easy, and stay too dark: Kirk and Arvo 1991, "Unbiased sampling techniques for image
+//! synthesis".)
 //!
-//! # Who gets how many
+//! # How samples are distributed
 //! With variance `v` of a pixel's mean at `n` samples, falling as `1/n`, the sum over pixels is least at counts
 //! proportional to `sqrt(v n)` (Neyman 1934). `v` is relMSE's own: divided by the square of the pixel. It is taken from
 //! the change of the mean since half as many samples, a noisy number but right for points that stratify, and to a
@@ -47,18 +46,18 @@ const SHRINK: f64 = 0.25;
 const STEPS: i32 = 32;
 /// Octaves below the largest standard deviation that are told apart.
 const DEPTH: i32 = 24;
-/// Pixels that one thread looks at in a row.
+/// Number of consecutive pixels that one thread processes.
 const PART: usize = 1 << 15;
-/// Where the row of a band begins in `SampleBand::first_sample`.
+/// Bit at which the row of a band begins in `SampleBand::first_sample`.
 pub const BAND_SHIFT: u32 = 26;
 
 /// Estimates by the first `2^octave` samples of a stream, as `measured` by the film: variance of the mean by that of
 /// its samples, and square of the mean's change since half as many, both relative to the pixel and times the samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VarianceEstimate {
-    /// By the variance of the samples.
+    /// Error as estimated from the variance of the samples.
     pub spread: f32,
-    /// By the change of the mean.
+    /// Error as estimated from the change of the mean.
     pub change: f32,
 }
 
@@ -82,18 +81,18 @@ pub type PixelStart = [u32; 2];
 /// Samples of an epoch that the same pixels get: `rows` for each of the first `width` entries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleBand {
-    /// Its first path, of all of the render.
+    /// First path of the band, as a path number of the render.
     pub first: u64,
-    /// Entries.
+    /// Number of entries in a row.
     pub width: u32,
     /// The first row: samples that these entries have had before in this epoch.
     pub row: u32,
-    /// Samples of each.
+    /// Number of samples of each entry.
     pub rows: u32,
 }
 
 impl SampleBand {
-    /// One behind its last path.
+    /// One past the last path of the band.
     #[must_use]
     pub fn end(&self) -> u64 {
         self.first + u64::from(self.width) * u64::from(self.rows)
@@ -103,36 +102,36 @@ impl SampleBand {
 /// The paths of one epoch.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct AdaptiveEpoch {
-    /// Who gets samples, those with most first.
+    /// Pixels that get samples, those with most samples first.
     pub entries: Vec<PixelStart>,
-    /// In the order of their paths, without gaps.
+    /// Bands in the order of their paths, without gaps.
     pub bands: Vec<SampleBand>,
-    /// One behind its last path.
+    /// One past the last path of the epoch.
     pub end: u64,
     /// Octave of the mean number of samples of a pixel, both streams together, that it ends with, about.
     pub octave: u32,
 }
 
-/// What a render has spent.
+/// Samples that a render has spent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AdaptiveUsage {
-    /// Epochs that were decided, the first among them.
+    /// Number of epochs decided, counting the first.
     pub epochs: u32,
     /// Fewest samples of a pixel, both streams together.
     pub fewest: u32,
-    /// Most.
+    /// Most samples of a pixel, both streams together.
     pub most: u32,
     /// Share of the samples that the decisions gave, 0 to 1; the rest every pixel has.
     pub decided: f64,
 }
 
-/// The way of one render through its epochs.
+/// The epochs of one render, decided one after the other.
 #[derive(Clone, Debug)]
 pub struct AdaptiveSchedule {
     size: [u32; 2],
-    /// Pixel `y * width + x` of each number in trace order.
+    /// Pixel `y * width + x` of each position in trace order.
     trace: Vec<u32>,
-    /// Samples per pixel that there may be.
+    /// Largest number of samples per pixel.
     samples: u32,
     /// Octave of the samples of each pixel, `y * width + x`, by stream.
     levels: [Vec<u8>; STREAMS],
@@ -273,7 +272,7 @@ impl AdaptiveSchedule {
         classes
     }
 
-    /// What has been spent when this epoch is done.
+    /// Samples that will have been spent when this epoch is done.
     #[must_use]
     pub fn spent(&self) -> AdaptiveUsage {
         let counts = || self.levels[0].par_iter().zip(&self.levels[1]).map(|(a, b)| (1_u32 << a) + (1_u32 << b));
@@ -324,7 +323,7 @@ fn blurred_along(values: &[f64], place: impl Fn(usize) -> usize + Sync, stride: 
     (0..values.len()).into_par_iter().map(of).collect()
 }
 
-/// Where each pixel's wish stands: steps of octaves below the largest one, whole numbers from `-STEPS * DEPTH` to 0.
+/// The wish of each pixel: steps of octaves below the largest wish, whole numbers from `-STEPS * DEPTH` to 0.
 fn wanted(weights: &[f64]) -> Vec<i32> {
     let most = weights.iter().copied().fold(0.0, f64::max);
     let lowest = -STEPS * DEPTH;

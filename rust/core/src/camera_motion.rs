@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How a camera moves while the shutter is open: keys of its frame, and its rays within that frame. Pure; any thread.
+//! Camera motion while the shutter is open: the keys of a frame, and the rays within that frame. Pure; any thread.
 
 use glam::{DAffine3, DVec3};
 use oocpt_abi::GpuCameraMotion;
@@ -7,7 +7,7 @@ use oocpt_abi::GpuCameraMotion;
 use crate::camera::{Camera, CameraError};
 use crate::instancing::motion::{MotionKey, map_at, motion_keys};
 
-/// A camera that moves.
+/// A camera that moves, as keys in time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraMotion {
     /// World, relative to the origin that was given, from the view's frame; two or more, in the order of time.
@@ -16,7 +16,7 @@ pub struct CameraMotion {
     pub rays: GpuCameraMotion,
 }
 
-/// Why a camera stays where it is.
+/// Reason why the motion of a camera is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CameraMotionError {
     /// A time is not finite, or not after the one before.
@@ -25,7 +25,7 @@ pub enum CameraMotionError {
     /// A matrix is singular or not finite, or mirrors and the one before does not.
     #[error("the camera does not move: a sample of its transform is singular, not finite or inside out")]
     Transforms,
-    /// The camera itself cannot be used.
+    /// The camera at a key cannot be used.
     #[error(transparent)]
     Camera(#[from] CameraError),
 }

@@ -5,7 +5,7 @@ use crate::camera::{Camera, CameraError};
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_abi::ClipPlane;
 
-/// Planes that count, at most; of more the first ones do.
+/// Largest number of clipping planes; further ones are ignored.
 pub const MAX_CLIP_PLANES: usize = 16;
 
 impl Camera {
@@ -51,7 +51,7 @@ fn unit(plane: DVec4) -> Option<DVec4> {
     Some((normal / length).extend(plane.w / largest / length))
 }
 
-/// In single precision, and never infinite.
+/// Rounds to single precision, clamped to finite values.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn narrow(value: f64) -> f32 {
     value.clamp(f64::from(-f32::MAX), f64::from(f32::MAX)) as f32

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How far a picture is from what it would become: an estimate of its relative mean squared error with a 95 %
-//! confidence interval, from what the film knows at powers of two of its samples. Pure; `f64`; any thread.
+//! Estimates the relative mean squared error of a picture against its converged state, with a 95 % confidence interval,
+//! from sums that the film takes when its sample count is a power of two. Pure; `f64`; any thread.
 //!
 //! # What is estimated
 //! `relMSE = mean over pixels of mean over channels of (x - mu)^2 / (mu^2 + 0.01)` (Rousselle et al. 2011, "Adaptive
@@ -25,7 +25,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What rounding in single precision leaves, as relMSE.
+/// relMSE that remains from rounding in single precision.
 const ROUNDING: f64 = 1e-14;
 /// Slope of `ln R` downwards a priori, per octave in units of `ln 2`, and its standard deviation.
 const SLOPE: (f64, f64) = (0.3, 0.4);
@@ -41,7 +41,8 @@ const MODEL: f64 = 0.02;
 /// Two-sided 95 % of a normal distribution.
 const Z: f64 = 1.959_963_985;
 
-/// Sums over the pixels of a picture, see the module: `s` and `d` are relative, squared and averaged over the channels.
+/// Sums over the pixels of a picture. `s` and `d`, defined in the lead of the module, are relative, squared and
+/// averaged over the channels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ErrorSums {
     /// Pixels of the picture.
@@ -68,7 +69,7 @@ pub struct ErrorEstimate {
     pub rel_mse: f64,
     /// Lower end of the 95 % confidence interval.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of the 95 % confidence interval.
     pub high: f64,
 }
 
@@ -77,14 +78,14 @@ pub struct ErrorEstimate {
 struct FilterState {
     log_ratio: f64,
     slope: f64,
-    /// Variance of the ratio, covariance, variance of the slope.
+    /// Covariance of the filter's state: variance of the ratio, covariance, variance of the slope.
     covariance: [f64; 3],
 }
 
 /// Follows one render through the octaves.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ConvergenceEstimator {
-    /// The last octave and what is believed since.
+    /// The last octave, and the filter's state after it.
     last: Option<(u32, FilterState)>,
 }
 
@@ -94,7 +95,7 @@ fn spread_wide(samples: f64, gain: f64) -> f64 {
     (samples - gain.clamp(0.0, 1.0)) / (samples - 1.0).max(1.0)
 }
 
-/// What two parts make of a slope: the slope an octave on, and `V(n)` over `V(n/2) - V(n)`.
+/// For a slope that two parts add up to: the slope an octave later, and `V(n)` over `V(n/2) - V(n)`.
 fn parts(slope: f64) -> (f64, f64) {
     let slope = slope.clamp(0.0, STEEPEST);
     let above = PARTS.iter().skip(1).position(|part| slope <= *part).unwrap_or(PARTS.len() - 2);
@@ -131,7 +132,7 @@ impl FilterState {
         Self { log_ratio, slope: SLOPE.0, covariance: [variance, 0.0, SLOPE.1 * SLOPE.1] }
     }
 
-    /// One octave on.
+    /// The state predicted for the next octave.
     fn predicted(self) -> Self {
         let ln2 = std::f64::consts::LN_2;
         let [ratio, both, slope] = self.covariance;
@@ -208,7 +209,7 @@ impl ConvergenceEstimator {
         Some(interval(value, sums, state.variance(), sums.scatter(ratio / wide)))
     }
 
-    /// What the error is at any number of samples, at least that of the last octave.
+    /// The error at any number of samples that is at least that of the last octave.
     #[must_use]
     pub fn between(&self, samples: f64, sums: &ErrorSums) -> Option<ErrorEstimate> {
         let (octave, state) = self.last?;
@@ -229,7 +230,7 @@ impl ConvergenceEstimator {
     }
 }
 
-/// What the error of an adaptive picture is: half the sum of two means that share no sample (see [`crate::adaptive`]).
+/// The error of an adaptive picture, which is half the sum of two means that share no sample (see [`crate::adaptive`]).
 /// The square of half their difference, `d` of `sums`, has the same expectation as that of the picture's error, without
 /// any model. None below two samples or without sound sums.
 #[must_use]

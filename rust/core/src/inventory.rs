@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a render consists of: the parts that its scene, camera and request need, and those that were left out for it.
+//! Inventory of a render: the parts that its scene, camera and request need, and those that were left out.
 //!
 //! Plain data, serialisable; any thread. Bytes are of device memory, unless they are of host memory that the device
 //! reaches (readback, upload). Filled in by the renderer from what it made, not from what it was asked for.
@@ -11,13 +11,13 @@ pub const MOST_PRIMVARS: usize = 64;
 /// Longest name of a primvar that is listed, characters.
 const LONGEST_NAME: usize = 80;
 
-/// See the module.
+/// The parts that a render was made of, and those that were left out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct RenderInventory {
     /// Parts of the passes that are there only for scenes that need them.
     pub features: Vec<FeatureUse>,
-    /// Passes; one that was made is one pipeline.
+    /// Passes of the renderer; each one that was made is one pipeline.
     pub passes: Vec<PassUse>,
     /// Buffers and tables by name.
     pub buffers: Vec<BufferUse>,
@@ -28,11 +28,11 @@ pub struct RenderInventory {
     pub more_primvars: u64,
     /// Levels of instance records that the passes are compiled for.
     pub max_levels: u32,
-    /// Entries of a ray's stack that they are compiled for.
+    /// Number of entries of a ray's stack that the passes are compiled for.
     pub stack_size: u32,
     /// Paths in flight.
     pub paths: u64,
-    /// Who walks the rays.
+    /// Backend that traces the rays.
     #[serde(default)]
     pub traversal: TraversalUse,
 }
@@ -43,7 +43,7 @@ pub struct RenderInventory {
 pub struct TraversalUse {
     /// `compute` or `native`.
     pub backend: String,
-    /// In words.
+    /// Reason for the choice, in words.
     pub why: String,
 }
 
@@ -51,11 +51,11 @@ pub struct TraversalUse {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct FeatureUse {
-    /// As the shaders call it.
+    /// Name in the shaders.
     pub name: String,
-    /// In words.
+    /// Description in words.
     pub what: String,
-    /// Compiled in.
+    /// True if the feature is compiled in.
     pub present: bool,
     /// Compiled in although the scene does not need it: `oocpt:carry`.
     #[serde(default)]
@@ -78,7 +78,7 @@ pub struct PassUse {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct BufferUse {
-    /// What it is called in debuggers and errors.
+    /// Name in debuggers and errors.
     pub name: String,
     /// Bytes; 0 when left out.
     pub bytes: u64,
@@ -92,13 +92,13 @@ pub struct BufferUse {
 pub struct PrimvarUse {
     /// Its name without `primvars:`.
     pub name: String,
-    /// Meshes and instancers whose values are used.
+    /// Number of meshes and instancers whose values are used.
     pub made: u64,
     /// Meshes and instancers that have it and whose values nothing reads.
     pub left_out: u64,
     /// Bytes of the values used, as floats, each mesh that is shared counted for each prim.
     pub bytes: u64,
-    /// Bytes of the authored values that nothing reads, as floats.
+    /// Bytes that the authored values which nothing reads would take as floats.
     pub saved: u64,
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The user's settings: defaults, bounds, names. Core reads no environment; [`Settings::env_name`] says what to read.
+//! The settings of a render: names, defaults and ranges. This crate reads no environment; [`Settings::env_name`] gives
+//! the variable that the caller reads.
 
 mod error;
 mod host_mapped;
@@ -26,12 +27,12 @@ pub enum SettingValue {
     Text(String),
 }
 
-/// A setting as it is listed.
+/// Description of a setting, as hosts list it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SettingInfo {
     /// Hydra key.
     pub key: &'static str,
-    /// Name for people.
+    /// Label for user interfaces.
     pub name: &'static str,
     /// Default value.
     pub default: SettingValue,
@@ -39,7 +40,7 @@ pub struct SettingInfo {
     pub doc: &'static str,
     /// Hosts list only what is for users.
     pub audience: SettingAudience,
-    /// Who may set it.
+    /// Hosts that may set it.
     pub scope: SettingScope,
 }
 
@@ -126,7 +127,7 @@ impl Settings {
         Err(SettingError::Misspelt { name: name.to_owned(), nearest })
     }
 
-    /// What `key` is about; `None` for an unknown key.
+    /// The scope of the setting `key`; `None` for an unknown key.
     #[must_use]
     pub fn scope(key: &str) -> Option<SettingScope> {
         TABLE.iter().find(|row| row.key == key).map(|row| row.scope)
@@ -140,7 +141,7 @@ impl Settings {
 }
 
 impl std::fmt::Display for SettingValue {
-    /// As a person would write it.
+    /// Writes the value as a user would type it.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Bool(value) => write!(f, "{value}"),
@@ -204,7 +205,7 @@ fn policy_named(key: &str, text: &str) -> Result<PolicyKind, SettingError> {
     text.trim().parse().map_err(wrong)
 }
 
-/// The one of several that a value names.
+/// The one of several choices that a value names.
 fn choice<T>(
     key: &str,
     value: &SettingValue,
@@ -217,7 +218,7 @@ fn choice<T>(
     named(text.trim()).ok_or_else(unknown)
 }
 
-/// A checked whole number as u32.
+/// A whole number that was checked before, as u32.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked against bounds inside u32")]
 fn whole(value: f64) -> u32 {
     value as u32

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a render reports about itself. Plain data, serialisable; any thread.
+//! Statistics that a render reports about itself. Plain data, serialisable; any thread.
 
 use serde::{Deserialize, Serialize};
 
@@ -38,14 +38,14 @@ pub struct RenderStats {
     pub nonfinite_samples: u64,
     /// Scene data dropped because it was bad.
     pub dropped: DroppedData,
-    /// One line for the user.
+    /// Status line for the user.
     pub annotation: String,
     /// Parts of the pipeline that this scene does not need and that were left out.
     pub features_left_out: Vec<String>,
     /// Passes, their seconds on the device in this render and how often they ran; only when profiled.
     #[serde(default)]
     pub passes: Vec<(String, f64, u64)>,
-    /// What it consists of, and what was left out; empty until the passes are compiled.
+    /// Parts of the render, and those that were left out; empty until the passes are compiled.
     #[serde(default)]
     pub inventory: RenderInventory,
     /// Placements of meshes, multiplied out.
@@ -56,13 +56,13 @@ pub struct RenderStats {
     pub triangles: u64,
     /// Unique meshes.
     pub meshes: u64,
-    /// What went on between host and device.
+    /// Transfers and residency of scene data.
     #[serde(default)]
     pub streaming: StreamingStats,
-    /// What the last look at the picture's error said.
+    /// The last estimate of the picture's error.
     #[serde(default)]
     pub error: Option<ErrorRow>,
-    /// With adaptive sampling: how the samples so far were spent.
+    /// With adaptive sampling: the samples spent so far.
     #[serde(default)]
     pub adaptive: Option<AdaptiveUsage>,
 }
@@ -71,11 +71,11 @@ pub struct RenderStats {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct ErrorRow {
-    /// Samples of every pixel, at least.
+    /// Least number of samples of a pixel.
     pub samples: u32,
     /// Since the render began, seconds; comparing with a reference is not counted.
     pub seconds: f64,
-    /// Of these, while the device traced, seconds.
+    /// Part of these seconds in which the device traced.
     pub seconds_tracing: f64,
     /// Rays traced, all kinds.
     pub rays: u64,
@@ -85,15 +85,15 @@ pub struct ErrorRow {
     pub worst: Vec<WorstPixel>,
     /// Bytes of geometry and textures sent to the device so far while rendering.
     pub bytes_paged: u64,
-    /// Against the reference, if there is one.
+    /// Error against the reference, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truth: Option<TrueError>,
-    /// No further sample was to come.
+    /// True if no further sample was to come.
     #[serde(default)]
     pub is_last: bool,
 }
 
-/// What a render has used by its end; also a line of the report that `oocpt:report` names.
+/// Totals of a render at its end; also a line of the report that `oocpt:report` names.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct RenderUsage {
@@ -108,18 +108,18 @@ pub struct RenderUsage {
     /// The most memory that the process has held, bytes ([`RenderStats::host_peak_bytes`]).
     #[serde(default)]
     pub host_peak_bytes: u64,
-    /// Nothing was streamed: all of the scene is on the device.
+    /// True if all of the scene was on the device and nothing was streamed.
     pub in_core: bool,
     /// Bytes that all of the scene would take on the device, of these bytes of textures, and bytes of tiles of
     /// textures that are there.
     pub scene_bytes: u64,
-    /// See above.
+    /// Bytes of all textures of the scene, as [`StreamingStats::texture_scene_bytes`].
     pub texture_scene_bytes: u64,
-    /// See above.
+    /// Bytes of textures on the device, as [`StreamingStats::texture_bytes`].
     pub texture_bytes: u64,
     /// Tiles of textures that were loaded while rendering, and their bytes; 0 where all were loaded before.
     pub texture_loads: u64,
-    /// See above.
+    /// Bytes of texture tiles copied to the device, as [`StreamingStats::texture_bytes_paged`].
     pub texture_bytes_paged: u64,
     /// Rays traced, all kinds.
     #[serde(default)]
@@ -127,10 +127,10 @@ pub struct RenderUsage {
     /// Chunks of the scene, loads of them and of tiles, and of these loads of what had been there before.
     #[serde(default)]
     pub chunks: u64,
-    /// See above.
+    /// Completed loads, as [`StreamingStats::loads`].
     #[serde(default)]
     pub loads: u64,
-    /// See above.
+    /// Loads of units that had been resident before, as [`StreamingStats::reloads`].
     #[serde(default)]
     pub reloads: u64,
     /// Bytes copied to the device for them.
@@ -139,7 +139,7 @@ pub struct RenderUsage {
     /// The most bytes of geometry and textures that were on the device, and their limit; 0 where nothing was streamed.
     #[serde(default)]
     pub geometry_peak_bytes: u64,
-    /// See above.
+    /// Hard limit of device memory for geometry, as [`StreamingStats::geometry_budget_bytes`].
     #[serde(default)]
     pub geometry_budget_bytes: u64,
     /// Bytes of geometry and of tiles of textures that rays read in host memory.
@@ -151,28 +151,28 @@ pub struct RenderUsage {
     /// Seconds during which a load was in flight, and during which the device only waited for loads.
     #[serde(default)]
     pub seconds_loading: f64,
-    /// See above.
+    /// Seconds, as [`StreamingStats::seconds_waiting`].
     #[serde(default)]
     pub seconds_waiting: f64,
     /// Seconds before the first ray: reading geometry and sending it to the device, and compiling passes for the scene.
     #[serde(default)]
     pub seconds_uploading: f64,
-    /// See above.
+    /// Seconds, as [`StreamingStats::seconds_compiling`].
     #[serde(default)]
     pub seconds_compiling: f64,
     /// Seconds in which a scene in core waited for tiles of textures; waves traced, and waves traced again for tiles.
     #[serde(default)]
     pub seconds_texture_tiles: f64,
-    /// See above.
+    /// Number of waves, as [`StreamingStats::waves`].
     #[serde(default)]
     pub waves: u64,
-    /// See above.
+    /// Number of waves, as [`StreamingStats::waves_retraced`].
     #[serde(default)]
     pub waves_retraced: u64,
 }
 
 impl RenderUsage {
-    /// What these stats say of it.
+    /// The totals among these statistics.
     #[must_use]
     pub fn of(stats: &RenderStats) -> Self {
         let streaming = &stats.streaming;
@@ -208,15 +208,15 @@ impl RenderUsage {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct WorstPixel {
-    /// From the left.
+    /// Column, counted from the left.
     pub x: u32,
-    /// From the top.
+    /// Row, counted from the top.
     pub y: u32,
     /// Relative squared error.
     pub error: f64,
 }
 
-/// How a picture differs from a reference.
+/// Difference of a picture from a reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct TrueError {
@@ -228,7 +228,7 @@ pub struct TrueError {
     pub flip: f64,
 }
 
-/// How the scene got to the device. Counts and seconds are totals since the render began unless they say "now".
+/// Streaming of the scene to the device. Counts and seconds are totals since the render began unless they say "now".
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct StreamingStats {
@@ -262,9 +262,9 @@ pub struct StreamingStats {
     pub stragglers: u64,
     /// Bytes of geometry and textures (chunks, meshes, assemblies, tiles) on the device or on their way now.
     pub geometry_bytes: u64,
-    /// Hard limit of these, bytes.
+    /// Hard limit of `geometry_bytes`, bytes.
     pub geometry_budget_bytes: u64,
-    /// The most `geometry_bytes` has been.
+    /// Maximum of `geometry_bytes` so far.
     pub geometry_peak_bytes: u64,
     /// Bytes of geometry in host memory where rays read it across the bus.
     pub mapped_bytes: u64,
@@ -273,7 +273,7 @@ pub struct StreamingStats {
     pub is_split: bool,
     /// Of these passes, how many were compiled while others traced.
     pub compiled_ahead: u32,
-    /// How often passes were compiled anew because a walk needs a deeper stack than foreseen.
+    /// Number of times that passes were compiled anew because a walk needed a deeper stack than foreseen.
     pub recompilations: u32,
     /// The most that the driver said, after a wave or a step, this process uses of device memory, its own share
     /// included; 0 = a driver that does not say, or a software renderer.
@@ -288,13 +288,13 @@ pub struct StreamingStats {
     pub seconds_loading: f64,
     /// Seconds during which the device did nothing but wait for loads.
     pub seconds_waiting: f64,
-    /// Seconds during which it traced and loaded at once.
+    /// Seconds during which the device traced and a load was in flight at the same time.
     pub seconds_overlapped: f64,
     /// Paths not finished yet of the samples begun, now.
     pub paths_left: u64,
     /// Paths that roulette on loads has ended.
     pub roulette_paths: u64,
-    /// Shadow rays that it has.
+    /// Shadow rays that roulette on loads has ended.
     pub roulette_shadow_rays: u64,
     /// Loads that it has saved: nobody waited for the chunk any more.
     pub roulette_loads_saved: u64,

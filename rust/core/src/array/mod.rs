@@ -21,7 +21,7 @@ pub trait ArraySource: Send + Sync + fmt::Debug {
     fn bytes(&self) -> &[u8];
 }
 
-/// What one element of a [`TypedArray`] is. Names follow Gf (`h` = half, `f` = float, `d` = double).
+/// The type of one element of a [`TypedArray`]. Names follow Gf (`h` = half, `f` = float, `d` = double).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ElementType {
     /// One byte, zero is false.
@@ -146,7 +146,7 @@ elements! {
     [[f32; 4]; 4] => Matrix4f, [[f64; 4]; 4] => Matrix4d,
 }
 
-/// Why bytes are not an array of the wanted type.
+/// Reason why bytes are not an array of the wanted type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ArrayError {
     /// The byte length is not a whole number of elements.
@@ -230,7 +230,7 @@ impl TypedArray {
         Self { element: ElementType::Bool, source: Arc::new(OwnedBools(values.iter().map(|&b| u8::from(b)).collect())) }
     }
 
-    /// What one element is.
+    /// Type of one element.
     #[must_use]
     pub fn element(&self) -> ElementType {
         self.element
@@ -268,43 +268,43 @@ impl TypedArray {
         ArrayView::new(self.element, self.source.bytes())
     }
 
-    /// See [`ArrayView::scalar`].
+    /// Element `i` as [`ArrayView::scalar`] reads it.
     #[must_use]
     pub fn scalar(&self, i: usize) -> Option<f64> {
         self.view().scalar(i)
     }
 
-    /// See [`ArrayView::vec3`].
+    /// Element `i` as [`ArrayView::vec3`] reads it.
     #[must_use]
     pub fn vec3(&self, i: usize) -> Option<DVec3> {
         self.view().vec3(i)
     }
 
-    /// See [`ArrayView::vec4`].
+    /// Element `i` as [`ArrayView::vec4`] reads it.
     #[must_use]
     pub fn vec4(&self, i: usize) -> Option<DVec4> {
         self.view().vec4(i)
     }
 
-    /// See [`ArrayView::quat`].
+    /// Element `i` as [`ArrayView::quat`] reads it.
     #[must_use]
     pub fn quat(&self, i: usize) -> Option<DQuat> {
         self.view().quat(i)
     }
 
-    /// See [`ArrayView::matrix`].
+    /// Element `i` as [`ArrayView::matrix`] reads it.
     #[must_use]
     pub fn matrix(&self, i: usize) -> Option<DMat4> {
         self.view().matrix(i)
     }
 
-    /// See [`ArrayView::index`].
+    /// Element `i` as [`ArrayView::index`] reads it.
     #[must_use]
     pub fn index(&self, i: usize) -> Option<i32> {
         self.view().index(i)
     }
 
-    /// See [`ArrayView::boolean`].
+    /// Element `i` as [`ArrayView::boolean`] reads it.
     #[must_use]
     pub fn boolean(&self, i: usize) -> Option<bool> {
         self.view().boolean(i)

@@ -35,7 +35,7 @@ impl<'a> ArrayView<'a> {
         self.bytes.is_empty()
     }
 
-    /// What one element is.
+    /// Type of one element.
     #[must_use]
     pub fn element(&self) -> ElementType {
         self.element

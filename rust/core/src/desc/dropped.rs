@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Counters of what a description says that cannot be used.
+//! Counters of the parts of a description that cannot be used.
 
 use std::fmt::Write as _;
 
@@ -46,7 +46,7 @@ dropped! {
     negative_counts: "faces with a negative vertex count",
     /// Faces with fewer than three corners.
     small_faces: "faces with fewer than 3 vertices",
-    /// Faces with more corners than we triangulate.
+    /// Faces with more corners than the triangulation accepts.
     huge_faces: "faces with too many vertices",
     /// Faces whose corners run past the end of the index array.
     faces_past_end: "faces past the end of faceVertexIndices",
@@ -78,7 +78,7 @@ dropped! {
     primvars: "primvars of the wrong length, type or interpolation",
     /// Primvars that are longer than needed (they are used).
     long_primvars: "primvars longer than needed",
-    /// Primvar values replaced: not finite or index out of range.
+    /// Primvar values that are not finite or whose index is out of range; they are replaced.
     primvar_values: "primvar values not finite or out of range",
     /// Prims with a singular or non-finite transform.
     prim_transforms: "singular or non-finite transforms",
@@ -94,7 +94,7 @@ dropped! {
     short_masks: "masks shorter than the instances",
     /// Instancers that contain themselves.
     instancer_cycles: "instancers that contain themselves",
-    /// Instancers nested deeper than we go.
+    /// Instancers nested deeper than the limit.
     deep_instancers: "instancers nested too deeply",
     /// References to an instancer or prototype that does not exist.
     missing_instancers: "missing instancers or prototypes",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the scene database takes in: plain descriptions of prims, as Hydra gives them, unchecked.
+//! The inputs of the scene database: plain descriptions of prims, as Hydra gives them, unchecked.
 //!
 //! Arrays are borrowed ([`TypedArray`]). Matrices are column-vector (`p' = M p`). Any thread.
 
@@ -24,7 +24,7 @@ use glam::DMat4;
 
 use crate::array::TypedArray;
 
-/// How primvar values are spread over a mesh (`HdInterpolation`).
+/// Rate at which a primvar has values on a mesh (`HdInterpolation`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Interpolation {
     /// One value.
@@ -44,29 +44,29 @@ pub enum Interpolation {
 /// A primvar: values, how they are spread, and optional indices into the values.
 #[derive(Clone, Debug)]
 pub struct Primvar {
-    /// How elements map to the mesh.
+    /// The rate of its elements.
     pub interpolation: Interpolation,
-    /// The values.
+    /// Values, before `indices`.
     pub values: TypedArray,
     /// If present, element `k` is `values[indices[k]]`.
     pub indices: Option<TypedArray>,
 }
 
-/// A primvar and what it is called.
+/// A primvar with its name.
 #[derive(Clone, Debug)]
 pub struct NamedPrimvar {
     /// Name without `primvars:`, for example "st".
     pub name: Arc<str>,
-    /// The values.
+    /// Values and rate.
     pub primvar: Primvar,
 }
 
 /// A file that a scene names.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct AssetRef {
-    /// As written in the scene; for messages.
+    /// Path as written in the scene; for messages.
     pub authored: Arc<str>,
-    /// What the host's resolver made of it; empty when it could not be found. `<UDIM>` stays in the text.
+    /// Path as the host's resolver gave it; empty if it could not be found. `<UDIM>` stays in the text.
     pub resolved: Arc<str>,
 }
 
@@ -90,7 +90,7 @@ pub struct InstancedBy {
     pub prototype_root: Arc<str>,
 }
 
-/// What all prims have.
+/// The data that all prims have.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrimDesc {
     /// Unique path.
@@ -114,9 +114,9 @@ pub struct MeshDesc {
     pub prim: PrimDesc,
     /// Hydra's prim id, goes to the primId output.
     pub prim_id: i32,
-    /// False: seen from the front only.
+    /// True if it is seen from both sides, false if from the front only.
     pub double_sided: bool,
-    /// Orientation of the faces.
+    /// True if its faces are left-handed.
     pub left_handed: bool,
     /// Subdivision scheme.
     pub subdivision: Subdivision,
@@ -132,9 +132,9 @@ pub struct MeshDesc {
     pub hole_indices: Option<TypedArray>,
     /// Positions in object space.
     pub points: TypedArray,
-    /// How they move while the shutter is open.
+    /// Motion of the points while the shutter is open.
     pub point_motion: PointsMotion,
-    /// What they are.
+    /// Kind of primitive that the points make.
     pub shape: PrimShape,
     /// The solid that shape, points, faces, widths and normals are made of ([`MeshDesc::take_form`]).
     pub solid: Option<SolidDesc>,
@@ -144,7 +144,7 @@ pub struct MeshDesc {
     pub normals: Option<Primvar>,
     /// `displayColor`, linear.
     pub display_color: Option<Primvar>,
-    /// `displayOpacity`.
+    /// `displayOpacity`, in [0, 1].
     pub display_opacity: Option<Primvar>,
     /// All other primvars. Built only where a bound material asks for them.
     pub primvars: Vec<NamedPrimvar>,
@@ -188,24 +188,24 @@ pub struct InstancerDesc {
     pub prototypes: Vec<InstancerPrototype>,
     /// Bool per instance, false = not shown.
     pub mask: Option<TypedArray>,
-    /// Three-vectors.
+    /// Translation of each instance (three-vectors).
     pub translations: Option<TypedArray>,
     /// Quaternions (normalised on use; a zero one is the identity), or four-vectors meaning (i, j, k, real).
     pub rotations: Option<TypedArray>,
-    /// Three-vectors.
+    /// Scale of each instance (three-vectors).
     pub scales: Option<TypedArray>,
-    /// Matrices.
+    /// Transform of each instance (matrices).
     pub transforms: Option<TypedArray>,
-    /// How the instances move while the shutter is open.
+    /// Motion of the instances while the shutter is open.
     pub motion: InstancerMotion,
     /// Other primvars with a value per instance.
     pub primvars: Vec<NamedPrimvar>,
-    /// Collections of lights' links that instances are in.
+    /// Collections of light linking that the instances are in.
     pub links: Arc<InstanceLinks>,
 }
 
-/// Which collections of lights' links the instances of an instancer are in (`categories` and `instanceCategories` of
-/// Hydra). All that an instance shows is in them, beside the collections that it is in itself.
+/// Collections of light linking that the instances of an instancer are in (`categories` and `instanceCategories` of
+/// Hydra). Everything that an instance shows is in them, besides the collections that it is in itself.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct InstanceLinks {
     /// Sets of collections.
@@ -243,7 +243,7 @@ impl MaterialDesc {
 pub struct NodeDesc {
     /// Path, for messages.
     pub path: Arc<str>,
-    /// What it is, for example `UsdUVTexture`.
+    /// Name of its definition, for example `UsdUVTexture`.
     pub kind: Arc<str>,
     /// Authored inputs.
     pub params: Vec<ParamDesc>,
@@ -269,11 +269,11 @@ pub enum ParamValue {
     Int(i64),
     /// A floating-point number of any width.
     Float(f32),
-    /// Two of them.
+    /// Two floating-point numbers.
     Vec2([f32; 2]),
-    /// Three of them; also colours, linear Rec. 709.
+    /// Three floating-point numbers; also colours, linear Rec. 709.
     Vec3([f32; 3]),
-    /// Four of them.
+    /// Four floating-point numbers.
     Vec4([f32; 4]),
     /// A token or string.
     Text(Arc<str>),
@@ -281,7 +281,7 @@ pub enum ParamValue {
     Asset(AssetRef),
 }
 
-/// "`input` of this node is `output` of that one".
+/// A connection: "`input` of this node is `output` of that one".
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConnectionDesc {
     /// Name of the input, without `inputs:`.

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Solids of revolution (`UsdGeomSphere`, `UsdGeomCapsule`, `UsdGeomCylinder`, `UsdGeomCone`), and what is built of
-//! them. Pure.
+//! Solids of revolution (`UsdGeomSphere`, `UsdGeomCapsule`, `UsdGeomCylinder`, `UsdGeomCone`), and the prims that are
+//! built from them. Pure.
 //!
 //! A solid has one of two forms:
 //! - *exact*: a sphere is a point, a capsule whose ends have the same radius a piece of a curve;
-//! - *polygons* with the normals of the solid. All others have it, and whatever is displaced or emits: only polygons
-//!   are moved, and sampled as lights.
+//! - *polygons* with the normals of the solid. All others have this form, and so do solids that are displaced or emit,
+//!   because only polygons can be displaced and sampled as lights.
 //!
 //! Corners of polygons lie on the solid. With [`AROUND`] of them in a circle its area is 0.07 % too small, and its
 //! outline is off by 5.4e-4 radii at most.
@@ -17,9 +17,9 @@ use super::{
 };
 use crate::array::TypedArray;
 
-/// Corners of a circle.
+/// Number of corners of a circle.
 pub const AROUND: u32 = 96;
-/// Rows of faces from the equator of a ball to its pole.
+/// Number of rows of faces from the equator of a ball to its pole.
 const ROWS: u32 = AROUND / 4;
 
 /// A solid at a time. Lengths in object space; signs do not count.
@@ -34,22 +34,22 @@ pub struct SolidSize {
 /// A solid of revolution around the origin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SolidDesc {
-    /// At the frame's own time.
+    /// Size at the frame's own time.
     pub size: SolidSize,
     /// Parts of the shutter, in the order of time; fewer than two where it keeps its size.
     pub samples: Vec<(f64, SolidSize)>,
-    /// Its axis: x, y or z.
+    /// Axis of revolution: 0, 1, 2 = x, y, z.
     pub axis: usize,
-    /// Half balls end it, not discs.
+    /// True if half balls end it, false if discs do.
     pub is_round: bool,
 }
 
-/// Which parts a solid has at some time: so its faces are the same at all times.
+/// The parts that a solid has at some time; its faces are made of them, so they are the same at all times.
 #[derive(Clone, Copy, Debug)]
 struct SolidParts {
-    /// The ends of a flat solid that are points.
+    /// True for each end of a flat solid that is a point.
     closes: [bool; 2],
-    /// There is a distance between the ends.
+    /// True if there is a distance between the ends.
     has_body: bool,
 }
 
@@ -64,11 +64,11 @@ struct ProfileStation {
 #[derive(Clone, Copy, Debug)]
 struct ProfileBand {
     from: usize,
-    /// Along the axis, and away from it.
+    /// Normals on both sides: the parts along the axis and away from it.
     normals: [[f64; 2]; 2],
 }
 
-/// Stations and what is between them.
+/// The stations of a profile, and the faces between them.
 #[derive(Debug, Default)]
 struct SolidProfile {
     stations: Vec<ProfileStation>,
@@ -97,7 +97,7 @@ impl SolidProfile {
 }
 
 impl SolidSize {
-    /// Returns true if there is such a solid.
+    /// Returns true if the size is one of a solid.
     fn is_usable(self) -> bool {
         self.height.is_finite() && self.radii.iter().all(|radius| radius.is_finite())
     }
@@ -106,7 +106,7 @@ impl SolidSize {
         Self { radii: self.radii.map(f64::abs), height: self.height.abs() }
     }
 
-    /// Along the surface between the ends.
+    /// Length along the surface between the ends.
     fn length(self) -> f64 {
         let Self { radii: [lower, upper], height } = self.unsigned();
         height.hypot(lower - upper)
@@ -137,18 +137,18 @@ impl SolidSize {
     }
 }
 
-/// A mesh.
+/// The polygons of a solid.
 #[derive(Debug, Default)]
 struct PolygonMesh {
     counts: Vec<i32>,
     corners: Vec<i32>,
     points: Vec<[f32; 3]>,
-    /// By corner.
+    /// Normals by corner.
     normals: Vec<[f32; 3]>,
 }
 
 impl SolidDesc {
-    /// True where the size is a number at all times.
+    /// True if the size is finite at all times.
     #[must_use]
     pub fn is_usable(&self) -> bool {
         self.sizes().all(SolidSize::is_usable)
@@ -178,7 +178,7 @@ impl SolidDesc {
         out
     }
 
-    /// Centres of balls, of which the hull is the solid.
+    /// Centres of balls whose hull is the solid.
     fn centers(&self, size: SolidSize) -> Vec<[f32; 3]> {
         let half = 0.5 * size.height.abs();
         let ends: &[f64] = if self.is_ball() { &[0.0] } else { &[-half, half] };

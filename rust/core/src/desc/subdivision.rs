@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a mesh says of its limit surface (`UsdGeomMesh`, Hydra's `subdivisionTags` and refine level).
+//! The attributes of a mesh that define its limit surface (`UsdGeomMesh`, Hydra's `subdivisionTags` and refine level).
 
 pub use oocpt_subdiv::{BoundaryRule, CreaseRule, FaceVaryingLinear, TriangleRule};
 
@@ -22,13 +22,13 @@ pub enum Subdivision {
 /// Rules, creases and corners of a subdivision surface. Arrays are unchecked; absent ones are empty.
 #[derive(Clone, Debug, Default)]
 pub struct SubdivisionTags {
-    /// `interpolateBoundary`.
+    /// Value of `interpolateBoundary`.
     pub boundary: BoundaryRule,
-    /// `faceVaryingLinearInterpolation`.
+    /// Value of `faceVaryingLinearInterpolation`.
     pub face_varying: FaceVaryingLinear,
-    /// `triangleSubdivisionRule`.
+    /// Value of `triangleSubdivisionRule`.
     pub triangles: TriangleRule,
-    /// How sharpness goes down from level to level. USD has no attribute for it: uniform.
+    /// Rule by which sharpness decreases from level to level. USD has no attribute for it: uniform.
     pub creasing: CreaseRule,
     /// Points along creases, crease after crease (ints).
     pub crease_indices: Option<TypedArray>,
@@ -38,7 +38,7 @@ pub struct SubdivisionTags {
     pub crease_sharpnesses: Option<TypedArray>,
     /// Sharp points (ints).
     pub corner_indices: Option<TypedArray>,
-    /// Their sharpness (floats).
+    /// Sharpness of these points (floats).
     pub corner_sharpnesses: Option<TypedArray>,
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How an instancer's arrays move: samples of them, or velocities. Checked once; pure; any thread.
+//! Motion of an instancer's arrays, by samples or by velocities. Checked once; pure; any thread.
 
 use glam::{DQuat, DVec3};
 
@@ -14,7 +14,7 @@ const ACCELERATED_KEYS: usize = 5;
 /// Most rotation from key to key, radians: less than half a turn, or the shorter arc is another one.
 const MOST_TURN: f64 = 1.6;
 
-/// Where instances have got to after some time by their velocities.
+/// Offsets of instances after some time, by their velocities.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct VelocityMotion<'a> {
     velocities: Option<ArrayView<'a>>,
@@ -46,7 +46,7 @@ impl VelocityMotion<'_> {
 pub(crate) enum ArrayMotion {
     /// Arrays at times, in order.
     Samples(Vec<InstancerSample>),
-    /// The arrays themselves, and how fast they change.
+    /// The arrays at the frame's own time, and their rates of change.
     Velocities { motion: InstancerMotion, keys: usize },
 }
 

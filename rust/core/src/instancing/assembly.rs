@@ -18,7 +18,7 @@ pub const RECORD_BYTES: u64 = 128;
 /// Device bytes of a key of a placement that moves.
 pub const KEY_BYTES: u64 = size_of::<oocpt_abi::GpuMotionKey>() as u64;
 
-/// What an instance record places.
+/// The target of an instance record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum InstanceTarget {
     /// Index into [`crate::scene::Snapshot::meshes`].
@@ -41,7 +41,7 @@ bitflags! {
 pub struct InstanceRecord {
     /// Rows of the affine matrix from the assembly's frame to the target's.
     pub object_from_parent: [[f32; 4]; 3],
-    /// What is placed.
+    /// The mesh or assembly that is placed.
     pub target: InstanceTarget,
     /// Prim id of the mesh prim; -1 when the target is an assembly.
     pub prim_id: i32,
@@ -52,7 +52,7 @@ pub struct InstanceRecord {
     pub prototype_count: u32,
     /// Box of the placed target in the assembly's frame: min, max. Conservative for the f32 matrix above.
     pub bounds: [[f32; 3]; 2],
-    /// Properties.
+    /// Handedness.
     pub flags: InstanceFlags,
     /// Of what moves the number of its keys, of which `object_from_parent` is not one but the frame's own time; else 0.
     pub keys: u32,
@@ -73,16 +73,16 @@ impl Default for InstanceRecord {
     }
 }
 
-/// A run and what it places.
+/// A run with its target.
 #[derive(Clone, Debug)]
 pub(crate) struct AssemblyMember {
-    /// The placements.
+    /// Placements of the member.
     pub(crate) run: Arc<InstanceRun>,
-    /// What they place.
+    /// Target of the placements.
     pub(crate) target: InstanceTarget,
     /// Prim id of the mesh prim, -1 for assemblies.
     pub(crate) prim_id: i32,
-    /// The mesh, or the instancer.
+    /// Path of the mesh or the instancer.
     pub(crate) path: Arc<str>,
     /// Prototype of the instancer and set of collections, cluster of the mesh, else 0.
     pub(crate) slot: usize,
@@ -103,14 +103,14 @@ impl AssemblyMember {
 #[derive(Debug)]
 pub struct Assembly {
     key: u64,
-    /// The clusters of one mesh.
+    /// True if the members are the clusters of one mesh.
     is_split_mesh: bool,
     bounds: Aabb,
     members: Vec<AssemblyMember>,
     /// First record of each member, then the number of records.
     starts: Vec<usize>,
     columns: Vec<InstanceColumn>,
-    /// Some record has keys.
+    /// True if some record has keys.
     moves: bool,
 }
 
@@ -158,7 +158,7 @@ impl Assembly {
         self.starts.last().copied().unwrap_or(0)
     }
 
-    /// What it places, each target once, in no particular order of members. Sorted.
+    /// Targets of the records, sorted, each once.
     #[must_use]
     pub fn targets(&self) -> Vec<InstanceTarget> {
         let placed = self.members.iter().filter(|member| member.run.len() > 0);
@@ -297,12 +297,13 @@ impl Assembly {
 pub(crate) type RecordVisitor<'a> = &'a mut dyn FnMut(InstanceRecord, &AssemblyMember, u32, Option<PlacementKeys>);
 
 impl AssemblyMember {
-    /// What tells members of an assembly apart and orders them.
+    /// Path and number that identify a member of an assembly and order it.
     pub(crate) fn name(&self) -> (&str, usize) {
         (&self.path, self.slot)
     }
 
-    /// How `next` differs, if by nothing but some usable placements: the ranks of those, or `None` inside for no rank.
+    /// The difference to `next`, if they differ in nothing but some usable placements: the ranks of those, or `None`
+    /// inside for no rank.
     #[expect(clippy::option_option, reason = "no small difference; none at all; some ranks")]
     pub(crate) fn edit_to(&self, next: &Self) -> Option<Option<Arc<Vec<u32>>>> {
         let comparable = self.target == next.target
@@ -314,12 +315,12 @@ impl AssemblyMember {
         if Arc::ptr_eq(&self.run, &next.run) { Some(None) } else { next.run.edits_of(&self.run).map(Some) }
     }
 
-    /// Records of an instancer's prototype, for instance ids.
+    /// Number of records of an instancer's prototype, for instance ids.
     pub(crate) fn prototype_count(&self) -> u32 {
         if self.run.is_instanced() { self.run.prototype_count() } else { 1 }
     }
 
-    /// Keys of each placement; 0 where they do not move.
+    /// Number of keys of each placement; 0 if they do not move.
     pub(crate) fn key_count(&self) -> u32 {
         u32::try_from(self.run.key_count()).unwrap_or(0)
     }

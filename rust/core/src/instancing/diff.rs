@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which instances of an instancer differ between two sets of arrays, told at the speed of memory: blocks are compared
-//! as bytes, elements only where a block differs. Pure; work is spread over the caller's rayon pool.
+//! Finds the instances of an instancer that differ between two sets of arrays, at the speed of memory: blocks are
+//! compared as bytes, elements only where a block differs. Pure; work is spread over the caller's rayon pool.
 
 use rayon::prelude::*;
 
@@ -8,7 +8,7 @@ use super::instance_primvars::MemberPrimvar;
 use super::placement::InstanceArrays;
 use crate::array::TypedArray;
 
-/// Elements compared at a time.
+/// Number of elements compared at a time.
 const BLOCK: usize = 1 << 12;
 
 /// A set of instance numbers.
@@ -16,7 +16,7 @@ const BLOCK: usize = 1 << 12;
 pub(crate) struct ChangedNumbers {
     /// One bit for each number.
     bits: Vec<u64>,
-    /// All numbers from here on: one side does not have them.
+    /// First number from which all are in the set, because one side does not have them.
     tail: usize,
     len: usize,
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Primvars with a value per instance: which of them anybody reads, and the value of a placement.
+//! Primvars with a value per instance: finds those that are read, and the value of a placement.
 //!
 //! Rules, those of Storm (`HdSt_CodeGen`, instance primvars): a primvar that the mesh itself has wins; else the
 //! innermost instancer that has it, whatever its value. Only `instance` interpolation counts. Values stay in the
@@ -16,15 +16,15 @@ use super::run::InstanceRun;
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{InstancerDesc, Interpolation, Primvar};
 
-/// Values looked at by one task.
+/// Number of values checked by one task.
 const TASK: usize = 1 << 14;
 
 /// A primvar in a table of values by record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct InstanceColumn {
-    /// Number of its name; materials have the same.
+    /// Number of its name; materials use the same numbers.
     pub id: u32,
-    /// Floats of a value, 1 to 4.
+    /// Number of floats of a value, 1 to 4.
     pub width: u32,
 }
 
@@ -33,7 +33,7 @@ pub(crate) fn value_bytes(columns: &[InstanceColumn]) -> u64 {
     columns.iter().map(|column| 4 * u64::from(column.width)).sum()
 }
 
-/// What looking at all values of a primvar gives.
+/// Result of checking all values of a primvar.
 #[derive(Clone, Copy, Debug)]
 struct PrimvarFindings {
     /// Values that are not finite, or whose index is out of range.
@@ -75,7 +75,7 @@ impl InstancePrimvar {
         indices && self.name == other.name && self.values.same_contents(&other.values)
     }
 
-    /// Floats of a value; `None` for types that are no numbers.
+    /// Number of floats of a value; `None` for types that are not numbers.
     pub(crate) fn width(&self) -> Option<u32> {
         Some(match self.values.element() {
             ElementType::F16 | ElementType::F32 | ElementType::F64 => 1,
@@ -127,13 +127,13 @@ impl InstancePrimvar {
         self.findings().all_one
     }
 
-    /// Where the values of an instance are, for comparisons: values, and indices.
+    /// Arrays with the values of instances, for comparisons: values, and indices.
     pub(super) fn arrays(&self) -> (&TypedArray, Option<&TypedArray>) {
         (&self.values, self.indices.as_ref())
     }
 }
 
-/// A primvar that somebody below a member reads.
+/// A primvar that some target below a member reads.
 #[derive(Clone, Debug)]
 pub(crate) struct MemberPrimvar {
     /// Number of its name.

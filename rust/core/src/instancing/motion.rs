@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Motion of placements: keys at times of the shutter, each a translation, a rotation and a stretch (Shoemake and Duff
-//! 1992, "Matrix animation and polar decomposition"), and boxes of what moves between them. Pure; any thread.
+//! 1992, "Matrix animation and polar decomposition"), and boxes that contain the motion between them. Pure; any thread.
 //!
 //! Times are parts of the shutter: it opens at 0 and closes at 1. Between keys translations and stretches are linear,
 //! rotations go along the shorter arc at a constant rate (Shoemake 1985, slerp); before the first key and after the
@@ -10,7 +10,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use super::placement::is_regular;
 
-/// Most keys of a placement.
+/// Largest number of keys of a placement.
 pub const MAX_KEYS: usize = 16;
 /// Rotation between two places at which a swept box is measured, radians.
 const STEP: f64 = 0.1;
@@ -19,18 +19,18 @@ pub(crate) const KEY_ERROR: f64 = 64.0 / 16_777_216.0;
 /// Steps of the polar decomposition: Newton's iteration converges quadratically once the scaling has done its work.
 const POLAR_STEPS: usize = 48;
 
-/// Where something is at one time: `p' = translation + rotation * stretch * p`.
+/// Transform at one time: `p' = translation + rotation * stretch * p`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionKey {
-    /// Part of the shutter.
+    /// Time as a part of the shutter.
     pub time: f32,
     /// Half the angle to the rotation of the next key, radians, in [0, pi/2]; 0 for the last one.
     pub half_angle: f64,
     /// Translation.
     pub translation: DVec3,
-    /// Unit; on the same side as those of its neighbours.
+    /// Unit quaternion, on the same side as those of its neighbours.
     pub rotation: DQuat,
-    /// Symmetric; definite, negative for a map that mirrors.
+    /// Symmetric matrix; definite, negative for a map that mirrors.
     pub stretch: DMat3,
 }
 
@@ -104,12 +104,12 @@ pub(crate) struct PlacementKeys {
     count: usize,
 }
 
-/// The box of something that moves, about its way.
+/// The box of a moving object over its whole motion.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SweptBounds {
     pub(crate) min: DVec3,
     pub(crate) max: DVec3,
-    /// What the rounding of the maps is magnified by (maximum norm of `|M| |M^-1|`), at any time.
+    /// Largest factor by which the maps magnify rounding (maximum norm of `|M| |M^-1|`), at any time.
     pub(crate) spread: f64,
     /// Largest distance (maximum norm) of the box's corners from the placed origin.
     pub(crate) lever: f64,
@@ -225,7 +225,7 @@ pub(crate) fn swept_box(keys: &[MotionKey], center: DVec3, half: DVec3) -> (DVec
     (swept.min - slack, swept.max + slack)
 }
 
-/// Frobenius norm.
+/// Frobenius norm of a matrix.
 pub(crate) fn norm_of(m: &DMat3) -> f64 {
     (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()
 }
@@ -236,7 +236,7 @@ pub fn map_at(keys: &[MotionKey], time: f64) -> DAffine3 {
     key_at(keys, time).map()
 }
 
-/// What lies between two keys at a time, as a key; its `time` and `half_angle` are those of a key before.
+/// The transform between two keys at a time, as a key; its `time` and `half_angle` are those of an earlier key.
 pub(crate) fn key_at(keys: &[MotionKey], time: f64) -> MotionKey {
     let Some(first) = keys.first() else { return MotionKey::NONE };
     let next = keys.iter().skip(1).position(|key| f64::from(key.time) > time);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Placing what moves: a placer for each time of the shutter, and from them keys and boxes. Pure; any thread.
+//! Places moving instances: one placer for each time of the shutter, from which keys and boxes follow. Pure; any
+//! thread.
 
 use glam::{DAffine3, DVec3};
 
@@ -22,12 +23,12 @@ impl<'a> InstancePlacer<'a> {
         Self { translations, rotations, scales, transforms, drift, keys: None, ..self.clone() }
     }
 
-    /// The same when the frame is another one.
+    /// The same placer with another frame.
     pub(crate) fn framed(&self, before: DAffine3) -> Self {
         Self { before, keys: None, ..self.clone() }
     }
 
-    /// What moves between `keys`.
+    /// The placer of an object that moves between `keys`.
     pub(crate) fn moving(self, keys: Vec<KeyPlacer<'a>>) -> Self {
         Self { keys: Some(keys.into()), ..self }
     }

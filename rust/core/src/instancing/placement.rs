@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where one instance goes: the matrix from borrowed arrays in f64, its inverse, a conservative box. Pure and without
-//! allocation: this is the inner loop of scene encoding.
+//! The placement of one instance: its matrix from borrowed arrays in f64, the inverse, a conservative box. Pure and
+//! without allocation: this is the inner loop of scene encoding.
 
 use std::sync::{Arc, OnceLock, Weak};
 
@@ -32,9 +32,9 @@ pub(crate) struct InstanceArrays {
     pub(crate) rotations: Option<TypedArray>,
     pub(crate) scales: Option<TypedArray>,
     pub(crate) transforms: Option<TypedArray>,
-    /// How they move while the shutter is open.
+    /// Motion of the instances while the shutter is open.
     pub(crate) motion: Option<Arc<ArrayMotion>>,
-    /// What changed against the arrays before, once it was asked for.
+    /// Instances that differ from the previous arrays, once they were asked for.
     pub(crate) changes: OnceLock<(Weak<Self>, Option<Arc<ChangedNumbers>>)>,
 }
 
@@ -136,7 +136,7 @@ pub(crate) struct PlacedInstance {
     pub(crate) flags: InstanceFlags,
 }
 
-/// What the partition needs to know of a placed instance: where it is and how large, in the parent's frame.
+/// The centre and the size of a placed instance in the parent's frame, as the partition needs them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InstanceFootprint {
     /// Centre of the target's box, placed.
@@ -159,19 +159,19 @@ pub(crate) struct InstancePlacer<'a> {
     pub(super) half: DVec3,
     /// Largest number of a record.
     pub(super) limit: f32,
-    /// Where the parent's frame is seen from.
+    /// Origin of the parent's frame for rounding.
     pub(super) origin: DVec3,
     pub(super) translations: Option<ArrayView<'a>>,
     pub(super) rotations: Option<ArrayView<'a>>,
     pub(super) scales: Option<ArrayView<'a>>,
     pub(super) transforms: Option<ArrayView<'a>>,
     pub(super) drift: Option<VelocityMotion<'a>>,
-    /// Of what moves: the same at two or more times.
+    /// For a moving object: placers at two or more times.
     pub(super) keys: Option<Arc<[KeyPlacer<'a>]>>,
 }
 
 impl<'a> InstancePlacer<'a> {
-    /// A placer of something with the box `bounds` (not empty).
+    /// A placer of an object with the box `bounds` (not empty).
     pub(crate) fn new(before: DAffine3, after: DAffine3, arrays: Option<&'a InstanceArrays>, bounds: &Aabb) -> Self {
         let min = DVec3::from(bounds.min.map(f64::from));
         let max = DVec3::from(bounds.max.map(f64::from));
@@ -287,7 +287,7 @@ impl<'a> InstancePlacer<'a> {
         sound.then_some((corners, footprint))
     }
 
-    /// What [`InstancePlacer::measure`] gives of a usable instance, without its box.
+    /// The result of [`InstancePlacer::measure`] for a usable instance, without its box.
     #[inline]
     pub(crate) fn footprint(&self, number: Option<usize>) -> Option<InstanceFootprint> {
         if self.keys.is_some() {
@@ -297,7 +297,7 @@ impl<'a> InstancePlacer<'a> {
         Some(self.placed_box(&m, &InversePlacement::of(&m)?).1)
     }
 
-    /// In single precision; `None` when that is too extreme.
+    /// The placement in single precision; `None` if a number is too large.
     #[inline]
     fn rounded(&self, inverse: &InversePlacement, [min, max]: &[DVec3; 2]) -> Option<PlacedInstance> {
         let row = |k: usize| inverse.rows[k].extend(inverse.offset[k]).to_array().map(nearest);
@@ -331,11 +331,11 @@ impl<'a> InstancePlacer<'a> {
     }
 }
 
-/// The inverse of a placement.
+/// The inverse of a placement, before rounding.
 struct InversePlacement {
     rows: [DVec3; 3],
     offset: DVec3,
-    /// Of the placement.
+    /// Determinant of the placement.
     determinant: f64,
 }
 

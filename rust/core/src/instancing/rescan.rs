@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs made from older ones: when arrays change in a few elements, only those instances are placed again, and what
-//! shares a block of boxes with them. Gives what a scan gives.
+//! Makes runs from older ones: if arrays change in a few elements, only those instances are measured again, and those
+//! that share a block of boxes with them. The result equals that of a scan.
 
 use std::sync::{Arc, Mutex};
 

@@ -17,16 +17,16 @@ use crate::mesh::Aabb;
 /// The instances of one prototype.
 #[derive(Clone, Debug)]
 pub(crate) struct PrototypeInstances {
-    /// Where they are.
+    /// Arrays with the transforms of the instances.
     pub(crate) arrays: Arc<InstanceArrays>,
-    /// Which of them show this prototype.
+    /// Numbers of the instances that show this prototype.
     pub(crate) indices: TypedArray,
     /// The places in `indices` that count, in order; `None`: all of them.
     pub(crate) chosen: Option<Arc<Vec<u32>>>,
 }
 
 impl PrototypeInstances {
-    /// How many there are at most.
+    /// Largest number of instances.
     pub(crate) fn len(&self) -> usize {
         self.chosen.as_ref().map_or(self.indices.len(), |chosen| chosen.len())
     }
@@ -44,14 +44,14 @@ impl PrototypeInstances {
     }
 }
 
-/// What determines a run.
+/// The inputs that determine a run.
 #[derive(Clone, Debug)]
 pub(crate) struct RunSpec {
     /// Assembly frame from the prim's frame.
     pub(crate) before: DAffine3,
     /// Instance frame from the target's frame.
     pub(crate) after: DAffine3,
-    /// `None`: placed once.
+    /// Instances; `None`: placed once.
     pub(crate) instances: Option<PrototypeInstances>,
     /// Box of the target, not empty.
     pub(crate) target_bounds: Aabb,
@@ -59,11 +59,11 @@ pub(crate) struct RunSpec {
     pub(crate) motion: Option<Arc<Vec<TransformKey>>>,
 }
 
-/// Where a prim's frame is at a time of the shutter.
+/// Transform of a prim at a time of the shutter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TransformKey {
     pub(crate) time: f32,
-    /// As [`RunSpec::before`].
+    /// Assembly frame from the prim's frame, as [`RunSpec::before`].
     pub(crate) before: DAffine3,
 }
 
@@ -82,7 +82,7 @@ impl RunSpec {
             && self.motion == other.motion
     }
 
-    /// Keys of each placement; 0 where they do not move.
+    /// Number of keys of each placement; 0 if they do not move.
     pub(super) fn key_count(&self) -> usize {
         let arrays = self.instances.as_ref().and_then(|instances| instances.arrays.motion.as_ref());
         self.motion.as_ref().map_or_else(|| arrays.map_or(0, |motion| motion.key_count()), |motion| motion.len())
@@ -123,7 +123,7 @@ pub(crate) struct InstanceRun {
     pub(super) dropped: DroppedData,
     /// The run that this one was made from, and the ranks that may differ from it.
     pub(super) edits: Option<(Weak<Self>, Arc<Vec<u32>>)>,
-    /// What the scan kept for the partition.
+    /// Results of the scan that the partition takes.
     pub(super) kept: Mutex<ScannedRanks>,
 }
 
@@ -181,7 +181,7 @@ impl InstanceRun {
         }
     }
 
-    /// What determines it.
+    /// The inputs that determine it.
     pub(crate) fn spec(&self) -> &RunSpec {
         &self.spec
     }
@@ -191,12 +191,12 @@ impl InstanceRun {
         self.ranks as usize - self.bad.len()
     }
 
-    /// Box of all of them.
+    /// Box of all usable placements.
     pub(crate) fn bounds(&self) -> Aabb {
         self.bounds
     }
 
-    /// What was dropped here.
+    /// Data dropped by the scan.
     pub(crate) fn dropped(&self) -> &DroppedData {
         &self.dropped
     }
@@ -242,7 +242,7 @@ impl InstanceRun {
         }
     }
 
-    /// Keys of each placement; 0 where they do not move.
+    /// Number of keys of each placement; 0 if they do not move.
     pub(crate) fn key_count(&self) -> usize {
         self.spec.key_count()
     }
@@ -257,7 +257,7 @@ impl InstanceRun {
         self.among_all.as_ref().map_or(self.ranks, |(_, count)| *count)
     }
 
-    /// Which of them a rank is.
+    /// Index of a rank among the instances of the prototype.
     pub(crate) fn index_in_prototype(&self, rank: u32) -> u32 {
         self.among_all.as_ref().map_or(rank, |(of, _)| of.get(rank as usize).copied().unwrap_or(rank))
     }

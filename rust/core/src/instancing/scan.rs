@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Scans: every instance of a run measured once, for its box and for what is not usable, and what is kept of that for
-//! the partition.
+//! Scans measure every instance of a run once: they compute its box, find unusable instances, and keep what the
+//! partition asked for.
 
 use std::sync::{Arc, PoisonError};
 
@@ -15,52 +15,52 @@ use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::DroppedData;
 use crate::mesh::Aabb;
 
-/// Instances scanned by one task: a whole number of blocks.
+/// Number of instances scanned by one task: a whole number of blocks.
 pub(super) const TASK: usize = 1 << 14;
 /// Instances whose box is kept, so that a few edits do not make all others be placed again.
 pub(super) const BLOCK: usize = 1 << 10;
-/// Runs of fewer instances are sampled whole.
+/// Runs of fewer instances are sampled completely.
 const FEW: usize = 64;
 
-/// Which part of its assembly's order an item is in.
+/// The assignment of items to the buckets of their assembly's order.
 pub(crate) trait ItemBucketing: std::fmt::Debug + Sync {
     /// A number below [`UNUSABLE`] for an item that is not on a lattice yet.
     fn bucket(&self, item: PlacementItem) -> u8;
 }
 
-/// In place of a bucket: the rank is not usable.
+/// Stands in place of a bucket if the rank is not usable.
 pub(crate) const UNUSABLE: u8 = u8::MAX;
 
-/// What a scan is to keep.
+/// The results that a scan keeps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum ScanOutput<'a> {
-    /// Nothing.
+    /// It keeps nothing.
     Nothing,
-    /// The items, 24 bytes each.
+    /// It keeps the items, 24 bytes each.
     Items,
-    /// The bucket of each rank, a byte.
+    /// It keeps the bucket of each rank, a byte.
     Buckets(&'a dyn ItemBucketing),
 }
 
-/// What a scan kept, until somebody takes it.
+/// The results of a scan, until they are taken.
 #[derive(Debug, Default)]
 pub(super) enum ScannedRanks {
     #[default]
     Nothing,
-    /// Of all usable ranks.
+    /// Items of all usable ranks.
     Items(Vec<PlacementItem>),
-    /// Of all ranks.
+    /// Buckets of all ranks.
     Buckets(Vec<u8>),
 }
 
-/// Where a task of a scan puts what it keeps, from its first rank on.
+/// The part of the results that a task of a scan writes, beginning at its first rank.
 pub(super) enum ScanSlots<'a> {
     Nothing,
     Items(&'a mut [PlacementItem]),
     Buckets(&'a mut [u8], &'a dyn ItemBucketing),
 }
 
-/// What a stretch of ranks gives.
+/// The result of scanning consecutive ranks.
 #[derive(Default)]
 pub(super) struct RankScan {
     pub(super) blocks: Vec<Aabb>,
@@ -89,7 +89,7 @@ impl ScanSlots<'_> {
 }
 
 impl RunSpec {
-    /// Placements that an instancer makes at most; 1 without.
+    /// Largest number of placements that an instancer makes; 1 without an instancer.
     pub(crate) fn most_ranks(&self) -> u64 {
         self.instances.as_ref().map_or(1, |instances| instances.len() as u64)
     }
@@ -218,7 +218,7 @@ impl InstanceRun {
         (0..self.ranks).into_par_iter().with_min_len(BLOCK).map(bucket).collect()
     }
 
-    /// Forgets what nobody took.
+    /// Frees the results that were not taken.
     pub(crate) fn drop_kept(&self) {
         *self.kept.lock().unwrap_or_else(PoisonError::into_inner) = ScannedRanks::Nothing;
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The invariants of a record. For tests and for `doctor`.
+//! Checks the invariants of a record, for tests and for `doctor`.
 
 use super::assembly::{InstanceRecord, InstanceTarget};
 use crate::mesh::Aabb;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The surface node of a network to a [`Material`]. Pure.
+//! Compiles the surface node of a network to a [`Material`]. Pure.
 
 use oocpt_abi::{MaterialFlags, MaterialInput, SHARP_ROUGHNESS};
 use std::sync::Arc;
@@ -13,19 +13,19 @@ use super::{InputValue, Material, PTEX_SET, PrimvarSlot, TextureRef, UvSet};
 use crate::desc::{MaterialDesc, NodeDesc};
 use oocpt_materialx::program::Program;
 
-/// Most nodes of a network.
+/// Largest number of nodes of a network.
 pub const MAX_NODES: usize = 4096;
 
-/// What became of a network.
+/// The result of compiling a network.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CompiledMaterial {
     /// The material; none where the surface cannot be understood: its meshes look as if they had none.
     pub material: Option<Material>,
-    /// Textures by the numbers that the inputs have.
+    /// Textures, indexed by the numbers in the inputs.
     pub textures: Vec<TextureRef>,
-    /// How it displaces its surfaces, if it does.
+    /// Displacement of its surfaces, if any.
     pub displacement: Option<Arc<Displacement>>,
-    /// What was left out, one line each.
+    /// Inputs that were left out, one line each.
     pub problems: Vec<String>,
 }
 
@@ -37,7 +37,7 @@ impl CompiledMaterial {
     }
 }
 
-/// While a network is read.
+/// State while a network is read.
 pub(super) struct NetworkCompiler<'a> {
     pub(super) nodes: &'a [NodeDesc],
     pub(super) problems: ProblemList,
@@ -203,7 +203,7 @@ impl<'a> NetworkCompiler<'a> {
     }
 }
 
-/// What can be told from the inputs alone.
+/// Flags that follow from the inputs alone.
 pub(super) fn needs(inputs: &[InputValue; MaterialInput::COUNT]) -> MaterialFlags {
     let differs = |name: MaterialInput, from: [f32; 3]| match &inputs[name as usize] {
         InputValue::Constant([x, y, z, _]) => [*x, *y, *z] != from,

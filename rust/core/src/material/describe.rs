@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A material as text, for people: its network as it arrived, what it was folded to, its programs and their cost, what
-//! was left out. Pure.
+//! Describes a material as text for users: its network as it arrived, its inputs after folding, its programs and their
+//! cost, and the parts that were left out. Pure.
 //!
 //! Names and texts come from scenes: each is shown without control characters, up to [`LONGEST_TEXT`] of it.
 
@@ -23,27 +23,27 @@ pub const LONGEST_TEXT: usize = 160;
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct NodeText {
-    /// Its path.
+    /// Path of the node.
     pub path: String,
     /// Name of its definition.
     pub kind: String,
-    /// What is authored and what is connected: `name = value`, `name <- /path.output`.
+    /// Authored and connected inputs: `name = value`, `name <- /path.output`.
     pub inputs: Vec<String>,
 }
 
-/// What a program is and costs.
+/// Listing and cost of a program.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ProgramText {
-    /// A line each; all are run for a hit.
+    /// Instructions, one line each; all are executed for a hit.
     pub instructions: Vec<String>,
-    /// Of these, noise.
+    /// Number of noise instructions among these.
     pub noises: usize,
-    /// Registers of four floats that it writes.
+    /// Number of registers of four floats that it writes.
     pub registers: usize,
-    /// Constants.
+    /// Number of constants.
     pub constants: usize,
-    /// Texture lookups.
+    /// Number of texture lookups.
     pub lookups: usize,
 }
 
@@ -57,36 +57,36 @@ pub struct MaterialText {
     pub surface: String,
     /// The surface is understood; else what shows it looks as if it had no material.
     pub is_understood: bool,
-    /// The network.
+    /// Nodes of the network.
     pub nodes: Vec<NodeText>,
     /// Values that several inputs read, `v1 = ...`, as formulas: before them.
     pub values: Vec<String>,
     /// Inputs of the BSDF that differ from what they are where nothing is said: name and constant, texture, primvar or
     /// formula.
     pub inputs: Vec<(String, String)>,
-    /// How it displaces its surfaces; empty: not at all.
+    /// Description of its displacement; empty if there is none.
     pub displacement: String,
     /// Values that a displacement reads more than once, `v1 = ...`, as formulas.
     pub displacement_values: Vec<String>,
-    /// What the renderer has to have for it.
+    /// Features that the renderer needs for it.
     pub needs: Vec<String>,
-    /// Works out the inputs that are formulas.
+    /// Program that computes the inputs that are formulas.
     pub program: ProgramText,
     /// Works out an opacity that is one; run for each candidate of a hit.
     pub opacity_program: ProgramText,
     /// Works out an emission that is one, for points of its meshes that light is asked for.
     pub emission_program: ProgramText,
-    /// Works out a displacement that is one, for each vertex.
+    /// Program that computes the displacement of each vertex, if the displacement is one.
     pub displacement_program: ProgramText,
-    /// Textures, and how they are read.
+    /// Textures and the way they are read.
     pub textures: Vec<String>,
-    /// Texture lookups of a hit, those of programs included.
+    /// Number of texture lookups of a hit, those of programs included.
     pub lookups: usize,
-    /// What was left out, one line each.
+    /// Parts that were left out, one line each.
     pub warnings: Vec<String>,
 }
 
-/// Compiles the network of `desc` and tells what became of it.
+/// Compiles the network of `desc` and describes the result.
 #[must_use]
 pub fn describe(desc: &MaterialDesc) -> MaterialText {
     let compiled = compile(desc);
@@ -112,7 +112,7 @@ pub fn describe(desc: &MaterialDesc) -> MaterialText {
     text
 }
 
-/// What is told of a displacement by nodes of `MaterialX`.
+/// Fills in the description of a displacement by nodes of `MaterialX`.
 fn fill_displacement(text: &mut MaterialText, pattern: &PatternDisplacement) {
     let reader = MaterialNames::of_pattern(pattern);
     let offset = match pattern.offset {
@@ -133,7 +133,7 @@ fn fill_displacement(text: &mut MaterialText, pattern: &PatternDisplacement) {
     }
 }
 
-/// What is told of a material that is understood.
+/// Fills in the description of a material that was compiled.
 fn fill(text: &mut MaterialText, material: &Material, compiled: &CompiledMaterial, is_slab: bool) {
     let reader = MaterialNames::new(material, compiled);
     text.needs = material.flags.iter_names().map(|(name, _)| name.to_owned()).collect();
@@ -186,7 +186,7 @@ fn is_neutral(input: &InputValue, name: MaterialInput) -> bool {
     }
 }
 
-/// Told of every surface, whatever they are.
+/// True for inputs that are described for every surface, whatever their values.
 fn is_basic(name: MaterialInput) -> bool {
     matches!(
         name,
@@ -194,7 +194,7 @@ fn is_basic(name: MaterialInput) -> bool {
     )
 }
 
-/// What an input is called; `None`: fibres do not have it.
+/// Label of an input; `None` if fibres do not have it.
 fn label(name: MaterialInput, is_hair: bool) -> Option<String> {
     if is_hair {
         let label = match name {
@@ -222,7 +222,7 @@ fn label(name: MaterialInput, is_hair: bool) -> Option<String> {
     Some(label)
 }
 
-/// Names of what a material reads.
+/// Names of the primvars and textures that a material reads.
 struct MaterialNames<'a> {
     uv_sets: Vec<&'a str>,
     primvars: Vec<&'a str>,
@@ -247,7 +247,7 @@ impl<'a> MaterialNames<'a> {
         }
     }
 
-    /// The same of a program.
+    /// The names of what a displacement program reads.
     fn of_pattern(own: &'a PatternDisplacement) -> Self {
         Self {
             uv_sets: own.uv_sets.iter().map(|name| &**name).collect(),
@@ -350,7 +350,7 @@ fn clean(text: &str) -> String {
     clean_up_to(text, LONGEST_TEXT)
 }
 
-/// Text of a scene as it may be shown.
+/// Text of a scene without control characters, cut to `longest`.
 fn clean_up_to(text: &str, longest: usize) -> String {
     let mut clean: String = text.chars().filter(|c| !c.is_control()).take(longest).collect();
     if text.chars().nth(longest).is_some() {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Networks of `MaterialX` nodes made into materials, through the crate `oocpt-materialx`.
+//! Turns networks of `MaterialX` nodes into materials with the crate `oocpt-materialx`.
 //!
 //! The definitions of nodes come from `MaterialX`'s data libraries, which are read once for a process
 //! ([`oocpt_materialx::library::standard`]), and from files that nodes name, which are read when they change
-//! ([`definitions`]); but for that, pure.
+//! ([`definitions`]); apart from that it is pure.
 
 mod definitions;
 
@@ -23,7 +23,7 @@ use super::spaces::{linear_from_srgb, named};
 use super::{ColorSpace, InputValue, Material, PrimvarSlot, TextureRef, UvSet, Wrap};
 use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 
-/// What the kinds of `MaterialX` nodes begin with, in their namespace.
+/// Prefix of the kinds of `MaterialX` nodes, in their namespace.
 const PREFIX: &str = "ND_";
 
 /// Returns true if a terminal of a network is a node of `MaterialX`.
@@ -36,7 +36,7 @@ pub(super) fn is_materialx(desc: &MaterialDesc, terminal: Option<usize>) -> bool
         || !node.kind.is_empty() && !node.kind.starts_with("Usd") && standard().definition(&node.kind).is_some()
 }
 
-/// Reads the terminals of a network that are such nodes.
+/// Compiles the terminals of a network that are nodes of `MaterialX`.
 pub(super) fn compile(desc: &MaterialDesc, problems: &mut ProblemList) -> CompiledMaterial {
     let library = standard();
     if library.is_empty() {
@@ -171,7 +171,7 @@ fn texture(texture: &MaterialTexture) -> TextureRef {
     }
 }
 
-/// Anisotropy, a film, and what is inside of what transmits.
+/// Fills in anisotropy, thin film, and the interior of surfaces that transmit.
 fn inside(
     inputs: &[InputValue; MaterialInput::COUNT],
     transmits: bool,
@@ -196,7 +196,7 @@ fn inside(
     flags
 }
 
-/// What its programs ask for.
+/// Flags that its programs need.
 fn by_programs(translation: &TranslatedNetwork) -> MaterialFlags {
     let TranslatedNetwork { program, opacity_program, .. } = translation;
     let is_cut_out = !opacity_program.instructions.is_empty();

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Materials: networks of `UsdPreviewSurface` or `MaterialX` nodes worked out to flat tables.
+//! Materials: compiles networks of `UsdPreviewSurface` or `MaterialX` nodes to flat tables.
 //!
 //! Guarantees: pure; never panics on any network; work is bounded by the number of nodes and connections; every number
 //! of a [`Material`] is finite. Colours are linear Rec. 709.
 //!
-//! What leads to nodes of `MaterialX` (`ND_...`) goes through the crate `oocpt-materialx` (`materialx`). Of the rest
-//! `compile` reads the surface node and follows its connections (`texture`, `reader`, `spaces`), `displacement` what
-//! displaces it; `params` reads authored values. Rules and defaults: the specification of `UsdPreviewSurface` 2.5.
+//! Terminals that are nodes of `MaterialX` (`ND_...`) are compiled by the crate `oocpt-materialx` (`materialx`). For
+//! other networks `compile` reads the surface node and follows its connections (`texture`, `reader`, `spaces`), and
+//! `displacement` reads the displacement terminal; `params` reads authored values. Rules and defaults: the
+//! specification of `UsdPreviewSurface` 2.5.
 
 mod compile;
 mod cutout;
@@ -34,25 +35,25 @@ pub use displacement::{Displacement, PatternDisplacement, PreviewDisplacement};
 pub use spaces::linear_from_srgb;
 pub use texture::is_ptex_name;
 
-/// Texture coordinate sets that a material may read.
+/// Largest number of texture coordinate sets that a material may read.
 pub const MAX_UV_SETS: usize = 2;
-/// Other primvars that a material may read.
+/// Largest number of other primvars that a material may read.
 pub const MAX_PRIMVARS: usize = 2;
 
-/// Where a value comes from.
+/// The source of an input's value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum InputValue {
-    /// The value; scalars in all four components.
+    /// A constant; scalars are in all four components.
     Constant([f32; 4]),
     /// `texel(transform * uv) * scale + bias`, then all of it or one channel in all components.
     Texture {
         /// Index into [`crate::SurfaceTables::textures`]; of [`CompiledMaterial::textures`] before a commit.
         texture: u32,
-        /// The channel; `None`: all.
+        /// Channel; `None`: all.
         channel: Option<u8>,
-        /// Factor.
+        /// Factor of the texel.
         scale: [f32; 4],
-        /// Summand.
+        /// Summand after the factor.
         bias: [f32; 4],
         /// Texture coordinate set of the material; `None`: (0, 0), the last column of `transform` is the place.
         uv: Option<u8>,
@@ -61,9 +62,9 @@ pub enum InputValue {
     },
     /// A primvar of the mesh.
     Primvar {
-        /// Primvar of the material.
+        /// Index of the primvar in the material.
         slot: u8,
-        /// Value where the mesh does not have it.
+        /// Value if the mesh does not have it.
         fallback: [f32; 4],
     },
     /// A register of the material's program; of the opacity, of its own program.
@@ -83,7 +84,7 @@ pub const FRAME_NAMES: [&str; 2] = oocpt_materialx::uses::MaterialUses::OBJECT_F
 /// Name of where a ribbon is met across its width, from 1 at the left to -1; what is no ribbon does not have it.
 pub const ACROSS_NAME: &str = oocpt_materialx::uses::MaterialUses::ACROSS;
 
-/// Number of a name that is no primvar.
+/// Number of a name that is built in and no primvar.
 #[must_use]
 pub fn built_in(name: &str) -> Option<u32> {
     match name {
@@ -105,7 +106,7 @@ pub struct UvSet {
     pub name: Arc<str>,
     /// Number of the name, see [`crate::MeshAsset::primvars`]; 0 before a commit.
     pub id: u32,
-    /// Coordinates where the mesh does not have it.
+    /// Coordinates if the mesh does not have it.
     pub fallback: [f32; 2],
 }
 
@@ -120,18 +121,18 @@ pub struct PrimvarSlot {
     pub fallback: [f32; 4],
 }
 
-/// A material, defaults filled in.
+/// A compiled material, with defaults filled in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// What it needs.
+    /// Features that it needs.
     pub flags: MaterialFlags,
-    /// By [`MaterialInput`].
+    /// Inputs, indexed by [`MaterialInput`].
     pub inputs: [InputValue; MaterialInput::COUNT],
     /// With [`MaterialFlags::PRESENCE`]: 0 = the opacity is a probability, else a surface of less opacity is not there.
     pub opacity_threshold: f32,
-    /// At most [`MAX_UV_SETS`].
+    /// Texture coordinate sets, at most [`MAX_UV_SETS`].
     pub uv_sets: Vec<UvSet>,
-    /// At most [`MAX_PRIMVARS`].
+    /// Primvars, at most [`MAX_PRIMVARS`].
     pub primvars: Vec<PrimvarSlot>,
     /// Works out the inputs that are registers; its lookups have textures as [`InputValue::Texture`] has.
     pub program: Program,
@@ -148,7 +149,7 @@ impl Material {
         &self.inputs[name as usize]
     }
 
-    /// Texture lookups where it is shaded.
+    /// Number of texture lookups where it is shaded.
     #[must_use]
     pub fn lookups(&self) -> usize {
         let inputs = self.inputs.iter().filter(|input| matches!(input, InputValue::Texture { .. })).count();
@@ -167,31 +168,31 @@ impl Material {
     }
 }
 
-/// What a texture does outside the unit square.
+/// Continuation of a texture outside the unit square.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
-    /// As the file says; black if it says nothing.
+    /// The file decides; black if it has no value.
     #[default]
     UseMetadata,
-    /// Transparent black.
+    /// The outside is transparent black.
     Black,
-    /// The edge goes on.
+    /// The texels of the edge continue.
     Clamp,
-    /// Repeats.
+    /// The texture repeats.
     Repeat,
-    /// Repeats, every second time mirrored.
+    /// The texture repeats, every second time mirrored.
     Mirror,
 }
 
-/// How the numbers of a texture are meant.
+/// Encoding of the numbers of a texture.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ColorSpace {
     /// Told from the file: what it says, else sRGB for 8 bits with 3 or 4 channels, else raw.
     #[default]
     Auto,
-    /// Linear.
+    /// Linear values.
     Raw,
-    /// The sRGB curve; alpha is linear.
+    /// Values with the sRGB curve; alpha is linear.
     Srgb,
     /// The colour space of that name, which `OpenColorIO` knows or not; none of the names that mean one of the above.
     Named(Arc<str>),
@@ -204,16 +205,16 @@ pub struct TextureRef {
     pub prim: Arc<str>,
     /// The file. `<UDIM>` in its resolved name stands for the tiles 1001 to 1100.
     pub asset: AssetRef,
-    /// In s and t.
+    /// Continuation in s and t.
     pub wrap: [Wrap; 2],
-    /// Meaning of its numbers.
+    /// Encoding of its numbers.
     pub color_space: ColorSpace,
-    /// What it gives where the file cannot be read. Neither scale nor bias apply, unless [`Self::has_border`].
+    /// Value if the file cannot be read. Neither scale nor bias apply, unless [`Self::has_border`].
     pub fallback: [f32; 4],
     /// The fallback is a texel as others are: it lies where [`Wrap::Black`] has black, and scale and bias apply to it
     /// (`MaterialX`'s `image`).
     pub has_border: bool,
-    /// The file is Ptex: looked up by face, not by st.
+    /// True if the file is Ptex, which is looked up by face and not by st.
     pub is_ptex: bool,
 }
 
@@ -230,7 +231,7 @@ impl PartialEq for TextureRef {
 }
 
 impl TextureRef {
-    /// True when the name stands for many files.
+    /// True if the name stands for many files.
     #[must_use]
     pub fn is_udim(&self) -> bool {
         !self.is_ptex && self.asset.resolved.contains("<UDIM>")

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Authored values of a node's inputs as numbers. Pure. What does not fit is a problem, told once for the material.
+//! Reads authored inputs of nodes as numbers. Pure. A value of the wrong type is a problem, reported once for the
+//! material.
 
 use crate::desc::{AssetRef, ConnectionDesc, NodeDesc, ParamValue};
 
-/// What was wrong with a material, each kind once.
+/// Problems of a material, each kind once.
 #[derive(Debug, Default)]
 pub(super) struct ProblemList(Vec<String>);
 
 impl ProblemList {
-    /// Most that are told of one material.
+    /// Largest number of problems that are reported for one material.
     const MOST: usize = 8;
-    /// Most bytes of one.
+    /// Most bytes of a problem's text.
     const LONGEST: usize = 512;
 
     /// Texts of the scene stand in it, which may be long: what exceeds [`Self::LONGEST`] is left out.
@@ -29,10 +30,10 @@ impl ProblemList {
     }
 }
 
-/// What kind of number an input takes.
+/// The kind of number that an input takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum NumberShape {
-    /// One number; given in all components.
+    /// One number, which is stored in all components.
     Scalar,
     /// Two numbers.
     Pair,

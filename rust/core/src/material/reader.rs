@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `UsdPrimvarReader_*`: what a material reads from its mesh. Pure.
+//! Compiles `UsdPrimvarReader_*` nodes, through which a material reads primvars of its mesh. Pure.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use super::params::{NumberShape, numbers, text};
 use super::{InputValue, MAX_PRIMVARS, MAX_UV_SETS, PrimvarSlot, UvSet};
 use crate::desc::NodeDesc;
 
-/// What all kinds of readers begin with.
+/// Prefix of all kinds of readers.
 pub(super) const READER: &str = "UsdPrimvarReader_";
 
 impl<'a> NetworkCompiler<'a> {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Names of colour spaces, and which of those that a texture node has counts. Pure.
+//! Names of colour spaces, and the choice between the names that a texture node has. Pure.
 //!
 //! The rule: `sourceColorSpace`, where it is authored and not `auto`, wins; then the `colorSpace` metadata of the
 //! attribute `file`; then the file itself (`auto` of the `UsdPreviewSurface` specification 2.6). The specification
@@ -28,7 +28,7 @@ const SRGB: &[&str] = &[
     "input - generic - srgb - texture",
 ];
 
-/// Data, or linear with the primaries of Rec. 709.
+/// Names for data, or for linear values with the primaries of Rec. 709.
 const RAW: &[&str] = &[
     "raw",
     "data",
@@ -49,7 +49,7 @@ const RAW: &[&str] = &[
     "utility - linear - rec.709",
 ];
 
-/// What the file says.
+/// Names that leave the choice to the file.
 const AUTO: &[&str] = &["", "auto", "unknown"];
 
 /// The colour space of a name. Case does not count, as it does not in `OpenColorIO`.
@@ -67,7 +67,7 @@ pub(super) fn named(name: &str) -> ColorSpace {
     }
 }
 
-/// The sRGB curve.
+/// Decodes a value with the sRGB curve.
 #[must_use]
 pub fn linear_from_srgb(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }

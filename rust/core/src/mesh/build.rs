@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One mesh description to one asset, or to clusters where it is large. Pure; a commit runs it for several meshes in
-//! parallel.
+//! Builds one asset from a mesh description, or several clusters where the mesh is large. Pure; a commit runs it for
+//! several meshes in parallel.
 
 use oocpt_abi::{AttributeRate, NAME_PTEX};
 use std::cell::OnceCell;
@@ -43,9 +43,9 @@ pub struct BuiltMesh {
     pub asset: Option<Arc<MeshAsset>>,
     /// The mesh in pieces, where it was split; otherwise empty. See [`super::split_mesh`].
     pub clusters: Vec<Arc<MeshAsset>>,
-    /// What was dropped.
+    /// Data dropped because it was bad.
     pub dropped: DroppedData,
-    /// What else the user should know, in words.
+    /// Further notes for the user, in words.
     pub notes: Vec<String>,
 }
 
@@ -81,14 +81,14 @@ pub fn build_mesh_with(
     BuiltMesh { asset: asset.map(Arc::new), clusters, dropped, notes }
 }
 
-/// How a large mesh is cut.
+/// Limits by which a large mesh is cut into clusters.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ClusterLimits {
     /// A mesh that would take more than about so many bytes on the device is cut.
     pub(crate) limit_bytes: u64,
-    /// Into clusters of at most so many bytes there.
+    /// Most bytes of a cluster on the device.
     pub(crate) cluster_bytes: u64,
-    /// Clusters that are made side by side. Changes no result.
+    /// Number of clusters that are made in parallel. It does not change the result.
     pub(crate) at_once: usize,
 }
 
@@ -179,18 +179,18 @@ fn arrange_or_split(
     Some(MeshAsset { bounds, is_clipped: true, ..arrange(&loose, bvh, &order, None) })
 }
 
-/// What becomes a mesh in authored order, without a hierarchy.
+/// The input of [`read_triangles`]: a mesh in authored order, without a hierarchy.
 #[derive(Clone, Copy)]
 pub(super) struct UnsortedMesh<'a> {
     pub(super) desc: &'a MeshDesc,
     wanted: &'a [WantedPrimvar],
     key: u128,
     pub(super) topology: &'a MeshTopology,
-    /// What its items are.
+    /// Kind of its items.
     pub(super) kind: LeafKind,
-    /// By point, where they have some; else empty.
+    /// Radius of each point, for kinds that have radii; else empty.
     pub(super) radii: &'a [f32],
-    /// At the keys of what moves.
+    /// Poses at the keys of a moving mesh.
     pub(super) poses: &'a [PointsPose],
 }
 
@@ -253,12 +253,12 @@ fn read_triangles(loose: UnsortedMesh<'_>, dropped: &mut DroppedData) -> Option<
     })
 }
 
-/// What is kept of items: a point has no room for the number of a subset.
+/// Drops the numbers of subsets of items that have no room for them, as points.
 fn compact(kind: LeafKind, subsets: &[u16]) -> LeafKind {
     if kind == LeafKind::Points && !subsets.is_empty() { LeafKind::Rounds } else { kind }
 }
 
-/// Items of another kind, one for each face.
+/// The items of a kind other than triangles, one for each face.
 fn items(topology: &MeshTopology, kind: LeafKind, radii: &[f32]) -> AuthoredTriangles {
     let mut faces = AuthoredTriangles::default();
     let point = |at: u32| topology.points.get(at as usize).copied();
@@ -285,7 +285,7 @@ fn rate<T>(attribute: &Option<Attribute<T>>) -> Option<AttributeRate> {
 struct AuthoredTriangles {
     triangles: Vec<Triangle>,
     sources: Vec<TriangleSource>,
-    /// Of each triangle, where a material asks for Ptex.
+    /// Place of each triangle in a Ptex file, where a material asks for Ptex.
     ptex: Vec<PtexTriangle>,
 }
 

@@ -37,7 +37,7 @@ pub struct BvhNode {
 }
 
 impl BvhNode {
-    /// A node without children.
+    /// A node with empty boxes.
     pub const EMPTY: Self = Self { min: [Aabb::EMPTY.min; 2], max: [Aabb::EMPTY.max; 2], child: [0; 2], count: [0; 2] };
 
     /// Box of child `side` (0 or 1).
@@ -66,7 +66,7 @@ pub struct Bvh2 {
 /// A broken invariant of a [`Bvh2`]: always a bug of this crate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BvhError {
-    /// No node.
+    /// The hierarchy has no node.
     #[error("the hierarchy has no node")]
     Empty,
     /// A child index is out of range or not larger than its parent's.
@@ -81,7 +81,7 @@ pub enum BvhError {
     /// An item (triangle or box) or node is not reached exactly once.
     #[error("an item or node is not reached exactly once")]
     Coverage,
-    /// The stored depth, or the stack, is wrong.
+    /// The stored depth, or the size of the stack, is wrong.
     #[error("the depth is wrong")]
     Depth,
 }

@@ -157,7 +157,7 @@ impl BoxGrid {
     }
 }
 
-/// Where the grid of a box begins, so far below it that the margin fits.
+/// Lower end of a grid that contains `min`, so far below it that the margin fits.
 fn below(min: f32, max: f32) -> f32 {
     let spare = (max / 256.0 - min / 256.0).max(min.abs() * 2.0_f32.powi(-22)).max(1e-30);
     min - spare

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Faces as OpenSubdiv takes them: none has a point twice. Pure.
+//! Prepares faces for OpenSubdiv, which needs faces that have no point twice. Pure.
 
 use glam::DVec3;
 use oocpt_subdiv::Error;
@@ -9,7 +9,7 @@ use super::topology::{MeshFace, MeshTopology};
 use super::triangulate::FaceTriangulator;
 use crate::desc::DroppedData;
 
-/// See the module.
+/// A control mesh whose faces have no point twice.
 #[derive(Default)]
 pub(crate) struct SubdivisionCage {
     pub(crate) counts: Vec<i32>,

@@ -7,16 +7,16 @@ use super::bvh4::{Bvh4, WIDTH};
 use super::{Aabb, LeafKind, Triangle};
 use oocpt_abi::NodeChild;
 
-/// What a walk has seen so far.
+/// State of a walk that validates a hierarchy.
 struct BvhCheck<'a> {
-    /// The items: boxes in the order in which leaves name them.
+    /// Boxes of the items, in the order in which leaves refer to them.
     boxes: &'a [Aabb],
     max_leaf: u32,
     seen: Vec<bool>,
     nodes: usize,
-    /// Of a [`Bvh4`]: of the stack.
+    /// Depth of the stack, for a [`Bvh4`].
     depth: u32,
-    /// Of a [`Bvh4`]: leaves hold parts of the items.
+    /// True if leaves hold only parts of their items, for a [`Bvh4`].
     is_clipped: bool,
 }
 
@@ -117,7 +117,7 @@ impl Bvh4 {
         self.validate_leaves(boxes, MAX_LEAF_TRIANGLES, true)
     }
 
-    /// Against the boxes of what leaves count.
+    /// Checks the nodes against the boxes of the items in the leaves.
     fn validate_leaves(&self, boxes: &[Aabb], max_leaf: u32, is_clipped: bool) -> Result<(), BvhError> {
         if self.nodes.is_empty() || boxes.is_empty() {
             return Err(BvhError::Empty);

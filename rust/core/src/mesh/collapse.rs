@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which subtrees of a binary hierarchy become the children of the nodes of a wide one: those with which the surfaces
-//! of all its nodes have the least sum, which is what rays pay for nodes (Ylitie, Karras and Laine 2017, "Efficient
-//! Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 3.1; leaves stay as they are). Pure; takes time and
-//! memory in proportion to the nodes.
+//! Chooses the subtrees of a binary hierarchy that become the children of the nodes of a wide one, such that the
+//! surface areas of all wide nodes have the least sum, which is the cost of nodes to rays (Ylitie, Karras and Laine
+//! 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 3.1; leaves stay as they are).
+//! Pure; takes time and memory in proportion to the nodes.
 
 use super::Aabb;
 use super::bvh::{Bvh2, BvhNode};
@@ -15,7 +15,7 @@ const MOST: usize = WIDTH - 1;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CollapsedChild {
     pub(super) bounds: Aabb,
-    /// A node of the binary hierarchy, or what its leaf says.
+    /// Index of a node of the binary hierarchy, or the contents of its leaf.
     pub(super) child: u32,
     /// Items of a leaf; 0 for a node.
     pub(super) count: u32,
@@ -24,19 +24,19 @@ pub(super) struct CollapsedChild {
 /// Of what is below a binary node, as a forest of at most so many trees.
 #[derive(Clone, Copy, Debug, Default)]
 struct ForestChoice {
-    /// Least sums of surfaces, of at most one tree, two, three.
+    /// Least sums of surface areas with at most one, two and three trees.
     cost: [f64; MOST],
-    /// The trees that these take.
+    /// Number of trees that these sums take.
     used: [u8; MOST],
     /// Cut into two, three, four trees, those that the first side gets.
     first: [u8; MOST],
 }
 
-/// See the module.
+/// The choice of children for each node of a binary hierarchy.
 #[derive(Debug)]
 pub(super) struct BvhCollapse<'b> {
     bvh: &'b Bvh2,
-    /// By node.
+    /// Choices by node.
     choices: Vec<ForestChoice>,
 }
 
@@ -94,7 +94,7 @@ fn part(node: &BvhNode, side: usize) -> CollapsedChild {
 }
 
 impl ForestChoice {
-    /// Of a node with these `bounds`, from the costs of its sides.
+    /// The choices of a node with these `bounds`, from the costs of its sides.
     fn new(bounds: &Aabb, [a, b]: [[f64; MOST]; 2]) -> Self {
         let mut best = Self { used: [1; MOST], first: [1; MOST], ..Self::default() };
         let mut cut = [f64::INFINITY; MOST];

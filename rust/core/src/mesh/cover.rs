@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The boxes of triangles that are cut out: around what is there of them. A ray that meets nothing there need not come
-//! to the triangle; one that does is decided as before, so a picture keeps its bits (decisions/0058).
+//! Tight boxes of triangles with a cutout: they enclose only the part of a triangle that the cutout may keep. A ray
+//! that misses the part need not test the triangle; a ray that meets it is decided as before, so a picture keeps its
+//! bits (decisions/0058).
 //!
-//! What is there is a polygon in the triangle's own coordinates, the same at all keys of what moves. Pure.
+//! The part is a polygon in barycentric coordinates of the triangle, the same at all keys of a moving mesh. Pure.
 
 use oocpt_abi::AttributeRate;
 use std::sync::Arc;
@@ -17,11 +18,11 @@ use super::{Aabb, AnyAttribute, Attribute, LeafKind, MeshAsset, deform};
 use crate::material::Cutout;
 use crate::texture::{CoveredImage, UvRegion};
 
-/// What is known of a cutout.
+/// Facts about a cutout that bound the part of a surface that it keeps.
 #[derive(Clone, Debug)]
 pub struct CutoutCover {
     pub(crate) cutout: Arc<Cutout>,
-    /// Of a cutout by a texture.
+    /// Coarse image of a cutout by a texture.
     pub(crate) image: Option<Arc<CoveredImage>>,
 }
 
@@ -35,7 +36,7 @@ const ROUNDING: f64 = 1.0 / (1 << 19) as f64;
 const HIT: f64 = 1.0 / 512.0;
 
 impl CutoutCover {
-    /// Adds all that the mesh depends on.
+    /// Adds everything that the mesh depends on to the hash.
     pub(crate) fn hash(&self, hasher: &mut Xxh3) {
         let (name, numbers): (_, Vec<f32>) = match &*self.cutout {
             Cutout::Texture { set, transform, .. } => (set, transform.as_flattened().to_vec()),
@@ -49,7 +50,7 @@ impl CutoutCover {
     }
 }
 
-/// What is there of a triangle: corners of a convex polygon, as weights of the triangle's own.
+/// The part of a triangle that a cutout may keep: corners of a convex polygon, as weights of the triangle's corners.
 #[derive(Clone, Copy, Debug)]
 struct ClippedTriangle {
     corners: [[f64; 3]; 8],
@@ -76,7 +77,7 @@ impl ClippedTriangle {
         }
     }
 
-    /// What of it is where a function, given at the corners of the triangle, is not negative (Sutherland and Hodgman
+    /// The part where a linear function, given at the corners of the triangle, is not negative (Sutherland and Hodgman
     /// 1974).
     fn cut(&self, at: [f64; 3]) -> Self {
         let value = |corner: &[f64; 3]| (0..3).map(|i| corner[i] * at[i]).sum::<f64>();
@@ -127,14 +128,14 @@ enum CoveredSlot<'a> {
     Primvar { values: &'a AnyAttribute, threshold: f64 },
 }
 
-/// Cutouts over a mesh whose attributes were read.
+/// The cutouts of a mesh, with the attributes that they read.
 pub(super) struct CoveredMesh<'a> {
     mesh: &'a MeshAsset,
     slots: Vec<Option<CoveredSlot<'a>>>,
 }
 
 impl<'a> CoveredMesh<'a> {
-    /// None where nothing is cut out.
+    /// `None` where nothing is cut out.
     fn new(mesh: &'a MeshAsset, demand: &BuildDemand<'a>) -> Option<Self> {
         if mesh.kind != LeafKind::Triangles {
             return None;
@@ -162,7 +163,7 @@ impl<'a> CoveredMesh<'a> {
         slots.iter().any(Option::is_some).then_some(Self { mesh, slots })
     }
 
-    /// What is there of a triangle.
+    /// The part of a triangle that its cutout may keep.
     fn polygon(&self, triangle: usize) -> ClippedTriangle {
         let slot = self.mesh.subsets.get(triangle).copied().unwrap_or(0);
         match self.slots.get(usize::from(slot)) {
@@ -182,7 +183,7 @@ impl<'a> CoveredMesh<'a> {
         }
     }
 
-    /// Where an attribute has the values of a triangle's corners.
+    /// Indices into the values of an attribute for the corners of a triangle.
     fn corners(&self, rate: AttributeRate, triangle: usize) -> [usize; 3] {
         match rate {
             AttributeRate::Constant => [0; 3],
@@ -234,7 +235,8 @@ pub(super) fn covered_boxes(mesh: &MeshAsset, demand: &BuildDemand<'_>) -> Optio
     (is_cut.into_inner() && boxes.iter().any(|bounds| !bounds.is_empty())).then_some(boxes)
 }
 
-/// What of a triangle lies where an image has something. `places`: of its corners, for each coordinate what is summed.
+/// The part of a triangle where an image has texels that are kept. `places`: the terms of the texture coordinates at
+/// its corners, for each coordinate.
 fn in_image(image: &CoveredImage, places: [[[f64; 3]; 2]; 3]) -> ClippedTriangle {
     let at = |axis: usize| places.map(|place| place[axis].iter().sum::<f64>());
     let axes = [at(0), at(1)];
@@ -256,7 +258,7 @@ fn in_image(image: &CoveredImage, places: [[[f64; 3]; 2]; 3]) -> ClippedTriangle
     })
 }
 
-/// What of a triangle may have an interpolated value that is at or above a threshold, or above 0.
+/// The part of a triangle where an interpolated value may be at or above a threshold, or above 0.
 fn above(values: [f64; 3], threshold: f64) -> ClippedTriangle {
     let largest = values.iter().fold(threshold.abs(), |largest, value| largest.max(value.abs()));
     if !values.iter().all(|value| value.is_finite()) {

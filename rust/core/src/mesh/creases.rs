@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Sharp edges and points of a subdivision surface, checked. Pure.
+//! Checks the sharp edges and points of a subdivision surface. Pure.
 
 use crate::array::{ArrayView, TypedArray};
 use crate::desc::{DroppedData, SubdivisionTags};
@@ -10,7 +10,7 @@ const INFINITE: f64 = 10.0;
 /// Usable creases and corners.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct CreaseSharpness {
-    /// Two points for each edge.
+    /// Pairs of points, one pair for each edge.
     pub(crate) crease_pairs: Vec<i32>,
     pub(crate) crease_weights: Vec<f32>,
     pub(crate) corner_points: Vec<i32>,
@@ -63,7 +63,7 @@ impl CreaseSharpness {
         bad
     }
 
-    /// Adds sharp points; how many are not usable.
+    /// Adds sharp points; returns how many are not usable.
     fn read_corners(&mut self, tags: &SubdivisionTags, point_count: usize) -> u64 {
         let [.., indices, weights] = tags.arrays();
         let Some(indices) = view(indices) else { return 0 };

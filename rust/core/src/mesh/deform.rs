@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Points that move while the shutter is open: poses of them at keys, between which they are linear.
+//! Points that move while the shutter is open, as poses at keys; between keys points move linearly.
 //!
 //! The first pose is that of the shutter's opening, the last one that of its closing, so that boxes hold no more than
-//! what is seen. Which faces there are, and how they are cut into triangles, is decided once, for all poses alike.
-//! Pure.
+//! what is seen. Faces and their triangles are decided once and are the same for all poses. Pure.
 
 use glam::DVec3;
 use oocpt_abi::AttributeRate;
@@ -16,25 +15,25 @@ use super::{Aabb, Attribute, LeafKind, Triangle};
 use crate::array::{ArrayView, TypedArray};
 use crate::desc::{DroppedData, MeshDesc, PointsMotion, PointsSample, PrimShape};
 
-/// Most poses of a prim.
+/// Largest number of poses of a prim.
 const MAX_POSES: usize = 16;
-/// Poses of points that accelerate: a parabola in four pieces.
+/// Number of poses of points that accelerate: a parabola in four pieces.
 const ACCELERATED_POSES: usize = 5;
-/// Times nearer to each other are one.
+/// Poses nearer to each other than this part of the shutter count as one.
 const LEAST_TIME: f64 = 1e-6;
 
-/// The points of a prim at a time.
+/// The points of a prim at one time.
 #[derive(Clone, Debug)]
 pub(crate) struct PointsPose {
-    /// Part of the shutter.
+    /// Time as a part of the open shutter, 0 to 1.
     pub(crate) time: f32,
-    /// Positions; NaN where they are not usable.
+    /// Positions; NaN where a point is not usable.
     pub(crate) points: Vec<[f32; 3]>,
     /// Values of authored normals, where they change.
     pub(crate) normals: Option<TypedArray>,
     /// Values of authored widths, where they change.
     pub(crate) widths: Option<TypedArray>,
-    /// By point, where points have some; none: those of the frame.
+    /// Radius of each point, for kinds that have radii; `None` if they are those of the frame.
     pub(crate) radii: Option<Vec<f32>>,
 }
 
@@ -184,7 +183,7 @@ fn by_samples(desc: &MeshDesc, samples: &[PointsSample]) -> Result<Vec<PointsPos
     Ok(keys.into_iter().filter_map(pose).collect())
 }
 
-/// Whether the widths of `samples` are to be used; an error where they cannot be.
+/// Returns true if the widths of `samples` are to be used; an error if they cannot be.
 fn check_widths(desc: &MeshDesc, samples: &[PointsSample]) -> Result<bool, String> {
     let Some(own) = desc.widths.as_ref().filter(|_| samples.iter().any(|sample| sample.widths.is_some())) else {
         return Ok(false);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Into how many pieces the edges of a subdivision surface are cut. Pure.
+//! Decides into how many pieces the edges of a subdivision surface are cut. Pure.
 
 use glam::DVec3;
 use oocpt_subdiv::MAX_RATE;
@@ -8,29 +8,29 @@ use xxhash_rust::xxh3::Xxh3;
 /// Most pieces of an edge of a surface that is smooth between its points. One that is displaced may have more.
 pub(super) const MOST_PIECES: i32 = 256;
 
-/// How finely the limit surface of a mesh is cut: so that no piece of an edge of the control mesh is longer than so
-/// many pixels, where the surface is nearest to the camera.
+/// The rate at which the limit surface of a mesh is cut: no piece of an edge of the control mesh is longer than the
+/// given number of pixels where the surface is nearest to the camera.
 ///
-/// Everything is in object space. A length covers as many pixels as it has units, times [`Self::density`], or where a
-/// view is near, times `focal / distance`; the larger one counts.
+/// Everything is in object space. A length covers its units times [`Self::density`] pixels, or near a view its units
+/// times `focal / distance`; the larger number counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DicingRate {
     /// Longest piece in pixels; 0 = edges are cut as the refine level says.
     pub pixels: f64,
-    /// Pixels of a unit of length, at least.
+    /// Least number of pixels of a unit of length.
     pub density: f64,
     /// Pixels of a unit of length at distance 1.
     pub focal: f64,
-    /// Places of the camera, as the nearest placements see it.
+    /// Positions of the camera as the nearest placements see it, in object space.
     pub eyes: Vec<CameraEye>,
 }
 
-/// A place of the camera.
+/// A position of the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraEye {
-    /// Where it is.
+    /// Position in object space.
     pub position: DVec3,
-    /// What is nearer counts as this far away. Above zero.
+    /// Smallest distance that counts; above zero.
     pub nearest: f64,
 }
 
@@ -41,7 +41,7 @@ impl DicingRate {
         self.pieces_up_to(a, b, least, MOST_PIECES)
     }
 
-    /// [`Self::pieces`] with another limit.
+    /// As [`Self::pieces`], with another limit.
     pub(crate) fn pieces_up_to(&self, a: DVec3, b: DVec3, least: i32, most: i32) -> i32 {
         let most = most.clamp(1, MAX_RATE);
         let least = least.clamp(1, most);
@@ -60,7 +60,7 @@ impl DicingRate {
         if self.pixels > 0.0 { self.eyes.iter().map(density).fold(self.density, f64::max) } else { 0.0 }
     }
 
-    /// Adds everything that [`Self::pieces`] depends on.
+    /// Adds everything that [`Self::pieces`] depends on to the hash.
     pub(crate) fn hash(&self, hasher: &mut Xxh3) {
         let mut add = |number: f64| hasher.update(&number.to_le_bytes());
         [self.pixels, self.density, self.focal].into_iter().for_each(&mut add);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Displaced surfaces: the vertices of a mesh that was cut are moved along its normals.
 //!
-//! A place where faces meet is moved once: along the mean of their normals, by the mean of their heights; where some
-//! say vectors, by the mean of these besides. So faces stay together bit for bit, where their textures do not fit and
-//! at sharp edges, too. The new normal at a vertex is the old one, turned as the mean of the triangles around it was:
-//! it is exact where nothing is displaced, and continuous across faces that were smooth together. Pure.
+//! A position where faces meet is moved once: along the mean of their normals, by the mean of their heights, and by the
+//! mean of their vectors where there are some. So faces stay together bit for bit, also where their textures do not
+//! match and at sharp edges. The new normal at a vertex is the old one, turned as the mean of the triangles around it
+//! was: it is exact where nothing is displaced, and continuous across faces that were smooth together. Pure.
 
 use std::ops::Range;
 
@@ -30,18 +30,18 @@ pub(super) struct DicedMesh<'a> {
     pub(super) facets: &'a LimitFacets,
     /// Authored number of each control face.
     pub(super) faces: &'a [u32],
-    /// With the values at the vertices.
+    /// Description with the values at the vertices.
     pub(super) desc: &'a MeshDesc,
     pub(super) face_count: usize,
-    /// Of the surface that was cut.
+    /// Normals of the surface that was cut.
     pub(super) normals: Vec<[f32; 3]>,
-    /// True if authored normals say where it is moved to.
+    /// True if authored normals give the direction of displacement.
     pub(super) is_flat: bool,
 }
 
 /// The triangles of a control face.
 struct FaceRun<'a> {
-    /// Authored number.
+    /// Authored number of the face.
     face: u32,
     triangles: &'a [[u32; 3]],
 }
@@ -50,20 +50,20 @@ struct FaceRun<'a> {
 struct AskedFace {
     face: u32,
     slot: usize,
-    /// Its vertices in the list of all.
+    /// Range of its vertices in the list of all vertices.
     vertices: Range<usize>,
-    /// What it looks at.
+    /// Members of sets of files that the face looks up.
     members: UdimMembers,
 }
 
 /// A vertex of a face.
 struct AskedVertex {
     vertex: u32,
-    /// Number of the face in the list of all.
+    /// Index of the face in the list of all faces.
     face: u32,
 }
 
-/// What faces say about a place.
+/// Sums of what faces give for one position.
 #[derive(Clone, Copy, Default)]
 struct VertexSum {
     normal: DVec3,
@@ -71,10 +71,10 @@ struct VertexSum {
     faces: f64,
 }
 
-/// What faces say about all places.
+/// Sums of what faces give for all positions.
 struct VertexSums {
     sums: Vec<VertexSum>,
-    /// Sums of vectors; empty where no face says any.
+    /// Sums of vectors; empty if no face gives one.
     vectors: Vec<DVec3>,
 }
 
@@ -133,7 +133,7 @@ impl DicedMesh<'_> {
         self.facets.places.get(vertex as usize).map_or(usize::MAX, |place| *place as usize)
     }
 
-    /// What the faces around each place say, and what could not be read.
+    /// The sums of all positions, and messages about textures that could not be read.
     fn sums(&self, demand: &BuildDemand<'_>) -> (VertexSums, Vec<String>) {
         // What is wrong with subsets is counted where their materials are.
         let subsets = subsets_of_faces(self.desc, self.face_count, &mut DroppedData::default());
@@ -214,7 +214,7 @@ impl DicedMesh<'_> {
         (faces, vertices)
     }
 
-    /// By how much each vertex moves.
+    /// The displacement of each vertex.
     fn moves(&self, VertexSums { sums, vectors }: &VertexSums, dropped: &mut DroppedData) -> Vec<DVec3> {
         let (positions, _) = self.facets.positions.as_chunks::<3>();
         let mut by_place = vec![DVec3::ZERO; sums.len()];
@@ -283,7 +283,7 @@ impl DicedMesh<'_> {
         (0..u32::try_from(positions.len()).unwrap_or(u32::MAX)).into_par_iter().map(turned).collect()
     }
 
-    /// The vertices of each place that has several.
+    /// The vertices of each position that several vertices share.
     fn shared_places(&self) -> FxHashMap<usize, Vec<u32>> {
         let mut shared: FxHashMap<usize, Vec<u32>> = FxHashMap::default();
         for (vertex, &place) in (0..).zip(&self.facets.places) {

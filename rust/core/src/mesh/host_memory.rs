@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The ledger of host memory for meshes: what is kept of them, and what building takes while it runs. Counts only: who
-//! has no room is told so and does something else. Any thread.
+//! Accounts for the host memory of meshes: the assets that are kept, and the builds in progress. It only counts: a
+//! caller for whom there is no room is told so and chooses another way. Any thread.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// How much host memory meshes may take, and how much they do.
+/// The limits of host memory for meshes, and the bytes in use.
 #[derive(Debug)]
 pub struct HostMemory {
     /// Most bytes of assets that are kept.
     limit: AtomicU64,
-    /// Most bytes of assets and of builds under way together.
+    /// Most bytes of assets and of builds in progress together.
     room: AtomicU64,
-    /// Of everything, not of meshes alone.
+    /// Budget of everything in host memory, not of meshes alone.
     budget: AtomicU64,
     /// Bytes of assets that are kept.
     held: AtomicU64,
-    /// `held`, and what builds under way may take.
+    /// `held` plus the bytes that builds in progress may take.
     taken: AtomicU64,
-    /// The most that `taken` has been since the room was set.
+    /// Maximum of `taken` since the room was set.
     most_taken: AtomicU64,
 }
 
@@ -48,7 +48,7 @@ impl HostMemory {
         self.budget.store(bytes, Ordering::Relaxed);
     }
 
-    /// What there may be in all, bytes; none without a limit.
+    /// The budget of all host memory, bytes; `None` without a limit.
     pub(crate) fn budget(&self) -> Option<u64> {
         Some(self.budget.load(Ordering::Relaxed)).filter(|budget| *budget < u64::MAX)
     }
@@ -127,7 +127,7 @@ impl HostMemory {
     }
 }
 
-/// What is to be said of a prim that needs so many bytes while it is built, where the budget is smaller.
+/// The message about a prim that needs more bytes to be built than the budget has.
 pub(crate) fn too_large(needed: u64, budget: u64) -> String {
     let [needed, budget] = [needed, budget].map(|bytes| bytes.div_ceil(1 << 20));
     format!(

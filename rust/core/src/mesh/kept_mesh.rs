@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How meshes are built and put away: in memory as far as it goes, else in files; those that files have from before are
-//! found there.
+//! Builds meshes and stores them, in memory as far as there is room, else in files. A mesh that the files have from an
+//! earlier render is read from there.
 //!
-//! A mesh is an entry with one payload. One in clusters is an entry for each cluster, written as soon as that is made,
-//! and an entry without payloads that sums them up.
+//! A mesh is an entry with one payload. A mesh in clusters has an entry for each cluster, written as soon as the
+//! cluster is made, and an entry without payloads that lists them.
 
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, OnceLock};
@@ -29,7 +29,7 @@ use crate::texture::{HeightCache, HeightFiles};
 /// versions are not found.
 const VERSION: u32 = 6;
 
-/// What a mesh is built from.
+/// The inputs from which a mesh is built.
 #[derive(Debug)]
 pub(crate) struct MeshRecipe {
     pub(crate) desc: MeshDesc,
@@ -38,11 +38,11 @@ pub(crate) struct MeshRecipe {
     pub(crate) displacements: SlotDisplacements,
     pub(crate) covers: SlotCovers,
     pub(crate) height_files: Option<Arc<dyn HeightFiles>>,
-    /// [`super::mesh_key_with`] of all that.
+    /// [`super::mesh_key_with`] of all these inputs.
     pub(crate) key: u128,
-    /// A larger mesh is split.
+    /// Bytes on the device above which a mesh is split.
     pub(crate) limit_bytes: u64,
-    /// Into clusters of so many bytes.
+    /// Most bytes of a cluster on the device.
     pub(crate) cluster_bytes: u64,
 }
 
@@ -59,20 +59,20 @@ impl MeshRecipe {
         build_mesh_into(&self.desc, &demand, self.key, cuts, put)
     }
 
-    /// What building takes.
+    /// Host memory that building takes.
     pub(crate) fn footprint(&self) -> BuildFootprint {
         BuildFootprint::of(&self.desc, &self.demand(), self.limit_bytes, self.cluster_bytes)
     }
 
-    /// What tells its entry in files; none where it depends on more than the description: the textures of displacements
-    /// may have changed when another process reads it.
+    /// The key of its entry in files. `None` if the mesh depends on more than the description: the textures of
+    /// displacements may have changed when another process reads it.
     fn entry_key(&self) -> Option<u128> {
         let words = [VERSION.into(), self.key, self.limit_bytes.into(), self.cluster_bytes.into()];
         (!self.demand().displaces(&self.desc)).then(|| xxh3_128(bytemuck::cast_slice::<u128, u8>(&words)))
     }
 }
 
-/// What tells the entry of a cluster of the mesh with this key.
+/// The key of the entry of a cluster of the mesh with this key.
 fn cluster_key(key: u128, number: usize) -> u128 {
     xxh3_128(bytemuck::cast_slice::<u128, u8>(&[key, number as u128]))
 }
@@ -83,21 +83,21 @@ fn lasting<'a>(recipe: &MeshRecipe, shelf: &'a MeshStorage) -> Option<(&'a Arc<d
     Some((files, recipe.entry_key()?))
 }
 
-/// Where assets are put.
+/// The places in which assets are stored.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MeshStorage {
     pub(crate) memory: Arc<HostMemory>,
     pub(crate) files: Option<Arc<dyn MeshFiles>>,
-    /// The last read failed, all tries of it.
+    /// True if the last read failed, with all its retries.
     pub(crate) is_unreadable: Arc<AtomicBool>,
 }
 
-/// What a build may take.
+/// Memory and parallelism that a build may use.
 #[derive(Debug)]
 pub(crate) struct BuildGrant {
-    /// Host memory; none where there is no budget.
+    /// Reserved host memory; `None` if there is no budget.
     pub(crate) reserved: Option<ReservedMemory>,
-    /// Clusters that it may make side by side.
+    /// Number of clusters that it may make in parallel.
     pub(crate) at_once: usize,
 }
 
@@ -110,19 +110,19 @@ struct EntryHead {
     notes: Vec<String>,
 }
 
-/// A built mesh whose assets are put away.
+/// A built mesh whose assets are stored.
 #[derive(Debug)]
 pub(crate) struct KeptMesh {
     pub(crate) asset: Option<Arc<SceneMesh>>,
     pub(crate) clusters: Vec<Arc<SceneMesh>>,
     pub(crate) dropped: DroppedData,
     pub(crate) notes: Vec<String>,
-    /// It was not built, for want of host memory.
+    /// True if it was not built because host memory did not suffice.
     pub(crate) is_left_out: bool,
 }
 
 impl KeptMesh {
-    /// The mesh as files have it from before.
+    /// Reads the mesh as files have it from before.
     pub(crate) fn find(recipe: &Arc<MeshRecipe>, shelf: &MeshStorage) -> Option<Self> {
         let (files, key) = lasting(recipe, shelf)?;
         match Self::found(&**files, recipe, shelf, key) {
@@ -134,7 +134,7 @@ impl KeptMesh {
         }
     }
 
-    /// Builds a mesh and puts it away.
+    /// Builds a mesh and stores it.
     pub(crate) fn make(
         recipe: &Arc<MeshRecipe>,
         heights: &HeightCache,
@@ -171,7 +171,7 @@ impl KeptMesh {
         Self { asset, clusters, dropped, notes, is_left_out: false }
     }
 
-    /// A mesh that is not built, and why.
+    /// A mesh that is not built, with the reason.
     pub(crate) fn left_out(why: String) -> Self {
         let notes = vec![why];
         Self { asset: None, clusters: Vec::new(), dropped: DroppedData::default(), notes, is_left_out: true }
@@ -212,7 +212,7 @@ impl KeptMesh {
     }
 }
 
-/// Puts assets of a recipe away.
+/// Stores the assets of a recipe.
 struct AssetWriter<'a> {
     recipe: &'a Arc<MeshRecipe>,
     shelf: &'a MeshStorage,

@@ -66,7 +66,7 @@ pub(crate) fn mesh_key_with(desc: &MeshDesc, demand: &BuildDemand<'_>) -> u128 {
     hasher.digest128()
 }
 
-/// Nothing of what does not move.
+/// Adds the motion to the hash; a mesh that does not move adds nothing.
 fn add_motion(hasher: &mut Xxh3, motion: &PointsMotion) {
     if !motion.is_given() {
         return;

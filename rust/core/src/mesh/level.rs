@@ -89,7 +89,7 @@ impl LevelBox {
         Vec3A::from_array(self.max)
     }
 
-    /// Not the sum of both, which may overflow.
+    /// Centre as the sum of halves, because the sum of both corners may overflow.
     #[inline]
     fn center(&self) -> Vec3A {
         0.5 * self.min() + 0.5 * self.max()
@@ -121,8 +121,8 @@ impl GrowingBox {
         Self { min: self.min.min(min), max: self.max.max(max) }
     }
 
-    /// What makes the longest edge of a box that is not empty 1: no product of edges overflows then, and none that
-    /// matters vanishes.
+    /// Factor that makes the longest edge of a box that is not empty 1, so that no product of edges overflows and none
+    /// that matters vanishes.
     fn unit(&self) -> f32 {
         (0.5 * self.max - 0.5 * self.min).max_element().max(f32::MIN_POSITIVE).recip()
     }
@@ -231,7 +231,7 @@ fn children<'a>(items: &'a mut [LevelBox], scratch: &mut [LevelBox], sah: bool) 
     parts
 }
 
-/// Two children of a node; a single item stays alone.
+/// Splits the items of a node in two; a single item stays alone.
 fn halves<'a>(
     items: &'a mut [LevelBox],
     scratch: &mut [LevelBox],
@@ -322,7 +322,7 @@ fn partition(items: &mut [LevelBox], scratch: &mut [LevelBox], is_left: impl Fn(
     left
 }
 
-/// Where bins lie.
+/// Origin and scale of the bins along each axis.
 #[derive(Clone, Copy)]
 struct BinScale {
     from: Vec3A,
@@ -344,8 +344,8 @@ impl BinScale {
     /// The bin of a center along each axis.
     #[inline]
     fn bin(&self, center: Vec3A) -> [usize; 3] {
-        /// Where the last bits of a number of single precision count wholes: nearest to `x - 0.5` is the last whole
-        /// number not above `x`, but for those at an edge, of which it does not matter to which bin they go.
+        /// Number whose last bit, in single precision, counts wholes. Adding it rounds `x - 0.5` to the last whole
+        /// number not above `x`, except for centres at an edge between bins, which may go to either bin.
         const WHOLES: f32 = (1 << 23) as f32;
         let at = ((center - self.from) * self.per_unit - 0.5).clamp(Vec3A::ZERO, self.last);
         (at + WHOLES).to_array().map(|at| (at.to_bits() & 0xff) as usize)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Mesh assets: what a mesh becomes before it goes to the GPU. Immutable, shared by content.
+//! Mesh assets: the form in which meshes go to the GPU. They are immutable and shared by content.
 //!
 //! Stages: [`build`] runs `topology` (check, holes), `refine` (limit surfaces, cut as [`DicingRate`] says, moved by
 //! `displace` as far as a `relief` says), `triangulate`, `primvar` and `normals`, [`bvh`] and [`bvh4`]; `split` cuts
@@ -77,7 +77,7 @@ pub use summary::{AttributeSummary, MeshSummary, PrimvarSummary};
 
 /// Device bytes of a triangle.
 const TRIANGLE_BYTES: u64 = size_of::<GpuTriangle>() as u64;
-/// The same of a point, whose radius is elsewhere.
+/// Device bytes of a point; its radius is stored elsewhere.
 const POINT_BYTES: u64 = size_of::<GpuPoint>() as u64;
 /// Device bytes of an entry in the table of primvars.
 const PRIMVAR_BYTES: u64 = size_of::<GpuAttribute>() as u64;
@@ -151,7 +151,7 @@ impl Triangle {
 pub struct MeshAsset {
     /// Content hash of the authored data and of the flags; of a cluster, see [`split_mesh`].
     pub key: u128,
-    /// Box of what rays can meet of the triangles.
+    /// Box of the parts of the triangles that rays can meet.
     pub bounds: Aabb,
     /// Box of all triangles.
     pub whole: Aabb,
@@ -159,9 +159,9 @@ pub struct MeshAsset {
     pub is_clipped: bool,
     /// Hierarchy over `triangles`.
     pub bvh: Bvh4,
-    /// What `triangles` are.
+    /// Kind of the items in `triangles`.
     pub kind: LeafKind,
-    /// Triangles, or what [`Self::kind`] says, in BVH order.
+    /// Triangles, or items of [`Self::kind`], in BVH order.
     pub triangles: Vec<Triangle>,
     /// Point index of each corner, per triangle; empty unless an attribute has `AttributeRate::Vertex`.
     pub corner_indices: Vec<[u32; 3]>,
@@ -179,9 +179,9 @@ pub struct MeshAsset {
     pub ptex: Vec<PtexTriangle>,
     /// Of what moves while the shutter is open: the rest of `triangles` is that of the first key.
     pub keys: MeshKeys,
-    /// False: seen from the front only.
+    /// True if it is seen from both sides, false if from the front only.
     pub double_sided: bool,
-    /// The geometric normal is minus the right-handed one.
+    /// True if the geometric normal is minus the right-handed one.
     pub left_handed: bool,
 }
 
@@ -192,7 +192,7 @@ impl MeshAsset {
         self.triangles.get(at).map_or(Aabb::EMPTY, |item| deform::swept(item, self.kind, &self.keys, at, count))
     }
 
-    /// [`MeshSummary::device_bytes`].
+    /// Bytes on the device, as [`MeshSummary::device_bytes`].
     #[must_use]
     pub fn device_bytes(&self) -> u64 {
         MeshSummary::of(self).device_bytes()

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How high a displacement by an input of a `UsdPreviewSurface` is at the vertices of a mesh that was cut. Pure but for
-//! the textures that it reads.
+//! Displaces the vertices of a mesh that was cut by an input of a `UsdPreviewSurface`. Pure but for the textures that
+//! it reads.
 
 use rustc_hash::FxHashMap;
 
@@ -13,12 +13,12 @@ use crate::texture::{HeightCache, HeightLevel, TextureRef, member_of, numbered};
 pub(super) struct PreviewRelief<'a> {
     displacement: &'a PreviewDisplacement,
     values: Option<CutValues<'a>>,
-    /// Of the triangles that were measured.
+    /// Area of the triangles that were measured.
     area: f64,
     triangles: f64,
-    /// By member of a set; 0 of what is none.
+    /// Levels by member of a set; member 0 for a texture that is not a set.
     levels: FxHashMap<u8, Option<HeightLevel>>,
-    /// What could not be read.
+    /// Message about a texture that could not be read.
     problem: Option<String>,
 }
 
@@ -28,7 +28,7 @@ impl<'a> PreviewRelief<'a> {
         Self { displacement, values, area: 0.0, triangles: 0.0, levels: FxHashMap::default(), problem: None }
     }
 
-    /// Where a vertex looks in the texture.
+    /// Texture coordinates of a vertex.
     fn place(&self, face: u32, vertex: u32) -> [f64; 2] {
         let InputValue::Texture { transform, .. } = &self.displacement.amount else { return [0.0; 2] };
         let Some(uv) = &self.displacement.uv else {
@@ -68,7 +68,7 @@ impl<'a> PreviewRelief<'a> {
         member_of(sum.map(|v| v / count.max(1.0)))
     }
 
-    /// Opens what a face looks at. All triangles were measured.
+    /// Opens the level of the texture that a face looks up, after all triangles were measured.
     pub(super) fn open(&mut self, heights: &HeightCache, member: u8) {
         let (InputValue::Texture { channel, .. }, Some(texture)) =
             (&self.displacement.amount, &self.displacement.texture)
@@ -88,7 +88,7 @@ impl<'a> PreviewRelief<'a> {
         self.levels.insert(member, level);
     }
 
-    /// How far a vertex of a face is moved.
+    /// Displacement of a vertex of a face along its normal.
     pub(super) fn height(&self, face: u32, vertex: u32, member: u8) -> f64 {
         match &self.displacement.amount {
             InputValue::Constant([value, ..]) => f64::from(*value),
@@ -112,14 +112,14 @@ impl<'a> PreviewRelief<'a> {
         }
     }
 
-    /// What could not be read, for the user.
+    /// Message for the user about a texture that could not be read.
     pub(super) fn into_problem(self) -> Option<String> {
         let texture = self.displacement.texture.as_ref().filter(|texture| lacks_all(texture, &self.levels));
         self.problem.or_else(|| texture.map(no_tile))
     }
 }
 
-/// A texture cannot be read.
+/// The message that a texture cannot be read.
 pub(super) fn unread(texture: &TextureRef, error: &str) -> String {
     format!("{}: texture {}: {error}; its fallback is used", texture.prim, texture.asset.authored)
 }
@@ -129,7 +129,7 @@ pub(super) fn lacks_all(texture: &TextureRef, levels: &FxHashMap<u8, Option<Heig
     texture.is_udim() && !levels.is_empty() && levels.values().all(Option::is_none)
 }
 
-/// It does not.
+/// The message that a set of files has no tile.
 pub(super) fn no_tile(texture: &TextureRef) -> String {
     format!("{}: texture {}: none of its tiles is there", texture.prim, texture.asset.authored)
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Authored primvars to attributes, triangle by triangle: length checks, indices, replacement of unusable values. Pure.
+//! Turns authored primvars into attributes, triangle by triangle: checks lengths, applies indices, replaces unusable
+//! values. Pure.
 
 use super::ptex::FaceCenter;
 use super::{AnyAttribute, Attribute, MeshPrimvar, WantedPrimvar};
@@ -7,23 +8,23 @@ use crate::array::{ArrayView, ElementType};
 use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar};
 use oocpt_abi::{AttributeRate, NAME_PTEX};
 
-/// Where a triangle came from.
+/// Authored face and corners of a triangle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TriangleSource {
-    /// Authored face.
+    /// Number of the authored face.
     pub(crate) face: u32,
     /// Corners: positions in `face_vertex_indices`, or behind them the points of [`PrimvarLayout::centers`].
     pub(crate) corners: [u32; 3],
 }
 
-/// What primvars are spread over.
+/// The elements of a mesh that primvars have values for.
 #[derive(Clone, Copy)]
 pub(crate) struct PrimvarLayout<'a> {
-    /// Authored faces.
+    /// Number of authored faces.
     pub(crate) face_count: usize,
-    /// Authored points.
+    /// Number of authored points.
     pub(crate) point_count: usize,
-    /// Authored corners.
+    /// Number of authored corners.
     pub(crate) corner_count: usize,
     /// Point of each authored corner.
     pub(crate) corners: &'a [u32],
@@ -61,14 +62,14 @@ pub(crate) fn extend_points<T: AttributeValue>(layout: PrimvarLayout<'_>, mut va
     values
 }
 
-/// Where a value of an attribute belongs, for replacements.
+/// The element that a value of an attribute belongs to; replaced values are counted by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ValueSlot {
-    /// The whole mesh.
+    /// The value is of the whole mesh.
     Mesh,
-    /// A triangle, in the order of [`PrimvarLayout::sources`].
+    /// The value is of a triangle, by its index in [`PrimvarLayout::sources`].
     Triangle(usize),
-    /// A point.
+    /// The value is of a point.
     Point(usize),
 }
 
@@ -96,7 +97,7 @@ impl PrimvarElements<'_> {
 pub(crate) trait AttributeValue: Copy {
     /// True when the elements of a (not empty) array have a fitting type.
     fn has_type(values: &ArrayView<'_>) -> bool;
-    /// The mean of some values; 0 of none.
+    /// The mean of some values; 0 if there are none.
     fn mean(values: impl Iterator<Item = Self>) -> Self;
 }
 
@@ -141,7 +142,7 @@ impl AttributeValue for [f32; 4] {
     }
 }
 
-/// In double precision: the mean of finite numbers is finite.
+/// The mean in double precision, in which the mean of finite numbers is finite.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn mean<const N: usize>(values: impl Iterator<Item = [f32; N]>) -> [f32; N] {
     let (mut sum, mut count) = ([0.0_f64; N], 0.0_f64);
@@ -181,7 +182,7 @@ pub(crate) fn convert_wanted(
     out
 }
 
-/// In single precision, if that is finite.
+/// The value in single precision, if that is finite.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn usable<const N: usize>(value: [f64; N]) -> Option<[f32; N]> {
     let value = value.map(|v| v as f32);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where triangles lie in the faces of a Ptex file (Burley and Lacewell 2008, "Ptex: Per-Face Texture Mapping for
-//! Production Rendering"). Pure.
+//! Maps triangles to the faces of a Ptex file (Burley and Lacewell 2008, "Ptex: Per-Face Texture Mapping for Production
+//! Rendering"). Pure.
 //!
 //! Ptex numbers the faces of the authored mesh in their order: a quad has one Ptex face, any other n-gon has n, one at
 //! each corner. In a quad u grows from corner 0 to corner 1 and v from corner 0 to corner 3. The face at corner i of an
@@ -17,10 +17,10 @@ use super::topology::{MeshFace, MeshTopology};
 use super::triangulate::EarTriangles;
 use crate::array::ArrayView;
 
-/// Ptex faces of a mesh; more have no texture.
+/// Largest number of Ptex faces of a mesh; a mesh with more has no texture.
 pub const MAX_PTEX_FACES: u32 = 1 << 26;
 
-/// How a triangle lies in its face.
+/// The part of a Ptex face that a triangle covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum PtexPart {
@@ -38,7 +38,7 @@ pub enum PtexPart {
     LastWedge = 5,
     /// All of it is the place (0, 0): an n-gon that does not lie around the mean of its corners.
     Corner = 6,
-    /// No face.
+    /// The triangle has no Ptex face.
     Nowhere = 7,
 }
 
@@ -47,9 +47,9 @@ pub enum PtexPart {
 pub struct PtexTriangle {
     /// Number of the Ptex face.
     pub face: u32,
-    /// What of it.
+    /// Part of the face that the triangle covers.
     pub part: PtexPart,
-    /// Corners of the authored face; 0 for quads.
+    /// Number of corners of the authored face; 0 for quads.
     pub sides: u16,
 }
 
@@ -57,7 +57,7 @@ impl PtexTriangle {
     /// A triangle of no Ptex face.
     pub const NOWHERE: Self = Self { face: 0, part: PtexPart::Nowhere, sides: 0 };
 
-    /// Face and part in a word, as the shaders read them.
+    /// Face and part packed in a word, as the shaders read them.
     #[must_use]
     pub fn word(&self) -> u32 {
         self.face << 3 | self.part as u32

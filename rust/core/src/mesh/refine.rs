@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Subdivision surfaces: from a checked control mesh to triangles on its limit surface, through `oocpt-subdiv`.
+//! Subdivision surfaces: turns a checked control mesh into triangles on its limit surface with `oocpt-subdiv`.
 //!
 //! The result is a mesh like any other: its faces keep the authored numbers, so values by face, subsets and element ids
-//! go on as they were; points, normals and all values by point or corner are those of the limit surface. Pure.
+//! stay valid; points, normals and all values by point or corner are those of the limit surface. Pure.
 
 use glam::{DVec3, Vec3};
 use oocpt_abi::NAME_PTEX;
@@ -26,18 +26,18 @@ use crate::desc::{CurveBasis, DroppedData, Interpolation, MeshDesc, PrimShape, P
 
 /// Triangles of one mesh above which its edges are cut into fewer pieces.
 pub const MAX_REFINED_TRIANGLES: u64 = 1 << 23;
-/// Largest exponent of a refine level that counts.
+/// Largest refine level that counts; larger ones are clamped.
 const MAX_LEVEL: u8 = 8;
 
 /// A mesh on its limit surface.
 pub(crate) struct RefinedMesh {
-    /// Triangles.
+    /// Triangles on the limit surface.
     pub(crate) topology: MeshTopology,
     /// The description with values for it. Its own topology is the control mesh's still.
     pub(crate) desc: MeshDesc,
-    /// At the keys of what moves.
+    /// Poses at the keys of a moving mesh.
     pub(crate) poses: Vec<PointsPose>,
-    /// What could not be read.
+    /// Messages about textures that could not be read.
     pub(crate) notes: Vec<String>,
 }
 
@@ -167,12 +167,12 @@ fn rules(desc: &MeshDesc) -> SubdivisionRules {
     }
 }
 
-/// Into how many pieces edges are cut.
+/// The number of pieces into which each edge is cut.
 pub(super) struct EdgeRates<'a> {
     dicing: &'a DicingRate,
     least: i32,
     most: i32,
-    /// Into the least, whatever the camera sees.
+    /// True if edges are cut by the refine level alone, whatever the camera sees.
     by_level_alone: bool,
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The meshes of a snapshot: summaries in memory, assets in memory as far as it goes, else in files.
+//! The meshes of a snapshot: summaries in memory, assets in memory as far as there is room, else in files.
 
 use std::ops::Deref;
 use std::sync::atomic::Ordering;
@@ -15,14 +15,14 @@ use super::summary::MeshSummary;
 use crate::again::again;
 use crate::texture::HeightCache;
 
-/// What tests have a payload say that is not to be built again either.
+/// Message of a test's payload that can be neither read nor built again.
 #[cfg(feature = "faults")]
 pub const LOST_FOR_GOOD: &str = "lost for good";
 
-/// Pauses before a read that failed is tried again.
+/// Pauses before each retry of a read that failed.
 const PAUSES: [Duration; 3] = [Duration::from_millis(100), Duration::from_millis(400), Duration::from_millis(1600)];
 
-/// Why the asset of a mesh cannot be had.
+/// Reason why the asset of a mesh cannot be read.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{path}: the mesh cannot be read back ({cause}), nor built again")]
 pub struct StoredError {
@@ -34,7 +34,7 @@ pub struct StoredError {
 #[derive(Debug)]
 pub(super) struct StoredAsset {
     payload: Arc<dyn PayloadSource>,
-    /// Of the assets of its recipe.
+    /// Number among the assets of its recipe.
     number: usize,
     key: Option<u128>,
     recipe: Arc<MeshRecipe>,
@@ -79,9 +79,9 @@ impl StoredAsset {
 #[derive(Debug)]
 pub struct SceneMesh {
     pub(super) summary: MeshSummary,
-    /// The asset, where it is in memory.
+    /// The asset, if it is in memory.
     pub(super) host: OnceLock<(Arc<MeshAsset>, HeldMemory)>,
-    /// Where else it is. One of both is there.
+    /// The asset in a file. At least one of `host` and `stored` is set.
     pub(super) stored: Option<StoredAsset>,
 }
 

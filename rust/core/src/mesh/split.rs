@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Large meshes to spatial clusters, each an asset of its own with its own hierarchy.
+//! Splits large meshes into spatial clusters, each an asset of its own with its own hierarchy.
 //!
 //! Guarantees: every triangle is in exactly one cluster; its corners, face number and attribute values keep their bits;
 //! the clusters depend on the mesh and on the size asked for only, not on the number of threads or on how many clusters
@@ -19,7 +19,7 @@ use super::{
 
 /// Expected nodes per 16 triangles. Measured: 3.7 to 4.0 for grids and closed surfaces, 3.4 to 3.5 for soups.
 const NODES_PER_16: u64 = 4;
-/// The same per 16 bundles of points.
+/// Number of nodes per 16 bundles of points.
 const NODES_PER_16_BUNDLES: u64 = 8;
 /// Clusters are planned this many sixteenths full, so that most need no second cut.
 const FILL_16: u64 = 15;
@@ -27,21 +27,21 @@ const FILL_16: u64 = 15;
 /// The order of triangles in the mesh that is split: the tie break of the cuts, hence part of the clusters' keys.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum TriangleOrder {
-    /// That of its hierarchy.
+    /// The order of the hierarchy.
     Bvh,
-    /// Authored.
+    /// The authored order.
     Authored,
 }
 
 /// A triangle while it is sorted into clusters. 16 bytes, so that cuts of large meshes stay in the cache.
 #[derive(Clone, Copy)]
 struct SplitTriangle {
-    /// Twice the centre of its box.
+    /// Twice the centre of the item's box.
     center: [f32; 3],
     triangle: u32,
 }
 
-/// What is split.
+/// The mesh that is split, and the order of its triangles.
 #[derive(Clone, Copy)]
 pub(super) struct SplitSource<'a> {
     pub(super) mesh: &'a MeshAsset,
@@ -63,7 +63,7 @@ struct MeshSplitter<'a> {
     source: SplitSource<'a>,
     mesh: &'a MeshAsset,
     max_bytes: u64,
-    /// Of an item at a key, with its radius.
+    /// Bytes of an item at one key, with its radius.
     item_bytes: u64,
 }
 

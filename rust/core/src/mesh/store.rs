@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where built meshes may be kept besides host memory. Who reads and writes files says so through traits. Any thread.
+//! Interfaces of the storage for built meshes outside host memory. The code that reads and writes files implements
+//! these traits. Any thread.
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -13,7 +14,7 @@ pub trait MeshFiles: Send + Sync + Debug {
     /// there is no host memory.
     fn lasts(&self) -> bool;
 
-    /// The entry of a key, of this process or an earlier one.
+    /// The entry of a key, written by this process or an earlier one.
     fn find(&self, key: u128) -> Option<StoredEntry>;
 
     /// Writes an entry: what is read at once, and what is read as it is needed, each payload in parts. Without a key it
@@ -30,15 +31,15 @@ pub trait MeshFiles: Send + Sync + Debug {
 /// An entry that was written before.
 #[derive(Debug)]
 pub struct StoredEntry {
-    /// As it was given to [`MeshFiles::add`].
+    /// Head as it was given to [`MeshFiles::add`].
     pub head: Vec<u8>,
-    /// One for each payload that was given.
+    /// Payloads, one for each that was given.
     pub payloads: Vec<Arc<dyn PayloadSource>>,
 }
 
-/// Bytes that are somewhere else.
+/// Bytes that are stored elsewhere and read on demand.
 pub trait PayloadSource: Send + Sync + Debug {
-    /// How many there are.
+    /// Number of bytes.
     fn size(&self) -> u64;
 
     /// Reads all of them, into `parts` one after the other, which together are [`Self::size`] long.
@@ -48,10 +49,10 @@ pub trait PayloadSource: Send + Sync + Debug {
     fn read(&self, parts: &mut [&mut [u8]]) -> Result<(), PayloadError>;
 }
 
-/// Why a payload cannot be had.
+/// Reason why a payload cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PayloadError {
-    /// What the system says.
+    /// The system's message about a read that failed.
     #[error("{0}")]
     Read(String),
     /// The content fails its hash, or has another length than expected.

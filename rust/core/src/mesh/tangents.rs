@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Frames at the vertices of a mesh that was cut, for displacements along tangents. Pure.
+//! Tangent frames at the vertices of a mesh that was cut, for displacements along tangents. Pure.
 
 use glam::{DVec2, DVec3, Vec3};
 
 /// Tangent, bitangent and normal: unit vectors at right angles to each other.
 pub(super) type TangentFrame = [DVec3; 3];
 
-/// Where u and v grow around each vertex.
+/// Directions in which u and v grow around each vertex.
 #[derive(Clone, Copy, Default)]
 struct UvGradients {
     u: DVec3,
     v: DVec3,
 }
 
-/// See the module.
+/// Tangent frames at the vertices of a mesh.
 #[derive(Default)]
 pub(super) struct TangentField {
     around: Vec<UvGradients>,

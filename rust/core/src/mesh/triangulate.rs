@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Faces to triangles: n - 2 triangles per simple n-gon, same orientation as the face. Pure and deterministic.
+//! Turns faces into triangles: n - 2 triangles per simple n-gon, same orientation as the face. Pure and deterministic.
 //!
 //! Convex faces become fans; others are projected on the plane of Newell's normal and clipped ear by ear, best ear
 //! first, so that corners on a straight edge stay in use (no cracks at T-vertices). Very large faces go to `earcut`.
@@ -7,7 +7,7 @@
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
-/// Largest face we accept.
+/// Largest number of corners of a face that is accepted.
 pub(crate) const MAX_FACE_CORNERS: usize = 1 << 20;
 /// Above this many corners the quadratic ear clipping gives way to `earcut`.
 const MAX_CLIPPED_CORNERS: usize = 256;
@@ -149,7 +149,7 @@ fn is_convex(flat: &[DVec2]) -> bool {
     turns_of_x == 2
 }
 
-/// How round the triangle at corner `at` of the ring is, in (0, 1]; at most 0 when it is no ear. Blocked convex corners
+/// Roundness of the triangle at corner `at` of the ring, in (0, 1]; at most 0 if it is no ear. Blocked convex corners
 /// rank above reflex ones, so that something sensible is clipped from outlines that cross themselves.
 fn ear_quality(flat: &[DVec2], ring: &[EarCorner], at: usize) -> f64 {
     let n = ring.len();

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Buckets: stretches of an assembly's order that hold about as many items each, found from a sample before any item is
+//! Buckets: intervals of an assembly's order that hold about as many items each, found from a sample before any item is
 //! made, as samplesort does.
 //!
 //! The codes are divided into cells, which are Morton prefixes, finer where samples are dense. A cell with samples is a
-//! bucket; items in cells without are strays, which are few. What the buckets are decides nothing but how much memory a
+//! bucket; items in cells without are strays, which are few. The choice of buckets affects only how much memory a
 //! partition takes.
 
 // Source: W. D. Frazer and A. C. McKellar, "Samplesort: a sampling approach to minimal storage tree sorting", Journal
@@ -19,15 +19,15 @@ use crate::mesh::Aabb;
 
 /// In place of a bucket: the item is in a cell without samples.
 pub(crate) const STRAY: u8 = UNUSABLE - 1;
-/// Most cells. Fits the 16 bits of [`OrderBuckets::first`].
+/// Largest number of cells. Fits the 16 bits of [`OrderBuckets::first`].
 const MAX_CELLS: usize = 4096;
-/// Bits of a code that are looked up in tables.
+/// Number of bits of a code that are looked up in tables.
 const TABLE_BITS: u32 = 16;
 /// One sample in so many at either end may be outside the tables.
 const FEW: usize = 64;
-/// Samples that are wanted of an assembly.
+/// Number of samples that are wanted of an assembly.
 const SAMPLES: u64 = 1 << 18;
-/// Buckets of what is partitioned at a time.
+/// Number of buckets that are partitioned at a time.
 const BUCKETS_AT_ONCE: u64 = 8;
 
 /// The buckets of an assembly's order.
@@ -35,8 +35,7 @@ const BUCKETS_AT_ONCE: u64 = 8;
 pub(crate) struct OrderBuckets {
     lattice: MortonLattice,
     cells: Vec<BucketCell>,
-    /// Where most codes are: the smallest one there may be, and the number of bits below those that the tables tell
-    /// apart.
+    /// The range of most codes: the smallest code, and the number of bits below those that the tables distinguish.
     dense: (u64, u32),
     /// By the upper bits of a code there: the bucket, or [`UNUSABLE`] where cells begin among such codes.
     table: Vec<u8>,
@@ -53,7 +52,7 @@ pub(crate) struct BucketCell {
     pub(crate) bucket: u8,
 }
 
-/// A cell in the making; the fullest is the greatest.
+/// A cell under construction; the fullest is the greatest.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct OpenCell {
     samples: usize,
@@ -63,7 +62,7 @@ struct OpenCell {
 }
 
 impl OrderBuckets {
-    /// How far apart the samples of `records` placements are.
+    /// Distance between the samples of `records` placements.
     pub(crate) fn stride(records: u64) -> usize {
         usize::try_from(records / SAMPLES).unwrap_or(usize::MAX).max(1)
     }
@@ -75,7 +74,7 @@ impl OrderBuckets {
         Self::on(MortonLattice::around(&bounds), samples, records, at_once)
     }
 
-    /// The same on a given lattice.
+    /// As [`Self::new`], on a given lattice.
     pub(crate) fn on(lattice: MortonLattice, samples: &[(Aabb, PlacementItem)], records: u64, at_once: u64) -> Self {
         let code = |(_, mut item): (Aabb, PlacementItem)| {
             lattice.place(&mut item, 0);
@@ -139,7 +138,7 @@ impl OrderBuckets {
         Self { lattice, cells, dense: (start, lower_bits), table, first }
     }
 
-    /// Where the codes come from.
+    /// The lattice of the codes.
     pub(crate) fn lattice(&self) -> MortonLattice {
         self.lattice
     }
@@ -262,7 +261,7 @@ mod tests {
         }
     }
 
-    /// What cutting of more than `most` sorted codes in halves by their highest differing bit comes to.
+    /// The result of cutting more than `most` sorted codes in halves by their highest differing bit.
     fn cut(codes: &[u64], most: usize, out: &mut Vec<usize>) {
         let differing = codes.first().zip(codes.last()).map_or(0, |(first, last)| first ^ last);
         if codes.len() <= most || differing == 0 {

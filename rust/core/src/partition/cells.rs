@@ -26,13 +26,13 @@ const PARALLEL: u64 = 1 << 15;
 /// A stretch of an assembly's order. Stretches of one list follow each other.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum OrderPiece<'a> {
-    /// A chunk from before, whole and unchanged.
+    /// A chunk from an earlier partition, whole and unchanged.
     Kept(&'a Arc<Chunk>),
     /// Sorted items, at least one.
     Loose(&'a [PlacementItem]),
 }
 
-/// What cutting needs to know of the assembly.
+/// The data of the assembly that cutting needs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ChunkCutter<'a> {
     pub(crate) rule: &'a CutRule<'a>,
@@ -120,7 +120,7 @@ impl ChunkCutter<'_> {
         left
     }
 
-    /// What the pieces place, and how often.
+    /// The targets of the pieces, with the number of placements of each.
     fn targets(&self, pieces: &[OrderPiece<'_>]) -> Vec<(InstanceTarget, u64)> {
         let mut placed: FxHashMap<u32, u64> = FxHashMap::default();
         for piece in pieces {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What became of an opened assembly's members since its last partition, and what that means for a chunk. Pure.
+//! The changes of an opened assembly's members since its last partition, and their consequences for a chunk. Pure.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use super::chunk::Chunk;
 use crate::instancing::assembly::AssemblyMember;
 use crate::instancing::diff::ChangedNumbers;
 
-/// What became of the members since the last time.
+/// The changes of the members since the last partition.
 #[derive(Debug, Default)]
 pub(super) struct MemberChanges {
     /// Lasting id of each present member, in the order of the assembly; unused for those without records in chunks.
@@ -51,7 +51,7 @@ impl MemberChanges {
         (0..chunk.len()).any(|at| is_revalued(at) == Some(true))
     }
 
-    /// Placements that are not as they were.
+    /// Number of placements that changed.
     pub(super) fn fresh(&self, members: &[AssemblyMember]) -> u64 {
         let added = self.added.iter().filter_map(|&number| members.get(number as usize));
         let edited = self.edited.iter().map(|(.., ranks)| ranks.len() as u64);
@@ -64,7 +64,7 @@ impl MemberChanges {
         self.edited.iter().map(|(number, _, ranks)| (id(*number), &ranks[..])).collect()
     }
 
-    /// True when some record of a chunk is one of these.
+    /// True if some record of a chunk is among the edited ones.
     pub(super) fn edits(&self, edited: &FxHashMap<u32, &[u32]>, chunk: &Chunk) -> bool {
         let edited: Vec<_> = chunk.ids.iter().map(|id| edited.get(id)).collect();
         let is_edited = |at: usize| {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Chunks: stretches of an assembly's records in Morton order, in a frame of their own.
+//! Chunks: consecutive records of an assembly in Morton order, in a frame of their own.
 //!
-//! A chunk holds no record: it knows which placements it has (4 to 6 bytes each, 8 of more than 65 536 members) and
-//! computes the records on demand from the borrowed arrays. Immutable to its users; any thread.
+//! A chunk stores no record: it lists its placements (4 to 6 bytes each, 8 of more than 65 536 members) and computes
+//! the records on demand from the borrowed arrays. It is immutable to its users; any thread.
 
 use std::ops::Range;
 use std::sync::{Arc, PoisonError, RwLock};
@@ -25,12 +25,12 @@ pub(crate) const SCATTERED: usize = 64;
 
 /// Rounding of f64 frames, relative to the distance of the origin.
 const FRAME_ERROR: f64 = 1.0 / (1_u64 << 50) as f64;
-/// Room for the rounding of the bounds' own computation.
+/// Factor that makes room for the rounding of the bounds' own computation.
 const SLACK: f64 = 1.0 + 1.0 / 65_536.0;
 
-/// Records whose data is touched before they are computed.
+/// Number of records whose data is touched before they are computed.
 const BATCH: usize = 64;
-/// Members whose readers are kept during an encode.
+/// Number of members whose readers are kept during an encode.
 const KEPT_READERS: usize = 256;
 
 /// Instance records that are loaded and evicted together.
@@ -41,46 +41,46 @@ pub struct Chunk {
     bounds: Aabb,
     targets: Vec<InstanceTarget>,
     columns: Vec<InstanceColumn>,
-    /// Some record has keys.
+    /// True if some record has keys.
     moves: bool,
     /// Morton codes of the first and the last record.
     pub(crate) codes: [u64; 2],
     /// Members that have records here, in the order of the assembly: lasting ids, and the number of records.
     pub(crate) ids: Vec<u32>,
     pub(crate) counts: Vec<u32>,
-    /// Where the records come from, in the order of `ids`. Replaced when arrays are, if that changes no record here.
+    /// Members of the records, in the order of `ids`. Replaced when arrays are, if that changes no record of the chunk.
     members: RwLock<Arc<[AssemblyMember]>>,
     /// Rank of each record.
     pub(crate) ranks: Vec<u32>,
-    /// Which of `ids` each record is of; empty when there is one only.
+    /// Index into `ids` of each record; empty if there is only one id.
     pub(crate) which: IndexSet,
-    /// Boxes of stretches of records.
+    /// Boxes of consecutive records.
     pub(crate) blocks: Vec<RecordBlock>,
 }
 
-/// What a chunk is made of.
+/// The inputs of a chunk.
 #[derive(Debug)]
 pub(crate) struct ChunkContent {
-    /// As [`Chunk::codes`].
+    /// Codes, as [`Chunk::codes`].
     pub(crate) codes: [u64; 2],
     /// Numbers of the members that have records here, in order.
     pub(crate) present: Vec<u32>,
-    /// Records of each.
+    /// Number of records of each member.
     pub(crate) counts: Vec<u32>,
-    /// As [`Chunk::ranks`].
+    /// Ranks, as [`Chunk::ranks`].
     pub(crate) ranks: Vec<u32>,
-    /// As [`Chunk::which`].
+    /// Indices, as [`Chunk::which`].
     pub(crate) which: IndexSet,
-    /// All of the records.
+    /// Blocks of all records.
     pub(crate) blocks: Vec<RecordBlock>,
 }
 
 /// The members of an assembly while it is partitioned.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AssemblyMembers<'a> {
-    /// In the order of the assembly.
+    /// Members in the order of the assembly.
     pub(crate) members: &'a [AssemblyMember],
-    /// The lasting id of each.
+    /// Lasting id of each member.
     pub(crate) ids: &'a [u32],
     /// True when all chunks keep the assembly's frame.
     pub(crate) keeps_frame: bool,
@@ -170,13 +170,13 @@ impl Chunk {
         self.ranks.len()
     }
 
-    /// Never true.
+    /// Returns false: a chunk has at least one record.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.ranks.is_empty()
     }
 
-    /// What the records place; sorted, each once.
+    /// Targets of the records; sorted, each once.
     #[must_use]
     pub fn targets(&self) -> &[InstanceTarget] {
         &self.targets
@@ -213,7 +213,7 @@ impl Chunk {
         });
     }
 
-    /// As [`crate::scene::Assembly::keys_before`].
+    /// Number of keys before a record, as [`crate::scene::Assembly::keys_before`].
     #[must_use]
     pub fn keys_before(&self, record: usize) -> usize {
         if !self.moves {
@@ -319,7 +319,7 @@ impl Chunk {
         }
     }
 
-    /// Which of [`Chunk::ids`] a record is of, and its rank.
+    /// Index into [`Chunk::ids`] of a record, and its rank.
     pub(crate) fn place(&self, at: usize) -> Option<(u32, u32)> {
         Some((self.which.get(at).unwrap_or(0), *self.ranks.get(at)?))
     }
@@ -340,7 +340,7 @@ impl Chunk {
         *self.members.write().unwrap_or_else(PoisonError::into_inner) = members;
     }
 
-    /// Where the records come from, in the order of [`Chunk::ids`].
+    /// Members of the records, in the order of [`Chunk::ids`].
     pub(crate) fn members(&self) -> Arc<[AssemblyMember]> {
         self.members.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -351,7 +351,7 @@ pub(crate) struct MemberReaders<'a> {
     members: &'a [AssemblyMember],
     origin: Option<DVec3>,
     known: Vec<Option<RunReader<'a>>>,
-    /// Where there are too many to keep: the one used last.
+    /// The reader used last, if there are too many members to keep all.
     last: Option<(u32, RunReader<'a>)>,
 }
 
@@ -362,7 +362,7 @@ impl<'a> MemberReaders<'a> {
         Self { members, origin, known, last: None }
     }
 
-    /// What the partition needs to know of a record, not on a lattice yet.
+    /// The item of a record, not on a lattice yet.
     pub(crate) fn item(&mut self, which: u32, rank: u32) -> Option<PlacementItem> {
         self.get(which)?.1.item(rank)
     }

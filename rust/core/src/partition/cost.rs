@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What chunks cost on the device, and which cells are too large to stay whole. Pure.
+//! Device memory of chunks, and the rule by which cells that are too large are cut. Pure.
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
@@ -24,14 +24,14 @@ pub(crate) struct AssetCosts {
 #[derive(Debug)]
 struct AssemblyCost {
     own: u64,
-    /// With everything that is placed inside.
+    /// Bytes of a target with everything that is placed inside.
     closure: u64,
-    /// Sorted, each once.
+    /// Targets, sorted, each once.
     targets: Vec<InstanceTarget>,
 }
 
 impl AssetCosts {
-    /// Sums up; children come before parents in `assemblies`.
+    /// Adds up the bytes; children come before parents in `assemblies`.
     pub(crate) fn new(meshes: &[Arc<SceneMesh>], assemblies: &[Arc<Assembly>]) -> Self {
         let mut costs = Self {
             meshes: meshes.iter().map(|m| m.device_bytes()).collect(),
@@ -92,7 +92,7 @@ impl AssetCosts {
     }
 }
 
-/// Which cells of one assembly must be cut.
+/// The rule that decides which cells of one assembly must be cut.
 #[derive(Debug)]
 pub(crate) struct CutRule<'a> {
     pub(crate) costs: &'a AssetCosts,

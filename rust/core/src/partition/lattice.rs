@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The Morton lattice of an assembly, along which its items are sorted.
 //!
-//! Canonical: a function of the assembly's box only, and it changes only when that box's longest side passes a power of
-//! two or its lower corner a multiple of it. The quantum is a power of two, the lattice passes through the frame's 0,
-//! so moving a member never moves the cells of the others. 21 bits per axis (G. M. Morton, "A computer oriented
-//! geodetic data base", 1966), and one bit on top for members too large to share cells with the rest.
+//! The lattice is canonical: a function of the assembly's box only, which changes only when that box's longest side
+//! passes a power of two or its lower corner a multiple of it. The quantum is a power of two, the lattice passes
+//! through the frame's 0, so moving a member never moves the cells of the others. 21 bits per axis (G. M. Morton, "A
+//! computer oriented geodetic data base", 1966), and one bit on top for members too large to share cells with the rest.
 
 use glam::DVec3;
 
@@ -13,7 +13,7 @@ use crate::instancing::item::PlacementItem;
 use crate::instancing::placement::nearest;
 use crate::mesh::Aabb;
 
-/// Bits per axis.
+/// Number of bits per axis.
 const BITS: u32 = 21;
 /// Lattice steps that the longest side of the box takes at most; the code has room for twice as many, wherever it
 /// begins.
@@ -31,7 +31,7 @@ const NUMBER_ERROR: f64 = 1.0 / 2_097_152.0;
 pub(crate) struct MortonLattice {
     base: DVec3,
     quantum: f64,
-    /// 1 / `quantum`, exact.
+    /// Exact value of 1 / `quantum`.
     steps: f64,
 }
 
@@ -99,7 +99,7 @@ fn lattice_step(v: f64) -> u64 {
     u64::from(v.clamp(0.0, f64::from((1_u32 << BITS) - 1)) as u32)
 }
 
-/// Spreads 21 bits to every third place.
+/// Spreads 21 bits to every third bit.
 #[inline]
 fn spread_bits(v: u64) -> u64 {
     let v = (v | v << 32) & 0x001f_0000_0000_ffff;

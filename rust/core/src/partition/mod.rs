@@ -5,9 +5,9 @@
 //! each placement of an opened assembly puts its chunks into the top level once more, as [`ChunkInstance`]s. Small
 //! assemblies are referenced whole by the records of chunks. Nothing here depends on a memory budget.
 //!
-//! Stages of a commit: `cost` says what is large, `store` opens assemblies and keeps what did not change, `lattice`
-//! and `cells` cut their members into chunks (`stretches` after one another where they are too many, by `buckets`),
-//! `place` composes the placements in f64, `top` builds the hierarchy over them. Pure and deterministic; work is
+//! Stages of a commit: `cost` finds what is large, `store` opens assemblies and keeps what did not change, `lattice`
+//! and `cells` cut their members into chunks (`stretches` one part after the other, by `buckets`, if there are too
+//! many), `place` composes the placements in f64, `top` builds the hierarchy over them. Pure and deterministic; work is
 //! spread over the caller's rayon pool.
 
 mod blocks;
@@ -43,7 +43,7 @@ use crate::mesh::{Aabb, Bvh2};
 
 pub use crate::instancing::assembly::{KEY_BYTES, RECORD_BYTES};
 
-/// Smallest chunk size.
+/// Smallest size of a chunk, bytes.
 pub const MIN_CHUNK_BYTES: u64 = 16 << 10;
 /// Assemblies and meshes above this many times the chunk size are opened and split.
 pub(crate) const OPEN_ABOVE: u64 = 4;
@@ -51,9 +51,9 @@ pub(crate) const OPEN_ABOVE: u64 = 4;
 /// Bytes of items that a partition holds at once, unless that is less than a sixteenth of all or somebody says
 /// otherwise (`SceneDb::set_partition_memory`).
 pub const ITEM_BYTES: u64 = 1 << 30;
-/// See [`ITEM_BYTES`].
+/// Share of the scene's bytes that items may take, one in so many (see [`ITEM_BYTES`]).
 const ITEM_SHARE: u64 = 16;
-/// See [`cuts_in_stretches`].
+/// Share of new placements above which an assembly is cut in stretches (see [`cuts_in_stretches`]).
 const FRESH_SHARE: u64 = 4;
 
 /// Most of `records` placements that become items at once, where `bytes` of them may be held.
@@ -67,11 +67,11 @@ pub(crate) fn cuts_in_stretches(fresh: u64, records: u64, at_once: u64) -> bool 
     fresh > at_once && fresh.saturating_mul(FRESH_SHARE) >= records
 }
 
-/// How to partition.
+/// Options of a partition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PartitionOptions {
-    /// What a chunk may cost: its records, their hierarchy, and the targets that no other chunk of the assembly places.
-    /// Taken as [`MIN_CHUNK_BYTES`] when below.
+    /// Most bytes of a chunk: its records, their hierarchy, and the targets that no other chunk of the assembly places.
+    /// Taken as [`MIN_CHUNK_BYTES`] if it is less.
     pub chunk_bytes: u64,
 }
 

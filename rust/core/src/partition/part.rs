@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The partition of one opened assembly, brought up to date by what changed.
 //!
-//! Chunks in which nothing changed stay as they are; those in which little did are patched; the members of the others,
-//! and new ones, are sorted anew and cut together with them. The result is the one that cutting everything anew would
-//! give. Costs: a few steps per chunk, a copy of what is in touched ones, and some measuring per edited record.
+//! Chunks in which nothing changed are kept; those in which little did are patched; the members of the others, and new
+//! ones, are sorted anew and cut together. The result equals that of cutting everything anew. It costs a few steps per
+//! chunk, a copy of the touched chunks, and some measuring per edited record.
 
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ use crate::instancing::instance_primvars::{MemberPrimvar, value_bytes};
 use crate::instancing::item::PlacementItem;
 use crate::mesh::Aabb;
 
-/// Items that a task puts on the lattice.
+/// Number of items that a task puts on the lattice.
 const PLACED: usize = 1 << 12;
 
 /// The partition of one opened assembly.
@@ -36,7 +36,7 @@ pub(crate) struct AssemblyPart {
     lattice: Option<MortonLattice>,
     /// Members with records in chunks, in order.
     members: Vec<KnownMember>,
-    /// In Morton order.
+    /// Chunks in Morton order.
     pub(crate) chunks: Vec<Arc<Chunk>>,
     next_id: u32,
 }
@@ -48,39 +48,39 @@ struct KnownMember {
     member: AssemblyMember,
 }
 
-/// What an update does to a chunk.
+/// The effect of an update on a chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ChunkUpdate {
-    /// Nothing.
+    /// The chunk is kept.
     Keep,
-    /// A copy of other values.
+    /// The chunk is copied with new values.
     Revalue,
-    /// A copy with the edits.
+    /// The chunk is copied with the edits.
     Patch,
-    /// All of its records are sorted in anew.
+    /// The chunk is dissolved, and all of its records are sorted anew.
     Melt,
 }
 
-/// A chunk after that.
+/// A chunk after an update.
 #[derive(Debug)]
 enum UpdatedChunk {
-    /// In its place, with the same records up to values.
+    /// The chunk stays in its place, with the same records up to values.
     Kept(Arc<Chunk>),
     Patched(Arc<Chunk>),
     Melted(Vec<PlacementItem>),
 }
 
-/// What is partitioned, and by which costs.
+/// The inputs of a partition.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PartitionJob<'a> {
     pub(crate) assembly: &'a Assembly,
     pub(crate) costs: &'a AssetCosts,
     pub(crate) chunk_bytes: u64,
-    /// By assembly: whether it is opened.
+    /// By assembly: true if it is opened.
     pub(crate) opened: &'a [bool],
     /// Bytes of items held at once.
     pub(crate) item_bytes: u64,
-    /// Buckets that scans of this commit used.
+    /// Buckets that the scans of this commit used.
     pub(crate) buckets: Option<&'a OrderBuckets>,
 }
 
@@ -239,7 +239,7 @@ impl AssemblyPart {
         lost
     }
 
-    /// What becomes of the chunks. Chunks of equal codes share their fate.
+    /// The update of each chunk. Chunks of equal codes have the same update.
     fn fates(&self, changes: &MemberChanges, edits: &[ChunkEdits]) -> Vec<ChunkUpdate> {
         let is_gone = |id: &u32| !changes.member_of.contains_key(id);
         let fate = |(chunk, edits): (&Arc<Chunk>, &ChunkEdits)| match edits.len() {

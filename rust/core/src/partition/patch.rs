@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Chunks with a few records taken out and put in: the same as made anew of all their items, for the price of a copy,
-//! some measuring for each edited record, and whole blocks only where the outermost records went. Pure.
+//! Removes and adds a few records of a chunk. The result equals that of making the chunk anew from all its items, for
+//! the cost of a copy and some measuring for each edited record; a whole block is measured only if its extreme records
+//! were removed. Pure.
 
 use std::ops::Range;
 
@@ -24,9 +25,9 @@ const GAP: usize = 256;
 /// Edits of one chunk.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ChunkEdits {
-    /// Which of the lost items are its.
+    /// Range of its items in the list of lost items.
     pub(crate) lost: Range<usize>,
-    /// Which of the new items.
+    /// Range of its items in the list of gained items.
     pub(crate) gained: Range<usize>,
 }
 
@@ -85,7 +86,7 @@ struct ChunkPatch<'a> {
     order: Vec<(u32, bool)>,
     /// First record of each block.
     starts: Vec<usize>,
-    /// Places of the lost records.
+    /// Positions of the lost records.
     lost: Vec<(usize, PlacementItem)>,
     /// Gained records: block, and the old record before which each goes.
     gained: Vec<(usize, usize, PlacementItem)>,
@@ -132,7 +133,7 @@ impl ChunkCutter<'_> {
         Chunk::of(content, self.roster, self.lattice)
     }
 
-    /// See [`ChunkPatch::order`].
+    /// The order of the members present, as [`ChunkPatch::order`] needs it.
     fn present_order(&self, chunk: &Chunk) -> Vec<(u32, bool)> {
         let mut next = u32::MAX;
         let mut order: Vec<(u32, bool)> = Vec::with_capacity(chunk.ids.len());
@@ -299,7 +300,7 @@ impl ChunkPatch<'_> {
         }
     }
 
-    /// Everything put together.
+    /// The content of the patched chunk.
     fn content(&self, codes: [u64; 2], blocks: Vec<RecordBlock>) -> Option<ChunkContent> {
         let chunk = self.chunk;
         let mut left = chunk.counts.clone();

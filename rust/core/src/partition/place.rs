@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where chunks go: the placements of opened assemblies composed in f64, and conservative boxes for what single
-//! precision makes of them. Pure.
+//! Composes the placements of opened assemblies in f64, and computes boxes that are conservative for their rounding to
+//! single precision. Pure.
 
 use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
@@ -21,11 +21,11 @@ const ORIGIN_ERROR: f64 = 1.0 / (1_u64 << 44) as f64;
 pub(crate) struct OpenedPlacement {
     /// World frame from the assembly's frame.
     pub(crate) frame: DAffine3,
-    /// Instance id so far.
+    /// Instance id, accumulated so far.
     pub(crate) id: u32,
     /// Values of primvars so far, those of inner instancers in place of outer ones.
     pub(crate) values: Vec<PlacedValue>,
-    /// Its row in [`PartitionedWorld::placed`], or `NO_ROW`.
+    /// Row in [`PartitionedWorld::placed`], or `NO_ROW`.
     pub(crate) row: u32,
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Partitions of more placements than may be items at once: the order of an assembly is gone through in stretches, and
-//! items exist while theirs is sorted and cut. Each placement is measured a second time for that.
+//! Partitions more placements than may be items at once: the order of an assembly is processed in stretches, and items
+//! exist only while their stretch is sorted and cut. Each placement is measured a second time for that.
 //!
-//! A stretch is made of whole cells of the cutter, told from the number of items in each bucket; so the chunks are
+//! A stretch consists of whole cells of the cutter, chosen by the number of items in each bucket; so the chunks equal
 //! those of cutting everything together.
 
 use std::ops::Range;
@@ -17,23 +17,23 @@ use crate::instancing::assembly::AssemblyMember;
 use crate::instancing::item::PlacementItem;
 use crate::instancing::reader::RunReader;
 
-/// Ranks read by one task.
+/// Number of ranks read by one task.
 const TASK: usize = 1 << 14;
 /// Members with fewer placements become items at once.
 const FEW: usize = 256;
-/// Ranks that are looked at together for being of a stretch.
+/// Number of ranks that are tested together for being in a stretch.
 const LANES: usize = 32;
-/// Ranks that are measured together.
+/// Number of ranks that are measured together.
 const BATCH: usize = 64;
 /// Bytes of a placement that a chunk keeps, of the 24 of an item: as chunks are made, less is left for items.
 const KEPT_SHARE: u64 = 6;
 
-/// What is to be cut.
+/// The inputs of a partition in stretches.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RankStretches<'a> {
     pub(crate) cutter: &'a ChunkCutter<'a>,
     pub(crate) buckets: &'a OrderBuckets,
-    /// Most items at once when all chunks are made.
+    /// Largest number of items at once.
     pub(crate) most: u64,
 }
 
@@ -42,13 +42,13 @@ struct StretchTask<'a> {
     member: u32,
     reader: &'a RunReader<'a>,
     first: u32,
-    /// Of each rank.
+    /// Bucket of each rank.
     buckets: &'a [u8],
-    /// Buckets that are there, in order, with the number of ranks.
+    /// Buckets in use, in order, with the number of ranks.
     counts: Vec<(u8, u16)>,
 }
 
-/// Where a task puts its items of one bucket.
+/// The place to which a task writes its items of one bucket.
 type BucketSlot<'b> = (u8, std::slice::IterMut<'b, PlacementItem>);
 
 impl RankStretches<'_> {
@@ -130,7 +130,7 @@ impl RankStretches<'_> {
         (0..cells.len()).map(|at| self.loners_of(at, loners).len() as u64).collect()
     }
 
-    /// Which loners are in a cell.
+    /// The loners that are in a cell.
     fn loners_of(&self, cell: usize, loners: &[PlacementItem]) -> Range<usize> {
         let start = |cell: usize| {
             let start = self.buckets.cells().get(cell).map(|cell| cell.start);
@@ -241,7 +241,7 @@ impl<'a> StretchTask<'a> {
     }
 }
 
-/// Ranks of all tasks in each bucket.
+/// Number of ranks of all tasks in each bucket.
 fn bucket_counts(tasks: &[StretchTask<'_>]) -> [u64; 256] {
     let mut all = [0; 256];
     tasks

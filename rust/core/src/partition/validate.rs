@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Walks every invariant of a world. For tests and for `doctor`; measures and encodes every record once.
+//! Checks every invariant of a world, for tests and for `doctor`. It measures and encodes every record once.
 
 use std::sync::Arc;
 
@@ -23,12 +23,12 @@ use crate::mesh::{Aabb, BvhError};
 /// A broken invariant of a [`PartitionedWorld`]: always a bug of this crate.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WorldError {
-    /// A chunk is not what it should be.
+    /// A chunk breaks an invariant.
     #[error("chunk {chunk}: {what}")]
     Chunk {
         /// Chunk number.
         chunk: usize,
-        /// What is wrong.
+        /// The broken invariant.
         what: &'static str,
     },
     /// The chunks of an assembly do not hold its records, or are not its canonical cells.
@@ -36,15 +36,15 @@ pub enum WorldError {
     Assembly {
         /// Assembly index.
         assembly: usize,
-        /// What is wrong.
+        /// The broken invariant.
         what: &'static str,
     },
-    /// A chunk instance is not what it should be.
+    /// A chunk instance breaks an invariant.
     #[error("chunk instance {instance}: {what}")]
     Instance {
         /// Number of the chunk instance.
         instance: usize,
-        /// What is wrong.
+        /// The broken invariant.
         what: &'static str,
     },
     /// The hierarchy is broken.
@@ -240,7 +240,7 @@ impl PartitionCheck<'_> {
         }
     }
 
-    /// As the cutter asks, of records measured anew.
+    /// As the cutter's test, with records measured anew.
     fn is_scattered(&self, cell: &[Arc<Chunk>], records: usize) -> Result<bool, &'static str> {
         if records > SCATTERED || self.job.assembly.is_split_mesh() {
             return Ok(false);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which meshes are built at a time where there is a budget of host memory: as many as it has room for, and one where
-//! it has none. No thread waits for room: a build that ends starts those that fit then. Runs on the caller's rayon
-//! pool.
+//! Schedules the building of meshes within a budget of host memory: as many at a time as there is room for, and one if
+//! there is room for none. No thread waits for room: a build that ends starts those that then fit. Runs on the caller's
+//! rayon pool.
 
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
@@ -16,13 +16,14 @@ struct BuildQueue<'q, R, F> {
     memory: &'q Arc<HostMemory>,
     footprints: &'q [BuildFootprint],
     build: F,
-    /// Builds and clusters of one that run side by side.
+    /// Number of builds, and of clusters of one build, that run in parallel.
     most: usize,
     state: Mutex<BuildQueueState<R>>,
 }
 
 struct BuildQueueState<R> {
-    /// What each needs at least, and its number: of equal ones the first comes last, and is taken first.
+    /// Bytes that each waiting build needs at least, and its number. Of builds with equal bytes the first one is last
+    /// in the set, and is taken first.
     waiting: BTreeSet<(u64, Reverse<usize>)>,
     running: usize,
     results: Vec<Option<R>>,
@@ -49,7 +50,7 @@ impl<R: Send, F: Fn(usize, BuildGrant) -> R + Sync> BuildQueue<'_, R, F> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Starts what fits now.
+    /// Starts the builds that fit now.
     fn start<'s>(&'s self, scope: &Scope<'s>) {
         while let Some((at, grant)) = self.next() {
             scope.spawn(move |scope| {

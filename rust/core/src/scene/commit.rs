@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The steps of a commit: build what is missing, plan the groups, make or reuse assemblies, sum up. Everything that did
-//! not change is shared with the snapshot before.
+//! The steps of a commit: build missing meshes, plan the groups, make or reuse assemblies, sum up. Everything that did
+//! not change is shared with the previous snapshot.
 
 use oocpt_abi::{Features, NAME_DISPLAY_OPACITY};
 use std::collections::BTreeMap;
@@ -168,7 +168,7 @@ fn target_of(
     }
 }
 
-/// How far the origin must move for the scene not to be far from it.
+/// How far the origin must move so that the scene is not far from it; `None` if it need not move.
 fn origin_shift(bounds: &Aabb) -> Option<DVec3> {
     let min = DVec3::from(bounds.min.map(f64::from));
     let max = DVec3::from(bounds.max.map(f64::from));

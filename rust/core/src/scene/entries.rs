@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the database keeps per prim.
+//! The data that the database keeps per prim.
 
 use std::sync::{Arc, OnceLock};
 
@@ -23,16 +23,16 @@ pub(crate) struct MeshEntry {
     pub(crate) desc: MeshDesc,
     /// The asset, once the prim was needed; none again when the arrays change.
     pub(crate) built: Option<Arc<KeptMesh>>,
-    /// How finely its limit surface is cut.
+    /// Rate at which its limit surface is cut.
     pub(crate) dicing: DicingRate,
-    /// What [`super::dicing`] has to know of it, once that was asked for; none again when the arrays or `wanted`
-    /// change.
+    /// The facts about it that [`super::dicing`] needs, once they were asked for; `None` again after the arrays or
+    /// `wanted` change.
     pub(crate) outline: OnceLock<MeshOutline>,
     /// Primvars that materials read.
     pub(crate) wanted: Vec<WantedPrimvar>,
-    /// How materials displace it.
+    /// Displacements of its materials.
     pub(crate) displacements: SlotDisplacements,
-    /// How materials cut it out.
+    /// Cutouts of its materials.
     pub(crate) cutouts: SlotCutouts,
     /// Numbers of the primvars that are read here and that the mesh does not have.
     pub(crate) lacks: Vec<u32>,
@@ -72,12 +72,12 @@ impl MeshEntry {
 }
 
 impl MeshEntry {
-    /// There was not enough host memory to build it.
+    /// Returns true if host memory did not suffice to build it.
     pub(crate) fn is_left_out(&self) -> bool {
         self.built.as_ref().is_some_and(|built| built.is_left_out)
     }
 
-    /// What it is built for.
+    /// The inputs of building it.
     pub(crate) fn demand(&self) -> BuildDemand<'_> {
         let Self { wanted, dicing, displacements, .. } = self;
         BuildDemand { wanted, dicing: Some(dicing), displacements, covers: &[], heights: None }
@@ -120,13 +120,13 @@ pub(crate) struct InstancerEntry {
     /// False when an array has the wrong type.
     pub(crate) is_usable: bool,
     pub(crate) dropped: DroppedData,
-    /// What else is to be said of it.
+    /// Further notes for the user.
     pub(crate) notes: Vec<String>,
     /// Its instance-rate primvars.
     pub(crate) primvars: Vec<Arc<InstancePrimvar>>,
-    /// Of these, the usable ones that some mesh lacks.
+    /// Of these, the usable ones that some mesh does not have itself.
     pub(crate) offers: Vec<MemberPrimvar>,
-    /// Its instances by the collections that they are in.
+    /// Its instances, sorted by the collections that they are in.
     pub(crate) classes: LinkClasses,
 }
 

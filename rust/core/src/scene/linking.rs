@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Links of lights to instances: which instances of an instancer are in the same collections, and prims that are seen
-//! in several sets of collections. Pure.
+//! Light linking of instances: groups the instances of an instancer by the collections that they are in, and finds
+//! prims that are seen in several sets of collections. Pure.
 //!
 //! A mesh below instancers is in the collections that it is in itself and in those of all instances on the way to it.
 //! Instances of one prototype that are in different collections are placed apart, with a copy of the prototype's group
@@ -50,7 +50,7 @@ impl LinkClass {
     }
 }
 
-/// What classes are made of: the links, the names, the arrays of indices.
+/// The inputs of the classes: the links, the names, the arrays of indices.
 type LinkSources = (Arc<InstanceLinks>, BTreeSet<Arc<str>>, Vec<TypedArray>);
 
 /// The instances of an instancer by their collections, kept while nothing that decides them changes.
@@ -61,12 +61,12 @@ pub(crate) struct LinkClasses {
 }
 
 impl LinkClasses {
-    /// At least one after [`Self::update`].
+    /// The classes; at least one after [`Self::update`].
     pub(crate) fn all(&self) -> &[LinkClass] {
         &self.classes
     }
 
-    /// Works them out, unless nothing is different.
+    /// Computes the classes, unless the inputs are the same as before.
     pub(crate) fn update(&mut self, desc: &InstancerDesc, named: &BTreeSet<Arc<str>>) {
         let arrays = || desc.prototypes.iter().map(|prototype| &prototype.indices);
         let is_known = self.made_of.as_ref().is_some_and(|(links, names, known)| {
@@ -126,7 +126,7 @@ fn classes(desc: &InstancerDesc, named: &BTreeSet<Arc<str>>) -> Vec<LinkClass> {
     }
 }
 
-/// Both sets.
+/// The union of both sets.
 pub(crate) fn union(a: &LinkCategories, b: &LinkCategories) -> LinkCategories {
     if b.iter().all(|name| a.binary_search(name).is_ok()) {
         return Arc::clone(a);

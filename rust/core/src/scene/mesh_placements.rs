@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The placements of some prims' meshes, multiplied out: where traversal finds them, and what a hit there is called.
+//! The placements of the meshes of some prims, multiplied out: their transforms as traversal applies them, and the ids
+//! of hits on them.
 //!
 //! Pure. Records of prims that are not asked for are passed over without being computed; assemblies and chunks without
 //! any are not looked into.
@@ -30,7 +31,7 @@ pub struct MeshPlacement {
     /// From the mesh's frame to the innermost of `motion`, or, of a mesh at rest, to the world's, minus
     /// [`Snapshot::origin`]: what the single precision maps that traversal goes through amount to.
     pub outer_from_object: DAffine3,
-    /// How that frame moves in the world, minus [`Snapshot::origin`].
+    /// Motion of that frame in the world, minus [`Snapshot::origin`].
     pub motion: PlacementMotion,
     /// Sum of the distances, in the world, from the origins of the frames on that way to the farthest corner of the
     /// mesh's box: rounding in traversal is in proportion to it. What moves counts as much more as it rounds.
@@ -68,23 +69,23 @@ impl MeshPlacement {
     }
 }
 
-/// What [`Snapshot::mesh_placements`] finds.
+/// The result of [`Snapshot::mesh_placements`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshPlacements {
-    /// In an order that depends on the snapshot only.
+    /// Placements in an order that depends on the snapshot only.
     pub all: Vec<MeshPlacement>,
-    /// There are no more than were asked for.
+    /// True if there are no more placements than these.
     pub is_complete: bool,
-    /// Some are left out because the points of their mesh move.
+    /// True if some are left out because the points of their mesh move.
     pub leaves_out_deforming: bool,
 }
 
-/// Whether a prim is asked for, by its id.
+/// A predicate on prim ids that is true for the prims that are asked for.
 type PrimFilter<'a> = &'a dyn Fn(i32) -> bool;
 
-/// The way from the world to a frame.
+/// The chain of transforms from the world to a frame.
 struct FramePath {
-    /// What moves on it.
+    /// Motions in the chain.
     motion: PlacementMotion,
     /// To the frame from the innermost that moves, or from the world.
     here_from_outer: DAffine3,
@@ -93,11 +94,11 @@ struct FramePath {
     instance_id: u32,
 }
 
-/// A record with what it needs of its member.
+/// A record, with the data of its member that are needed.
 struct FoundRecord {
     record: InstanceRecord,
     values: Vec<PlacedValue>,
-    /// Of what moves.
+    /// Keys of a moving record.
     keys: Option<Arc<[MotionKey]>>,
 }
 
@@ -110,7 +111,7 @@ impl FoundRecord {
 struct PlacementTraversal<'a> {
     snapshot: &'a Snapshot,
     wanted: PrimFilter<'a>,
-    /// By assembly: whether a prim that is asked for is in it.
+    /// By assembly: true if it contains a prim that is asked for.
     holds: Vec<bool>,
     most: usize,
     found: MeshPlacements,

@@ -34,11 +34,11 @@ pub(crate) struct MeshStore {
     built: FxHashMap<u128, Arc<KeptMesh>>,
     /// Content hash at each mesh index of the last snapshot.
     slots: Vec<u128>,
-    /// What `built` was made for.
+    /// Partition options that `built` was made with.
     options: PartitionOptions,
-    /// Where assets are put.
+    /// Storage of assets.
     pub(crate) shelf: MeshStorage,
-    /// Images that cut meshes out.
+    /// Images of cutouts.
     pub(crate) covers: CoverStore,
 }
 
@@ -99,7 +99,7 @@ impl MeshStore {
         }
     }
 
-    /// Finds meshes in files or builds them, side by side.
+    /// Finds meshes in files or builds them, in parallel.
     fn make(&self, new: &[NewMesh<'_>], heights: &HeightCache) -> Vec<(u128, Arc<KeptMesh>)> {
         let (limit_bytes, cluster_bytes) = (self.options.mesh_limit(), self.options.chunk_bytes());
         let recipe = |NewMesh { key, entry, covers }: &NewMesh<'_>| {

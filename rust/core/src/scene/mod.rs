@@ -80,7 +80,7 @@ pub struct SceneCommit {
     pub changed: bool,
 }
 
-/// What a prim can be.
+/// The kind of a prim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum PrimKind {
     Mesh,
@@ -96,9 +96,9 @@ pub struct SceneDb {
     instancers: BTreeMap<Arc<str>, InstancerEntry>,
     lights: BTreeMap<Arc<str>, LightDesc>,
     materials: BTreeMap<Arc<str>, MaterialEntry>,
-    /// Edits of materials so far.
+    /// Number of edits of materials so far.
     material_edits: u64,
-    /// Normalised; empty = all.
+    /// Normalised purposes that are shown; empty = all.
     purposes: Vec<String>,
     /// True when something was edited since the last commit.
     edited: bool,
@@ -108,7 +108,7 @@ pub struct SceneDb {
     partition: PartitionStore,
     dicing: DicingCamera,
     height_files: Option<Arc<dyn HeightFiles>>,
-    /// The count of [`Self::lent`], once somebody asked for it.
+    /// The count of [`Self::lent`], after the first call.
     lending: Option<LentArrays>,
     /// Last message given for each prim.
     warned: BTreeMap<Arc<str>, String>,
@@ -402,7 +402,7 @@ impl SceneDb {
 }
 
 impl Snapshot {
-    /// The scene of nothing, before the first commit.
+    /// An empty snapshot, before the first commit.
     fn nothing() -> Self {
         Self {
             version: 0,
@@ -426,7 +426,7 @@ fn plain_purpose(purpose: &str) -> &str {
     if matches!(purpose, "" | "geometry") { "default" } else { purpose }
 }
 
-/// A path and all paths below it that are there.
+/// Those of `prims` that are at a path or below it.
 fn below<T>(prims: &BTreeMap<Arc<str>, T>, path: &str) -> Vec<Arc<str>> {
     let below = format!("{}/", path.trim_end_matches('/'));
     let mut found: Vec<Arc<str>> = prims

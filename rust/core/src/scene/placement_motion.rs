@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How a placement moves: the motions of all that it is in, one around the other, as traversal goes through them. So
-//! what is worked out here is where rays find it, whatever turns within what turns. Pure; any thread.
+//! The motion of a placement: the motions of everything that contains it, composed in the order of traversal, so that
+//! the result is exactly where rays find the placement, also where rotations are nested. Pure; any thread.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -11,12 +11,12 @@ use crate::instancing::motion::{MotionKey, PlacementKeys, map_at, norm_of, swept
 
 /// Largest turn of a normal from one sampled time to the next, radians.
 const STEP: f64 = 0.1;
-/// Most sampled times between two keys.
+/// Largest number of sampled times between two keys.
 const MOST_STEPS: f64 = 64.0;
-/// What stretches may differ by and count as the same, relative.
+/// Relative difference up to which stretches count as the same.
 const SAME_STRETCH: f64 = 1e-6;
 
-/// See the module.
+/// The motions of the frames that contain a placement, composed as traversal does.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlacementMotion {
     /// Maps from each frame to the one around it, the outermost first: two keys or more, in the order of time. Empty of
@@ -25,7 +25,7 @@ pub struct PlacementMotion {
 }
 
 impl PlacementMotion {
-    /// True of what does not move.
+    /// True if it does not move.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.levels.is_empty()
@@ -117,7 +117,7 @@ impl PlacementMotion {
         })
     }
 
-    /// What rounding is magnified by where single precision inverts the maps. Along axes each number of an inverse has
+    /// Factor by which rounding grows where single precision inverts the maps. Along axes each number of an inverse has
     /// its own rounding only; others are differences of products.
     pub(crate) fn magnification(&self) -> f64 {
         let of = |keys: &Arc<[MotionKey]>| {
@@ -136,7 +136,7 @@ pub(crate) fn as_rounded(keys: &PlacementKeys) -> Arc<[MotionKey]> {
     keys.as_slice().iter().map(|key| MotionKey { translation: key.translation.as_vec3().as_dvec3(), ..*key }).collect()
 }
 
-/// The turn between two times, which no key is between.
+/// Angle of rotation between two times that have no key between them.
 fn turn(keys: &[MotionKey], begin: f64, end: f64) -> f64 {
     let pair = keys.windows(2).find(|pair| {
         let middle = 0.5 * (begin + end);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which of the authored primvars were built, and which were left out because nothing reads them.
+//! Lists the authored primvars that were built, and those that were left out because nothing reads them.
 
 use super::SceneDb;
 use super::entries::{InstancerEntry, MeshEntry};
@@ -8,7 +8,7 @@ use crate::inventory::PrimvarUse;
 use crate::mesh::AttributeSummary;
 use rustc_hash::FxHashMap;
 
-/// Sums by name.
+/// Sums of bytes by the name of a primvar.
 #[derive(Default)]
 struct PrimvarUses<'a> {
     by_name: FxHashMap<&'a str, PrimvarUse>,
@@ -84,7 +84,7 @@ fn bytes_of(attribute: Option<AttributeSummary>) -> u64 {
     attribute.map_or(0, |attribute| attribute.bytes())
 }
 
-/// What the values would take as floats, one for each index where there are indices.
+/// Bytes that the values would take as floats, one value for each index if there are indices.
 fn authored_bytes(primvar: &Primvar) -> u64 {
     let count =
         primvar.indices.as_ref().filter(|indices| !indices.is_empty()).map_or(primvar.values.len(), |i| i.len());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Who is placed where: the prims' `instanced_by` references turned into groups (the world and the prototypes with more
+//! Resolves placement: turns the prims' `instanced_by` references into groups (the world and the prototypes with more
 //! than one member), children before parents. Keeps nesting, finds cycles, reads no array. Pure.
 
 use std::collections::BTreeMap;
@@ -20,10 +20,10 @@ use crate::instancing::placement::usable_affine;
 use crate::instancing::run::{PrototypeInstances, TransformKey};
 use crate::mesh::SceneMesh;
 
-/// Most levels of instancers in each other.
+/// Largest depth of nested instancers.
 pub const MAX_NESTING: u32 = 32;
 
-/// What a planned member places.
+/// The target of a planned member.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum PlanTarget {
     /// The asset with this content hash.
@@ -35,7 +35,7 @@ pub(crate) enum PlanTarget {
 /// One prim's contribution to a group.
 #[derive(Clone, Debug)]
 pub(crate) struct PlanMember {
-    /// The mesh, or the instancer.
+    /// Path of the mesh or the instancer.
     pub(crate) path: Arc<str>,
     /// Prototype of the instancer, and above its number of prototypes that of a set of collections; 0 for meshes.
     pub(crate) slot: usize,
@@ -43,9 +43,9 @@ pub(crate) struct PlanMember {
     pub(crate) before: DAffine3,
     /// Instance frame from the target's frame.
     pub(crate) after: DAffine3,
-    /// `None`: placed once.
+    /// Instances; `None` if it is placed once.
     pub(crate) instances: Option<PrototypeInstances>,
-    /// What is placed.
+    /// The mesh or group that is placed.
     pub(crate) target: PlanTarget,
     /// Primvars of the instancer that something below reads.
     pub(crate) primvars: Vec<MemberPrimvar>,
@@ -59,11 +59,11 @@ pub(crate) struct PlanMember {
 #[derive(Clone, Debug)]
 pub(crate) struct PlanGroup {
     pub(crate) id: GroupId,
-    /// By path and slot.
+    /// Members, sorted by path and slot.
     pub(crate) members: Vec<PlanMember>,
     /// Longest chain of records down to a mesh.
     pub(crate) levels: u32,
-    /// What its members lack. Sorted.
+    /// Primvars that its members read and do not have themselves, sorted.
     pub(crate) lacks: Vec<u32>,
 }
 
@@ -188,16 +188,16 @@ impl PrimHierarchy {
     }
 }
 
-/// What became of a group.
+/// Result of resolving a group.
 #[derive(Clone, Debug)]
 enum GroupOutcome {
-    /// Being resolved further up: meeting it again is a cycle.
+    /// The group is being resolved further up: meeting it again is a cycle.
     Open,
-    /// Nothing to see.
+    /// The group has nothing visible.
     Nothing,
     /// Exactly one mesh, placed by the members of the parents directly.
     OneMesh(Box<PlanMember>),
-    /// An assembly of its own.
+    /// The group is an assembly of its own.
     Group(usize),
 }
 
@@ -388,7 +388,7 @@ impl SceneResolver<'_> {
         })
     }
 
-    /// How a prim moves. What cannot be used is told, and the prim stays where it is.
+    /// The motion of a prim. An unusable motion is reported, and the prim stays where it is.
     fn motion(&mut self, prim: &PrimDesc) -> Option<Arc<Vec<TransformKey>>> {
         match transform_keys(prim) {
             Ok(keys) => keys.map(Arc::new),
@@ -399,7 +399,7 @@ impl SceneResolver<'_> {
         }
     }
 
-    /// The group of a split mesh: every cluster placed as it is.
+    /// The group of a split mesh: every cluster is placed untransformed.
     fn clusters(&mut self, first: u128, prim_id: i32, clusters: &[Arc<SceneMesh>], lacks: &[u32]) -> usize {
         if let Some(&known) = self.split.get(&(first, prim_id)) {
             return known;

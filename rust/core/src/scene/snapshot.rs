@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The immutable result of a commit. Shared between threads by `Arc`; nothing in it ever changes.
+//! The immutable result of a commit. It is shared between threads by `Arc` and never changes.
 
 use oocpt_abi::{Features, MaterialFlags};
 use std::collections::BTreeSet;
@@ -37,7 +37,7 @@ pub struct SceneCounts {
     pub assemblies: u64,
 }
 
-/// What surfaces look like: materials, and which prim has which. Empty where no mesh has a material and none is in a
+/// Materials and textures, and the assignment of materials to prims. Empty if no mesh has a material and none is in a
 /// collection.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SurfaceTables {
@@ -55,7 +55,7 @@ pub struct SurfaceTables {
 }
 
 impl SurfaceTables {
-    /// What the materials need.
+    /// Features that the materials need.
     #[must_use]
     pub fn features(&self) -> Features {
         let flags = self.materials.iter().fold(MaterialFlags::empty(), |all, material| all | material.flags);
@@ -79,19 +79,19 @@ pub struct Snapshot {
     pub assemblies: Vec<Arc<Assembly>>,
     /// Lights that shine, by path.
     pub lights: Vec<Light>,
-    /// Materials, textures, and who has them.
+    /// Materials, textures, and their assignment to prims.
     pub surfaces: SurfaceTables,
     /// Categories of light linking.
     pub links: LinkTable,
-    /// What the scene uses.
+    /// Features that the scene uses.
     pub features: Features,
-    /// What its meshes are made of.
+    /// Kinds of the items of its meshes.
     pub leaf_kinds: BTreeSet<LeafKind>,
     /// Deepest chain of instance records from the root to a mesh; at least 1.
     pub max_levels: u32,
-    /// Sizes.
+    /// Numbers of instances, triangles, meshes and assemblies.
     pub counts: SceneCounts,
-    /// Bad data left out.
+    /// Data left out because they were bad.
     pub dropped: DroppedData,
     /// The same scene cut into chunks.
     pub world: Arc<PartitionedWorld>,
@@ -118,7 +118,7 @@ pub enum SnapshotError {
         assembly: usize,
         /// Record number.
         record: usize,
-        /// What is wrong.
+        /// The broken invariant.
         what: &'static str,
     },
     /// A mesh breaks an invariant.
@@ -126,7 +126,7 @@ pub enum SnapshotError {
     Mesh {
         /// Mesh index.
         mesh: usize,
-        /// What is wrong.
+        /// The broken invariant.
         what: String,
     },
     /// Levels or counts are wrong.

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Makes few lines of the warnings of many prims: where more than a few say the like, one line names the first of them,
-//! how many more there are, and what was dropped in all.
+//! Condenses the warnings of many prims into a few lines: if more than [`FEW`] prims have similar warnings, one line
+//! names the first prim, the number of others, and the sum of what was dropped.
 //!
-//! Pure. Lines come in the order of the first prims; nobody is left out of the counts.
+//! Pure. Lines come in the order of the first prims; the counts include every prim.
 
 use super::report::SceneWarning;
 use crate::desc::DroppedData;
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::fmt::Write as _;
 
-/// Prims that say the like and are still told one by one.
+/// Number of prims with similar warnings that are still listed one by one.
 const FEW: usize = 4;
 /// Most lines of one summary. Kinds of warning are few, but texts come from scenes.
 const MOST_LINES: usize = 100;
 
-/// Prims that say the like.
+/// Prims with similar warnings.
 struct WarningGroup<'a> {
     members: Vec<&'a SceneWarning>,
     dropped: DroppedData,
-    /// True if all say the same notes.
+    /// True if all have the same notes.
     is_same: bool,
 }
 

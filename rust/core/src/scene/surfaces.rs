@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Who has which material: bindings of meshes and subsets worked out to the tables of a snapshot, and what the meshes
-//! have to build for them. A material is compiled once after an edit, and only when a mesh shows it.
+//! Resolves material bindings of meshes and subsets to the tables of a snapshot, and decides what the meshes have to
+//! build for their materials. A material is compiled once after an edit, and only if a mesh shows it.
 
 use oocpt_abi::{MAX_PRIM_ID, MaterialFlags, MaterialInput, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_MATERIAL};
 use std::collections::BTreeMap;
@@ -21,14 +21,14 @@ use crate::material::{
 use crate::mesh::{SlotDisplacements, WantedPrimvar};
 use oocpt_materialx::program::{ProgramLookup, REGISTERS};
 
-/// What a prim looks like: an entry of [`SurfaceTables::prims`].
+/// Material slots and categories of a prim: an entry of [`SurfaceTables::prims`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PrimRecord {
     /// First of its slots: the mesh's own material, then those of its subsets.
     pub first_slot: u32,
     /// Number of slots; 0 = no prim has this id, or it has no materials at all.
     pub slot_count: u32,
-    /// Which categories it is in: index into [`SurfaceTables::category_sets`].
+    /// The set of categories that it is in: index into [`SurfaceTables::category_sets`].
     pub category_set: u32,
     /// Of a prim that is another one below instances that are in collections of their own: the prim id of that.
     pub shown_as: Option<i32>,
@@ -48,7 +48,7 @@ pub(crate) struct ShownMeshes<'a> {
 pub(crate) struct MaterialEntry {
     pub(crate) desc: MaterialDesc,
     compiled: Option<Arc<CompiledMaterial>>,
-    /// Of `compiled`.
+    /// Cutout of `compiled`.
     cutout: Option<Arc<Cutout>>,
 }
 
@@ -71,14 +71,14 @@ impl MaterialEntry {
     }
 }
 
-/// What is kept from commit to commit.
+/// The state that is kept from commit to commit.
 #[derive(Debug)]
 pub(crate) struct SurfaceStore {
     /// Numbers of primvar names; they never change. Those of what surfaces without a material show come first.
     names: FxHashMap<Arc<str>, u32>,
     /// Materials of the last commit by path.
     materials: FxHashMap<Arc<str>, Arc<Material>>,
-    /// For tests: boxes do not know of cutouts.
+    /// True if boxes ignore cutouts, for tests.
     pub(crate) has_whole_bounds: bool,
 }
 
@@ -90,7 +90,7 @@ impl Default for SurfaceStore {
     }
 }
 
-/// Path of a binding; empty is none.
+/// Path of a binding; `None` if it is empty.
 fn bound(path: Option<&Arc<str>>) -> Option<&Arc<str>> {
     path.filter(|path| !path.is_empty())
 }
@@ -100,21 +100,21 @@ fn bindings(desc: &MeshDesc) -> impl Iterator<Item = Option<&Arc<str>>> {
     std::iter::once(bound(desc.material.as_ref())).chain(desc.subsets.iter().map(|s| bound(s.material.as_ref())))
 }
 
-/// Returns true if a mesh has a primvar, be it empty.
+/// Returns true if a mesh has an authored primvar, even an empty one.
 fn has_authored(desc: &MeshDesc, name: &str) -> bool {
     desc.authored_primvar(name).is_some()
 }
 
-/// Returns true if a mesh has a primvar of its own.
+/// Returns true if a mesh has a primvar itself.
 fn has(desc: &MeshDesc, name: &str) -> bool {
     desc.authored_primvar(name).is_some_and(|primvar| !primvar.values.is_empty())
 }
 
-/// What is said of a material that the host does not have. Hosts leave out those whose surfaces are all for other
+/// Warning about a material that the host does not have. Hosts leave out materials all of whose surfaces are for other
 /// renderers.
 const MISSING_MATERIAL: &str = "does not exist, or has no surface that is read (UsdPreviewSurface or MaterialX)";
 
-/// What is said of hair that is no curve.
+/// Warning about a hair material on a prim that is not a curve.
 const NO_CURVE: &str = "its hair material is for curves: fibres go along the first texture coordinate, and are met \
                         where the normal says";
 
@@ -126,7 +126,7 @@ fn is_emissive(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -
     })
 }
 
-/// How materials cut a mesh out.
+/// Cutouts of the materials of a mesh, by slot.
 fn cutouts(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -> SlotCutouts {
     let cutout = |material: Option<&Arc<str>>| materials.get(material?)?.cutout.clone();
     let all: SlotCutouts = bindings(desc).map(cutout).collect();
@@ -424,7 +424,7 @@ impl SurfaceTables {
             && self.category_sets == other.category_sets
     }
 
-    /// Checks every invariant.
+    /// Checks every invariant of the tables.
     pub(crate) fn check(&self) -> Result<(), &'static str> {
         let slots = self.material_slots.len() as u64;
         let in_range = |p: &PrimRecord| {

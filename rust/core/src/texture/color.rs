@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which images are sRGB, the curve, and images of one and two channels.
+//! Decides which images are sRGB, converts with the sRGB curve, and expands images of one and two channels.
 
 use super::{ColorSpace, TexelFormat};
 
@@ -14,7 +14,7 @@ pub fn is_srgb(space: &ColorSpace, metadata: Option<bool>, format: TexelFormat, 
     }
 }
 
-/// Its inverse.
+/// Encodes a value with the sRGB curve.
 pub fn srgb_from_linear(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }

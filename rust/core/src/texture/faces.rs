@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Texels of a Ptex file in one row: blocks of faces and of their reductions. The shaders' twin is in
+//! Arranges the texels of a Ptex file in one row: blocks of faces and of their reductions. The shaders' twin is in
 //! `texture/texture.glsl`.
 //!
 //! A face has `2^u` by `2^v` texels. Its reduction of class `c` halves both sides until the longer one has `2^c`
@@ -12,9 +12,9 @@
 use super::layout::LayoutError;
 use oocpt_abi::TILE_SIDE;
 
-/// Texels of a tile.
+/// Number of texels of a tile.
 pub const TILE_TEXELS: u32 = TILE_SIDE * TILE_SIDE;
-/// Most texels a side of a face, as a power of two.
+/// Largest number of texels along a side of a face, as a power of two.
 pub const MAX_FACE_LOG2: u8 = 14;
 
 /// The texels of one reduction of a face.
@@ -34,7 +34,7 @@ impl FaceBlock {
     }
 }
 
-/// Where the texels of all faces are.
+/// Positions of the texels of all faces.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FaceLayout {
     log2: Vec<[u8; 2]>,
@@ -103,8 +103,8 @@ impl FaceLayout {
         Some(FaceBlock { first, size })
     }
 
-    /// What the shaders read: for each face log2 of its texels along u and, from bit 8 on, along v; then the first
-    /// texels of blocks, by class and face.
+    /// The words that the shaders read: for each face log2 of its texels along u and, from bit 8 on, along v; then the
+    /// first texels of blocks, by class and face.
     #[must_use]
     pub fn directory(&self) -> Vec<u32> {
         let sizes = self.log2.iter().map(|[u, v]| u32::from(*u) | u32::from(*v) << 8);

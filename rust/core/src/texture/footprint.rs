@@ -28,7 +28,7 @@ pub fn ellipse(gradients: [DVec3; 2], normal: DVec3, direction: DVec3, map: DMat
     [longer, if longer > 0.0 { area / longer } else { 0.0 }]
 }
 
-/// How wide a filter for such an ellipse is.
+/// Width of the filter for such an ellipse, texels of level 0.
 #[must_use]
 pub fn filter_width([longer, shorter]: [f64; 2]) -> f64 {
     shorter.max(longer / MOST_ANISOTROPY)

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Textures that displace surfaces: who decodes them says so through a trait, what they mean is worked out here.
+//! Textures that displace surfaces. The caller decodes files through a trait; levels, colour spaces and filtering are
+//! handled here.
 //!
 //! One level of an image is read for a mesh, whole: the coarsest one whose texels are not larger than the pieces that
-//! the mesh is cut into. It is filtered bilinearly, as the shaders do. Of its channels those are decoded that are
-//! asked for. Any thread.
+//! the mesh is cut into. It is filtered bilinearly, as the shaders do. Only the channels that are asked for are
+//! decoded. Any thread.
 
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -29,10 +30,10 @@ pub trait HeightFiles: Send + Sync + Debug {
 
 /// An open image.
 pub trait HeightImage: Send + Sync + Debug {
-    /// Its levels.
+    /// Levels and tiles of the image.
     fn layout(&self) -> TileLayout;
 
-    /// How the file says that it is continued outside; never [`Wrap::UseMetadata`].
+    /// Continuation of the image outside, as the file has it; never [`Wrap::UseMetadata`].
     fn wrap(&self) -> Option<[Wrap; 2]>;
 
     /// A channel (0 to 3; of images with fewer, as [`super::expand`] says) of all texels of a level: linear values, row
@@ -52,7 +53,7 @@ pub trait HeightImage: Send + Sync + Debug {
     }
 }
 
-/// Path, member, colour space.
+/// Path, member and colour space of a file.
 type FileKey = (Arc<str>, u32, ColorSpace);
 type OpenedHeights = Result<Option<Arc<dyn HeightImage>>, String>;
 type DecodedHeights = Result<Arc<Vec<f32>>, String>;
@@ -62,18 +63,18 @@ type DecodedHeights = Result<Arc<Vec<f32>>, String>;
 pub struct HeightCache {
     files: Option<Arc<dyn HeightFiles>>,
     open: Mutex<FxHashMap<FileKey, OpenedHeights>>,
-    /// By file, level and channel.
+    /// Decoded channels, by file, level and channel.
     decoded: Mutex<FxHashMap<(FileKey, u32, u8), DecodedHeights>>,
 }
 
 impl HeightCache {
-    /// Textures that `files` opens; without, none can be read.
+    /// Creates a cache of textures that `files` opens; without `files`, none can be read.
     #[must_use]
     pub fn new(files: Option<Arc<dyn HeightFiles>>) -> Self {
         Self { files, ..Self::default() }
     }
 
-    /// Who opens them.
+    /// The interface that opens files.
     pub(crate) fn files(&self) -> Option<&Arc<dyn HeightFiles>> {
         self.files.as_ref()
     }
@@ -148,15 +149,15 @@ fn level_for(layout: &TileLayout, area: f64, channels: u32) -> u32 {
     (wanted.min(coarsest)..coarsest).find(|&level| texels(level) <= MOST_TEXELS).unwrap_or(coarsest)
 }
 
-/// Channels of a level of an image.
+/// Decoded channels of a level of an image.
 #[derive(Clone, Debug)]
 pub(crate) struct HeightLevel {
-    /// Of an image that has this level only.
+    /// Layout of an image that has only this level.
     layout: TileLayout,
     wrap: [Wrap; 2],
-    /// As of [`TextureSampler`].
+    /// Value outside the image, as in [`TextureSampler`].
     outside: [f64; 4],
-    /// Those that were asked for.
+    /// Texels of the channels that were asked for.
     texels: [Option<Arc<Vec<f32>>>; 4],
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Files that nodes name for their own definitions (`info:mtlx:sourceAsset`): OpenUSD names them where a document that
-//! a scene references defines nodes. `oocpt_materialx` reads them. Any thread; reading waits for the disk.
+//! Reads files that nodes name for their own definitions (`info:mtlx:sourceAsset`): OpenUSD names them if a document
+//! that a scene references defines nodes. `oocpt_materialx` parses them. Any thread; reading waits for the disk.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 
 /// The parameter of a node that names the file; no input of a node has such a name.
 const FILE: &str = "info:mtlx:sourceAsset";
-/// Most files of a material; what is beyond is not asked.
+/// Largest number of files of a material; further ones are not read.
 const MOST_FILES: usize = 16;
 
 /// The file that defines a node, if it names one.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The kind of leaf that `rust/book/src/extending.md` adds, for tests alone: boxes along the axes, each between two
-//! points that follow each other. Pure.
+//! The kind of leaf that `rust/book/src/extending.md` adds, for tests alone: axis-aligned boxes, each between two
+//! consecutive points. Pure.
 
 use super::{ItemVertices, LeafItems, LeafKind, point};
 use crate::desc::{DroppedData, MeshDesc};

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lights inside prototypes: where each of their instances is, and how it moves. Pure.
+//! Lights inside prototypes: computes the position and the motion of each of their instances. Pure.
 //!
-//! What moves in a chain of instancers is composed at times of the shutter, at most [`MAX_KEYS`] of them. Where that is
-//! no motion of keys, as of a lamp on an arm that turns, the way between two times is straight: of a quarter turn it is
-//! off by 0.14 % of the arm's length at most.
+//! The motions in a chain of instancers are composed at times of the shutter, at most [`MAX_KEYS`] of them. Where keys
+//! cannot describe the result, as for a lamp on an arm that turns, the path between two times is straight: for a
+//! quarter turn its error is at most 0.14 % of the arm's length.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -20,18 +20,18 @@ use crate::mesh::Aabb;
 use crate::scene::entries::InstancerEntry;
 use crate::scene::resolve::MAX_NESTING;
 
-/// Most places of lights in a scene.
+/// Largest number of placed lights in a scene.
 pub(crate) const MAX_INSTANCED_LIGHTS: usize = 1 << 20;
 
-/// How far a motion may be from what fewer keys say, relative to its size.
+/// Relative error up to which fewer keys replace a motion.
 const SAME_MOTION: f64 = 1e-9;
 
-/// A place of a prim.
+/// A placement of a light prim.
 #[derive(Clone, Debug)]
 pub(crate) struct PlacedLight {
     /// World transform at the frame's own time.
     pub(crate) world: DAffine3,
-    /// At times of the shutter; empty where nothing moves.
+    /// Transforms at times of the shutter; empty if it does not move.
     pub(crate) samples: Vec<TransformSample>,
 }
 
@@ -111,7 +111,7 @@ fn samples(maps: &[DAffine3], times: &[f64], own: &[f64]) -> Vec<TransformSample
 /// The world transform of a place at the frame's own time, then at each of the times.
 type TimedTransforms = Vec<DAffine3>;
 
-/// The transform of a prim in its parent.
+/// The transform of a prim in its parent, with its motion.
 struct LocalTransform {
     ways: TimedTransforms,
     moves: bool,
@@ -126,7 +126,7 @@ struct LightInstances<'a> {
     is_cut: bool,
 }
 
-/// Most prims looked at for one light.
+/// Largest number of prims visited for one light.
 const MAX_STEPS: usize = 1 << 16;
 
 impl LightInstances<'_> {
@@ -191,7 +191,7 @@ impl LightInstances<'_> {
         }
     }
 
-    /// The transform of a prim; what cannot move stays.
+    /// The transform of a prim; a motion that cannot be used is left out.
     fn local(&self, prim: &PrimDesc) -> Option<LocalTransform> {
         let own = affine(&prim.transform)?;
         let keys = transform_motion(&prim.motion).ok().flatten().and_then(|samples| {
@@ -212,7 +212,7 @@ impl LightInstances<'_> {
     }
 }
 
-/// Lights may be flat, which other prims may not.
+/// The affine map of a matrix. Lights may be flat, unlike other prims.
 fn affine(m: &DMat4) -> Option<DAffine3> {
     usable_affine(m).or_else(|| {
         let is_affine = (m.row(3) - DVec4::W).abs().max_element() <= 1e-9;

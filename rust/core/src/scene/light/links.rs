@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
-/// Numbers of categories.
+/// The numbers of the categories that lights name.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LinkTable {
     categories: FxHashMap<Arc<str>, u32>,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lights that are somewhere: shape, placement, shaping. Pure.
+//! Lights at a position: their shape, placement and shaping. Pure.
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -7,7 +7,7 @@ use super::shape::{LocalShape, shape_of};
 use super::{narrow, orthonormal};
 use crate::desc::{AssetRef, LightDesc, ShapingCone};
 
-/// A light at a place.
+/// A light with a position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LocalLight {
     /// Shape of unit size.
@@ -19,13 +19,13 @@ pub struct LocalLight {
     pub frame: DMat3,
     /// Area in the world; 0 for points and lines.
     pub area: f64,
-    /// Where it shines; `None`: everywhere its shape does.
+    /// Restriction of its directions; `None`: it emits wherever its shape does.
     pub shaping: Option<LightShaping>,
     /// Picture on a rectangle: u grows from +x to -x, v from +y to -y, (0, 0) the upper left of the file.
     pub texture: Option<AssetRef>,
 }
 
-/// Where a light shines about its -z axis. Checked: finite, in range.
+/// Restriction of a light's directions about its -z axis. Checked: finite, in range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightShaping {
     /// Half angle of the cone, radians, in [0, pi]; pi with a profile, which says itself where no light goes
@@ -35,13 +35,13 @@ pub struct LightShaping {
     pub smooth_start: f32,
     /// Exponent of the cosine to the axis, forwards and backwards; 0: none.
     pub focus: f32,
-    /// Colour of what the exponent takes away.
+    /// Tint of the light that the exponent takes away.
     pub focus_tint: [f32; 3],
-    /// A measured profile.
+    /// Measured profile.
     pub ies: Option<AssetRef>,
-    /// `UsdLux` `ies:angleScale`.
+    /// `ies:angleScale` of `UsdLux`.
     pub ies_angle_scale: f32,
-    /// Divide the profile by its mean.
+    /// True if the profile is divided by its mean.
     pub ies_normalize: bool,
 }
 

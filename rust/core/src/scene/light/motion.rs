@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lights that move while the shutter is open: keys of what the device has of them. Pure; any thread.
+//! Lights that move while the shutter is open, as keys of the data that the device has of them. Pure; any thread.
 
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 
@@ -11,7 +11,7 @@ use crate::instancing::motion::{MAX_KEYS, MotionKey, PlacementKeys, key_at, map_
 /// Turn of a light between two of the times at which it is asked where it points, radians.
 const STEP: f64 = 0.1;
 
-/// How a light moves.
+/// The motion of a light, as keys.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightMotion {
     /// World from the unit shape; of a light at infinity from its frame. Two or more, in the order of time.
@@ -73,8 +73,8 @@ impl LightMotion {
         (min.to_array(), max.to_array())
     }
 
-    /// Where the light points (unit) at times while the shutter is open, and by what angle at most it turns between
-    /// two of them that follow each other.
+    /// Directions (unit) in which the light points at times while the shutter is open, and the largest angle by which
+    /// it turns between two consecutive ones.
     #[must_use]
     pub fn axes(&self) -> (Vec<[f64; 3]>, f64) {
         let axis = |time: f64| DMat3::from_quat(key_at(&self.keys, time).rotation) * -self.frame.z_axis;
@@ -101,7 +101,7 @@ impl LightMotion {
         self.frame.z_axis.as_vec3().to_array()
     }
 
-    /// Of a dome: rows of the map to it from there.
+    /// For a dome: rows of the map from the world to the dome.
     #[must_use]
     pub fn rows(&self) -> [[f32; 3]; 3] {
         // The transpose of a rotation is its inverse.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Shapes of local lights: what descriptions make of them, their areas and sizes under affine maps. Pure.
+//! Shapes of local lights: their choice from descriptions, and their areas and sizes under affine maps. Pure.
 //!
-//! All that is said of a shape here; `shaders/light/shapes` has a file of the same name for each.
+//! This is the only Rust code that depends on a shape; `shaders/light/shapes` has a file of the same name for each.
 
 use std::f64::consts::{PI, TAU};
 
@@ -14,13 +14,13 @@ use crate::desc::{AssetRef, LightKind};
 pub enum LocalShape {
     /// The square `|x| <= 1, |y| <= 1` in the plane z = 0; shines to -z.
     Rect,
-    /// The disk `x^2 + y^2 <= 1` in the plane z = 0; shines to -z.
+    /// The disk `x^2 + y^2 <= 1` in the plane z = 0; it emits to -z.
     Disk,
-    /// The unit sphere; shines outwards.
+    /// The unit sphere; it emits outwards.
     Sphere,
     /// The cylinder `y^2 + z^2 = 1, |x| <= 1` without caps; shines outwards.
     Cylinder,
-    /// The origin; shines the same in all directions.
+    /// The origin; it emits the same in all directions.
     Point,
     /// The segment `|x| <= 1` of the x axis; shines with the sine of the angle to it.
     Line,
@@ -51,7 +51,7 @@ impl LocalShape {
         matches!(self, Self::Point | Self::Line)
     }
 
-    /// True for shapes that shine to one side of a plane.
+    /// True for shapes that emit to one side of a plane.
     #[must_use]
     pub fn is_flat(self) -> bool {
         self.half_box()[2] <= 0.0 && !self.is_thin()
@@ -118,7 +118,7 @@ impl LocalShape {
     }
 }
 
-/// Shape, and the sizes of the unit shape's axes.
+/// The shape, and the sizes of the unit shape's axes.
 pub(super) fn shape_of(kind: &LightKind) -> Option<(LocalShape, DVec3, Option<AssetRef>)> {
     let wide = f64::from;
     match kind {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How control points make curves: segments of the bases of `UsdGeomBasisCurves`, and their weights. Pure.
+//! Turns control points into curves: the segments of the bases of `UsdGeomBasisCurves`, and their weights. Pure.
 
 use crate::desc::{CurveBasis, CurveWrap};
 
@@ -10,7 +10,7 @@ pub(super) struct CurveSegment {
     pub(super) vertices: [usize; 4],
     /// The first control point is the second one mirrored, `2 P0 - P1` (pinned ends).
     pub(super) mirrors_first: bool,
-    /// The last one is.
+    /// True if the last control point is mirrored.
     pub(super) mirrors_last: bool,
 }
 

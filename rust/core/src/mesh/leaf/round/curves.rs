@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Curves cut into straight pieces. Pure.
+//! Cuts curves into straight pieces. Pure.
 //!
 //! A cubic segment with second derivatives of at most `b` leaves its chord by at most `b / (8 k^2)` when it is cut into
 //! `k` pieces; the radius, which is cubic too, is taken as a fourth coordinate. `k` is such that this is at most
@@ -22,9 +22,9 @@ const THICK: f64 = 2.0;
 /// Largest angle between pieces of thick curves, and of thin ones.
 const THICK_TURN: f64 = 0.08;
 const THIN_TURN: f64 = 0.8;
-/// Pieces of a cubic segment where no camera says how many.
+/// Number of pieces of a cubic segment if no camera decides it.
 const UNSEEN_PIECES: u32 = 8;
-/// Most pieces of a segment.
+/// Largest number of pieces of a segment.
 const MOST_PIECES: u32 = 256;
 /// Pieces of one prim above which its segments are cut into fewer, though always into up to [`ALWAYS_PIECES`].
 const MOST_IN_ALL: usize = 1 << 23;
@@ -37,7 +37,7 @@ pub(super) struct CurvePiece {
     pub(super) curve: u32,
 }
 
-/// Where a point of the cut comes from.
+/// The control points from which a point of the cut is computed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CurveStencil {
     /// Points of the prim and their weights.
@@ -60,14 +60,14 @@ pub(super) struct CutCurves {
     /// Weights of the stencils' points in these directions, of what moves.
     pub(super) slopes: Vec<[f64; 4]>,
     moves: bool,
-    /// Values that a varying primvar must have.
+    /// Number of values that a varying primvar must have.
     pub(super) varying_count: usize,
     /// Curve of each point.
     pub(super) curves: Vec<u32>,
     /// Most pieces of a segment, and whether some segment would have more.
     most_pieces: u32,
     is_coarse: bool,
-    /// Points of all segments, and whether nothing else is wanted.
+    /// Number of points of all segments, and whether nothing else is wanted.
     point_total: u64,
     counts_only: bool,
 }
@@ -77,18 +77,18 @@ struct ControlCurve<'a> {
     number: u32,
     /// Points of its vertices.
     vertices: &'a [u32],
-    /// Its first value of a varying primvar, and how many it has.
+    /// First value of a varying primvar on the curve, and the number of its values.
     varying: (usize, usize),
 }
 
-/// Radii by whatever widths go by.
+/// Radii of curves, at the rate of the authored widths.
 pub(super) struct CurveRadii<'a> {
     interpolation: Interpolation,
     view: Result<ArrayView<'a>, LineWidths<'a>>,
 }
 
 impl CutCurves {
-    /// `moves`: it will be asked for poses.
+    /// `moves`: poses will be read too.
     pub(super) fn new(
         desc: &MeshDesc,
         curves: &CurvesDesc,
@@ -99,7 +99,7 @@ impl CutCurves {
         Self { moves, ..Self::default() }.read(desc, curves, dicing, dropped)
     }
 
-    /// Points of the cut, or somewhat more.
+    /// Number of points of the cut, or somewhat more.
     pub(super) fn count(desc: &MeshDesc, curves: &CurvesDesc, dicing: &DicingRate) -> u64 {
         let counting = Self { counts_only: true, ..Self::default() };
         counting.read(desc, curves, dicing, &mut DroppedData::default()).point_total
@@ -289,7 +289,7 @@ impl<'a> CurveRadii<'a> {
         )
     }
 
-    /// Those of widths that can be used.
+    /// The radii of widths that can be used.
     pub(super) fn of_widths(primvar: &'a Primvar) -> Self {
         let is_one = primvar.values.len() == 1;
         let interpolation = if is_one { Interpolation::Constant } else { primvar.interpolation };
@@ -312,7 +312,7 @@ impl<'a> CurveRadii<'a> {
         view.scalar(at).or(view.scalar(0)).filter(|width| is_width(*width)).unwrap_or(0.0)
     }
 
-    /// Radius at a point of the cut; 0 where a spline is negative.
+    /// Radius at a point of the cut; 0 if a spline is negative there.
     pub(super) fn at_stencil(&self, stencil: &CurveStencil, curve: u32) -> f64 {
         let width = match self.interpolation {
             Interpolation::Constant | Interpolation::Instance => self.width(0),

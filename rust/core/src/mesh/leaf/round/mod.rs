@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Curves and points: round things ([`LeafKind::Rounds`], [`LeafKind::Points`]), or ribbons of triangles. Pure.
 //!
-//! [`basis`] says how control points make a curve, [`curves`] cuts curves into pieces, [`values`] brings primvars
-//! along, [`posed`] says where they are at other times. A piece of a tube is the hull of the balls at its ends, so
-//! pieces fit without a gap, and linear curves are exact. A piece of a cubic curve is straight: [`curves`] says how far
-//! it is from the curve. A point is a ball, a piece of no length. What has no widths is [`lines`].
+//! [`basis`] turns control points into curves, [`curves`] cuts curves into pieces, [`values`] evaluates primvars at the
+//! cuts, [`posed`] computes the points at other times. A piece of a tube is the hull of the balls at its ends, so
+//! pieces fit without a gap, and linear curves are exact. A piece of a cubic curve is straight: [`curves`] bounds its
+//! distance from the curve. A point is a ball, a piece of no length. [`lines`] gives widths to prims without any.
 
 mod basis;
 mod curves;
@@ -50,7 +50,7 @@ fn usable_points<'a>(desc: &'a MeshDesc, dropped: &mut DroppedData) -> Option<Ar
     (is_usable && view.len() <= MAX_CORNERS / 4).then_some(view)
 }
 
-/// Points that curves are cut at, or somewhat more.
+/// Number of points that curves are cut at, or somewhat more.
 pub(in crate::mesh) fn curve_points(desc: &MeshDesc, curves: &CurvesDesc, dicing: &DicingRate) -> u64 {
     usable_points(desc, &mut DroppedData::default()).map_or(0, |_| CutCurves::count(desc, curves, dicing))
 }
@@ -151,7 +151,7 @@ fn has_width(pose: &PointsPose, at: usize) -> bool {
     pose.radii.as_ref().and_then(|radii| radii.get(at)).is_some_and(|&radius| radius > 0.0)
 }
 
-/// Widths by point.
+/// Widths of points.
 enum PointWidths<'a> {
     Constant(f64),
     ByPoint(ArrayView<'a>),
@@ -183,7 +183,7 @@ impl<'a> PointWidths<'a> {
     }
 }
 
-/// Pieces as hulls of balls.
+/// The pieces of curves as hulls of balls.
 fn as_tubes(
     desc: &MeshDesc,
     wanted: &[WantedPrimvar],

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Cut curves as ribbons, and at poses of what moves. A curve is the same sum of its control points at any time, so are
-//! its direction and its width. Pure.
+//! Cut curves as ribbons, and cut curves at the poses of a moving prim. A point of a curve is the same weighted sum of
+//! its control points at any time, and so are its direction and its width. Pure.
 
 use glam::{DVec3, Vec3};
 
@@ -16,12 +16,12 @@ pub(super) struct RibbonPoints {
     pub(super) normals: Primvar,
 }
 
-/// What a ribbon is made of, by point of the cut.
+/// Inputs of a ribbon, by point of the cut.
 #[derive(Clone, Copy)]
 struct RibbonSource<'a> {
     points: &'a [[f32; 3]],
     radii: &'a [f32],
-    /// Of unit length, or 0.
+    /// Directions of unit length, or 0.
     tangents: &'a [DVec3],
     normals: &'a [[f32; 3]],
 }
