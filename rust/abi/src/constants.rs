@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The numbers that host and shaders share, by their names in the shaders. The build writes a `const uint` of each.
+//! The constants that host and shaders share, by their names in the shaders. The build writes a `const uint` of each.
 
 use super::*;
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The table of features: what a scene and a frame may need, and what the passes are compiled without otherwise.
+//! The table of features that a scene and a frame may need. The passes are compiled without the others.
 //!
-//! A row is all there is to declare. Its place is its bit; the build writes `HAS_NAME` for the shaders from it, the
-//! renderer takes its words for the stats and `oocpt doctor` from it. `rust/render/src/specialise.rs` says when a frame
-//! needs it. Pure, any thread.
+//! A row is the only declaration of a feature. Its position is its bit; the build writes `HAS_NAME` for the shaders
+//! from it, the renderer takes its words for the stats and `oocpt doctor` from it. `rust/render/src/specialise.rs`
+//! decides when a frame needs it. Pure, any thread.
 
 use bitflags::bitflags;
 
@@ -12,7 +12,7 @@ pub const SPEC_FEATURES: u32 = 2;
 /// Specialisation constant: bits 32 to 63 of [`Features`].
 pub const SPEC_FEATURES_HIGH: u32 = 3;
 
-/// Whether a feature can be compiled in for a scene that does not need it without changing a bit of the picture
+/// Tells for which scenes a feature can be compiled in that they do not need, without changing a bit of the picture
 /// (`oocpt:carry`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CarryRule {
@@ -20,7 +20,7 @@ pub enum CarryRule {
     Never,
     /// For every scene.
     Always,
-    /// Where the light table allows it.
+    /// For scenes whose light table allows it.
     Lights,
     /// For scenes with materials.
     Materials,
@@ -33,13 +33,13 @@ pub enum CarryRule {
 pub struct FeatureRow {
     /// As in `HAS_NAME` of the shaders, in `oocpt:carry` and in the stats.
     pub name: &'static str,
-    /// Its bit.
+    /// Bit of the feature.
     pub bit: Features,
-    /// In words, for the stats.
+    /// Description in words, for the stats.
     pub what: &'static str,
     /// Without all of these the shaders do not look at the bit. Rows above this one.
     pub needs: Features,
-    /// See [`CarryRule`].
+    /// Scenes that it can be compiled in for without need.
     pub carry: CarryRule,
 }
 
@@ -55,15 +55,15 @@ macro_rules! features {
         }
 
         bitflags! {
-            /// What the scene and the frame need; the passes are compiled without the rest (specialisation constants
-            /// [`SPEC_FEATURES`] and [`SPEC_FEATURES_HIGH`]).
+            /// The features that the scene and the frame need; the passes are compiled without the rest (specialisation
+            /// constants [`SPEC_FEATURES`] and [`SPEC_FEATURES_HIGH`]).
             #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
             pub struct Features: u64 {
                 $($(#[doc = $doc])+ $(#[cfg($only)])? const $name = 1 << (FeatureBit::$name as u32);)+
             }
         }
 
-        /// Every feature, by bit.
+        /// Rows of all features, by bit.
         pub const FEATURES: &[FeatureRow] = &[$($(#[cfg($only)])? FeatureRow {
             name: stringify!($name),
             bit: Features::$name,
@@ -75,9 +75,9 @@ macro_rules! features {
 }
 
 features! {
-    /// A dome light.
+    /// There is a dome light.
     DOME: "dome light", [], Always;
-    /// A distant light.
+    /// There is a distant light.
     DISTANT: "distant lights", [], Always;
     /// Some mesh has opacities: traversal decides per hit, stochastically.
     OPACITY: "opacity in traversal", [], Always;
@@ -103,7 +103,7 @@ features! {
     TEXTURES: "textures, and ray cones for them", [MATERIALS], MaterialsInCore;
     /// Some texture is Ptex.
     PTEX: "Ptex", [TEXTURES], MaterialsInCore;
-    /// Some material's opacity has to be asked for in traversal.
+    /// Some material's opacity has to be evaluated in traversal.
     CUTOUTS: "cutouts in traversal", [MATERIALS], MaterialsInCore;
     /// Some material lets light through.
     TRANSMISSION: "transmission", [MATERIALS], Materials;
@@ -113,15 +113,15 @@ features! {
     COAT: "coats", [MATERIALS], Materials;
     /// Some material is one of `OpenPBR`: glass and coat with inputs of their own.
     OPEN_PBR: "OpenPBR: tinted glass, coats of another index", [MATERIALS], Materials;
-    /// `Shading::sheen_color` counts.
+    /// `Shading::sheen_color` is used.
     SHEEN: "sheen, and tables of it", [MATERIALS], Never;
-    /// Some material has a lobe that is not the same all around.
+    /// Some material has an anisotropic lobe.
     ANISOTROPY: "anisotropy", [OPEN_PBR], Materials;
-    /// Some material has a film that interferes.
+    /// Some material has a thin film.
     THIN_FILM: "thin films", [OPEN_PBR], Materials;
-    /// Some material is a sheet without an inside.
+    /// Some material is a thin wall, without an inside.
     THIN_WALLS: "thin walls", [OPEN_PBR, TRANSMISSION], Materials;
-    /// Some material absorbs light on its way inside.
+    /// Some material absorbs light inside.
     ABSORPTION: "absorption inside", [OPEN_PBR, TRANSMISSION], Materials;
     /// The index of some glass depends on the channel: a path that meets it has one channel from there on.
     DISPERSION: "dispersion of glass", [OPEN_PBR, TRANSMISSION], Materials;
@@ -134,9 +134,9 @@ features! {
     PATTERNS: "programs of patterns", [MATERIALS], Materials;
     /// Some material is one of several by chance: programs read random numbers of the hit.
     MIXTURES: "mixtures by chance", [PATTERNS], Materials;
-    /// The opacity of some material is worked out by a program.
+    /// Some material's opacity is computed by a program.
     CUTOUT_PROGRAMS: "cutouts by programs", [CUTOUTS, PATTERNS], MaterialsInCore;
-    /// What textures say of some cutout is known in part without them: `GpuMaterial::cutout` counts.
+    /// Some cutout by textures has an opacity mask: `GpuMaterial::cutout` is used.
     OPACITY_MASKS: "masks of what is known of cutouts", [CUTOUTS, TEXTURES], Never;
     /// Trace passes ask masks only; rays whose hit depends on what these do not know have passes of their own:
     /// `FrameConstants::settle_queue` counts.
@@ -156,7 +156,7 @@ features! {
     IES: "IES profiles", [SHAPING], Lights;
     /// The dome has a texture.
     DOME_TEXTURE: "dome textures", [DOME], Lights;
-    /// Some light with a place has a texture.
+    /// Some local light has a texture.
     LIGHT_TEXTURE: "textures of rect lights", [LOCAL_LIGHTS], Lights;
     /// Some light lights or shadows only some prims.
     LIGHT_LINKS: "light linking", [], Lights;
@@ -178,7 +178,7 @@ features! {
     MOTION: "motion of placements", [], Always;
     /// The points of some mesh move while the shutter is open: paths have a time.
     DEFORMATION: "motion of points", [], Always;
-    /// The camera moves: `FrameConstants::camera_motion` counts.
+    /// The camera moves: `FrameConstants::camera_motion` is used.
     CAMERA_MOTION: "motion of the camera", [], Never;
     /// The camera has clipping planes: `FrameConstants::clip_planes` counts.
     CLIPPING: "clipping planes", [], Never;
@@ -192,7 +192,7 @@ features! {
     POINTS: "points", [], Always;
     /// The shadows of some light end at a distance.
     SHADOW_REACH: "shadows that end", [], Never;
-    /// The lobe that tests add.
+    /// Some material has the lobe that tests add.
     #[cfg(feature = "faults")]
     TOY_LOBE: "toy lobe", [MATERIALS], Never;
     /// Some mesh is made of the boxes that tests add.

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a pass is given: the frame block, specialisation constants, and how to launch ([`super::PushConstants`] has the
-//! push constants).
+//! The inputs of a pass: the frame block, specialisation constants, and launch parameters ([`super::PushConstants`] has
+//! the push constants).
 //!
-//! Guarantees: plain data, of which the build makes the structs of the shaders. Any thread.
+//! Guarantees: plain data, from which the build makes the structs of the shaders. Any thread.
 
 use bitflags::bitflags;
 use bytemuck::{Pod, Zeroable};
@@ -25,10 +25,10 @@ pub const SPEC_STACK_SIZE: u32 = 1;
 /// instances whose number is n - 1, modulo [`FAULT_ONE_IN`], and go on without them; [`FAULT_ALL`] has them forget all.
 #[cfg(feature = "faults")]
 pub const SPEC_FAULT: u32 = 4;
-/// See [`SPEC_FAULT`].
+/// Value of [`SPEC_FAULT`] for a fault in one of so many cases.
 #[cfg(feature = "faults")]
 pub const FAULT_ONE_IN: u32 = 100;
-/// See [`SPEC_FAULT`].
+/// Value of [`SPEC_FAULT`] for a fault in all cases.
 #[cfg(feature = "faults")]
 pub const FAULT_ALL: u32 = u32::MAX;
 
@@ -44,13 +44,13 @@ pub const PREPARE_RESOLVE: u32 = 3;
 pub const PREPARE_SETTLE: u32 = 4;
 /// `arg0` of `sort_deferred_scan`: blocks of [`SCAN_BLOCK`] counts, each for itself.
 pub const SCAN_BLOCKS: u32 = 0;
-/// `arg0` of `sort_deferred_scan`: the sums of the blocks.
+/// Value of `arg0` of `sort_deferred_scan`: it scans the sums of the blocks.
 pub const SCAN_SUMS: u32 = 1;
-/// Counts that a workgroup of `sort_deferred_scan` takes.
+/// Number of counts that a workgroup of `sort_deferred_scan` takes.
 pub const SCAN_BLOCK: u32 = 1024;
-/// `arg0` of `shade_aovs`: the rays that met something.
+/// Value of `arg0` of `shade_aovs`: the rays that met a surface.
 pub const AOV_SURFACES: u32 = 0;
-/// `arg0` of `shade_aovs`: the rays that left the scene.
+/// Value of `arg0` of `shade_aovs`: the rays that left the scene.
 pub const AOV_ESCAPED: u32 = 1;
 
 bitflags! {
@@ -63,8 +63,8 @@ bitflags! {
 }
 
 shared! {
-    /// Where `shade_aovs` writes: device addresses of tightly packed planes, pixel `y * width + x`, row 0 at the
-    /// bottom. 0 = not wanted. [`crate::aov_bytes`] gives bytes per pixel.
+    /// Outputs of `shade_aovs`: device addresses of tightly packed planes, pixel `y * width + x`, row 0 at the bottom.
+    /// 0 = not wanted. [`crate::aov_bytes`] gives bytes per pixel.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct AovTargets {
         /// f32, clip z/w mapped from [-1, 1] to [0, 1].
@@ -79,7 +79,7 @@ shared! {
         pub element_id: u64,
         /// f32x3, world normal, unit, on the authored side of the surface.
         pub normal: u64,
-        /// f32x3, the same in view space.
+        /// f32x3, the shading normal in view space.
         pub neye: u64,
         /// f32x3, diffuse albedo, linear.
         pub albedo: u64,
@@ -92,28 +92,28 @@ shared! {
 }
 
 shared! {
-    /// What `shade_aovs` writes where nothing is hit, plane by plane.
+    /// Values that `shade_aovs` writes where a ray leaves the scene, plane by plane.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct AovClear {
-        /// Clear value of the plane of this name.
+        /// Clear value of `depth`.
         pub depth: f32,
-        /// Clear value of the plane of this name.
+        /// Clear value of `camera_depth`.
         pub camera_depth: f32,
-        /// Clear value of the plane of this name.
+        /// Clear value of `prim_id`.
         pub prim_id: i32,
-        /// Clear value of the plane of this name.
+        /// Clear value of `instance_id`.
         pub instance_id: i32,
-        /// Clear value of the plane of this name.
+        /// Clear value of `element_id`.
         pub element_id: i32,
-        /// Clear value of the plane of this name.
+        /// Clear value of `normal`.
         pub normal: [f32; 3],
-        /// Clear value of the plane of this name.
+        /// Clear value of `neye`.
         pub neye: [f32; 3],
-        /// Clear value of the plane of this name.
+        /// Clear value of `albedo`.
         pub albedo: [f32; 3],
-        /// Clear value of the plane of this name.
+        /// Clear value of `motion`.
         pub motion: [f32; 3],
-        /// 0.
+        /// Padding; 0.
         pub pad: u32,
     }
 }
@@ -142,7 +142,7 @@ shared! {
         pub hits: u64,
         /// [`crate::PathState`] per path.
         pub paths: u64,
-        /// f32x4 (rgb, alpha) per path, of what it has brought so far.
+        /// f32x4 (rgb, alpha) per path, its contribution so far.
         pub radiance: u64,
         /// Two queues of u32 path numbers, wave size, used in turn: round `r` reads `ray_queue[r & 1]`. 4-byte aligned,
         /// as are all queues.
@@ -166,30 +166,30 @@ shared! {
         pub film: u64,
         /// f32x4 per pixel `y * width + x`, row 0 at the bottom: what `resolve` writes. 16-byte aligned.
         pub color: u64,
-        /// What `shade_aovs` writes.
+        /// Outputs of `shade_aovs`.
         pub aov: AovTargets,
-        /// What `shade_aovs` writes where nothing is hit.
+        /// Values that `shade_aovs` writes where a ray leaves the scene.
         pub aov_clear: AovClear,
-        /// What `resolve` puts under the picture: `color = premultiplied + clear_color * (1 - alpha)`.
+        /// Colour that `resolve` puts under the picture: `color = premultiplied + clear_color * (1 - alpha)`.
         pub clear_color: [f32; 4],
         /// Camera ray of image point (px, py), pixel centres at + 0.5: origin `ray_o + ray_o_lo + px * ray_o_x + py *
         /// ray_o_y`.
         pub ray_o: [f32; 3],
-        /// What `ray_o` lacks of the camera's place in f64, at most half an ulp of it.
+        /// Difference of the camera's position in f64 from `ray_o`, at most half an ulp of it.
         pub ray_o_lo: [f32; 3],
-        /// See `ray_o`.
+        /// Change of `ray_o` per pixel to the right.
         pub ray_o_x: [f32; 3],
-        /// See `ray_o`.
+        /// Change of `ray_o` per pixel up.
         pub ray_o_y: [f32; 3],
         /// Direction `ray_d + px * ray_d_x + py * ray_d_y`, of length 1 along the view axis, normalised by the pass.
         pub ray_d: [f32; 3],
-        /// See `ray_d`.
+        /// Change of `ray_d` per pixel to the right.
         pub ray_d_x: [f32; 3],
-        /// See `ray_d`.
+        /// Change of `ray_d` per pixel up.
         pub ray_d_y: [f32; 3],
-        /// Lens axes, world, times the lens radius.
+        /// Lens x axis, world, times the lens radius.
         pub lens_u: [f32; 3],
-        /// See `lens_u`.
+        /// Lens y axis, world, times the lens radius.
         pub lens_v: [f32; 3],
         /// Distance of the plane in focus along the view axis.
         pub focus: f32,
@@ -218,13 +218,13 @@ shared! {
         /// Threads of a round that trace its rays, at most and rounded up to workgroups: where there are more rays,
         /// each takes some, one after the other.
         pub most_walkers: u32,
-        /// See `clip_planes`.
+        /// Number of clipping planes at `clip_planes`.
         pub clip_plane_count: u32,
         /// Table of materials; 0 without `Features::MATERIALS`, as the next two.
         pub materials: u64,
         /// Table of prims, by prim id + 1.
         pub prims: u64,
-        /// u32 material numbers, where the prims say.
+        /// u32 material numbers, indexed by the slots of the prims.
         pub material_slots: u64,
         /// Table of textures; 0 without `Features::TEXTURES`, as the next.
         pub textures: u64,
@@ -255,11 +255,11 @@ shared! {
         pub clip_planes: u64,
         /// Pixel x of a point = dot of this with (v, 1), v in view space, over that of `clip_w`.
         pub pixel_x: [f32; 4],
-        /// Pixel y, likewise.
+        /// Row that gives the pixel y of a point.
         pub pixel_y: [f32; 4],
-        /// What `resolve` multiplies the film's colour by.
+        /// Factor of the film's colour in `resolve`.
         pub exposure: f32,
-        /// What keeps the relative error of a black pixel finite, in units of the film: 0.01 of the picture's.
+        /// Summand that keeps the relative error of a black pixel finite, in units of the film: 0.01 of the picture's.
         pub error_floor: f32,
     }
 }
@@ -276,15 +276,15 @@ shared! {
         pub lens_x: f32,
         /// `slope` at image point (0, 0), and its change per pixel to the right and up.
         pub slope: [f32; 3],
-        /// As `lens_x`, by its y.
+        /// Change by the lens y, as `lens_x` by its x.
         pub lens_y: f32,
     }
 }
 
 shared! {
-    /// Which samples the paths of an epoch are, with `Features::ADAPTIVE`. The film then has a [`crate::FilmPixel`] for
-    /// each pixel of stream 0 and behind all of them one for each of stream 1; `PushConstants::first_pixel` is an
-    /// entry, and `PushConstants::first_sample` a row, with the band from bit 26 on.
+    /// The samples of the paths of an epoch, with `Features::ADAPTIVE`. The film then has a [`crate::FilmPixel`] for
+    /// each pixel of stream 0, followed by one for each of stream 1; `PushConstants::first_pixel` is an entry, and
+    /// `PushConstants::first_sample` a row, with the band from bit 26 on.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct AdaptiveSampling {
         /// u32x2 each: number of the pixel in trace order, with the stream in the highest bit; first sample. 8-byte
@@ -293,7 +293,7 @@ shared! {
         /// u32 by octave & 7, stream, pixel: estimates by the first `2^octave` samples, as two halves
         /// (`oocpt_core::adaptive::VarianceEstimate`).
         pub estimates: u64,
-        /// Entries of each band.
+        /// Number of entries of each band.
         pub width: [u32; 32],
     }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The structs that host and shaders share: what declares them, and the list of them.
+//! The structs that host and shaders share: the macro that declares them, and their list.
 //!
 //! Guarantees: a struct of `shared!` is declared once. The build writes its twin for the shaders
 //! (`generated/structs.glsl`), and compares offsets and sizes in the SPIR-V with those that the Rust compiler gives.
@@ -9,24 +9,24 @@ use super::*;
 /// A member of a struct.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MemberLayout {
-    /// Name, equal in GLSL.
+    /// Name in Rust and in GLSL.
     pub name: &'static str,
     /// Type in Rust.
     pub rust: &'static str,
     /// Type in GLSL where that does not follow from the one in Rust.
     pub glsl: Option<&'static str>,
-    /// Bytes from the start of the struct.
+    /// Offset in the struct, bytes.
     pub offset: usize,
     /// Bytes of the member.
     pub size: usize,
 }
 
-/// How a struct is laid out.
+/// The layout of a struct.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StructLayout {
-    /// Name, equal in GLSL.
+    /// Name in Rust and in GLSL.
     pub name: &'static str,
-    /// Bytes of the struct, and stride of arrays of it.
+    /// Size of the struct, and stride of its arrays, bytes.
     pub size: usize,
     /// Members in order.
     pub members: &'static [MemberLayout],

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Numbers that the passes and the host compute with. The build writes a `const float` of each for the shaders.
+//! Floating-point constants that the passes and the host share. The build writes a `const float` of each for the
+//! shaders.
 
-/// Longest chain of instance records below a chunk instance.
+/// Length of the longest chain of instance records below a chunk instance.
 pub const MAX_LEVELS: u32 = 16;
 
 /// The set of samples that the time of a path is the first coordinate of; those of bounces are numbered from 0.
@@ -10,7 +11,7 @@ pub const TIME_SET: u32 = 0x4000_0000;
 /// Above the number of an item that is no triangle: that of its second surface.
 pub const SECOND_SURFACE: u32 = 1 << 31;
 
-/// Of `GpuCutout::modes`: the mask is of a set of files.
+/// Bit of `GpuCutout::modes`: the mask is of a set of files.
 pub const MASK_SET: u32 = 1 << 7;
 
 macro_rules! floats {
@@ -41,12 +42,12 @@ floats! {
     MESH_PAD = 2.1e-6;
     /// A triangle is seen along its plane below this squared cosine.
     GRAZING = 1.0e-4;
-    /// How many widths of a filter go to the length of a lookup's ellipse, at most.
+    /// Largest ratio of the length of a lookup's ellipse to the width of its filter.
     MOST_ANISOTROPY = 16.0;
-    /// Surfaces that are less rough are sharp.
+    /// Surfaces with less roughness count as sharp.
     SHARP_ROUGHNESS = 0.01;
     /// In place of the offset of a fibre, which is in -1..1: its normal says where it is met.
     HAIR_BY_NORMAL = 2.0;
-    /// Steps along u and v of a packed Ptex place: 17 bits each.
+    /// Number of steps along u and v of a packed Ptex position: 17 bits each.
     PTEX_STEPS = 131_072.0;
 }

@@ -5,7 +5,7 @@ use bitflags::bitflags;
 use bytemuck::{Pod, Zeroable};
 
 bitflags! {
-    /// What the rays of a submission are (`PushConstants::flags`).
+    /// Properties of the rays of a submission (`PushConstants::flags`).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
     pub struct PushFlags: u32 {
         /// Rays of `generate_aov_rays`: they meet every surface of opacity above 0, and are not counted in the totals.
@@ -18,9 +18,9 @@ bitflags! {
     }
 }
 
-/// Where `generate_*` finds the number of the segment in `PushConstants::flags`, streaming.
+/// Position of the number of the segment in `PushConstants::flags` of `generate_*`, streaming.
 pub const PUSH_SEGMENT_SHIFT: u32 = 8;
-/// Where `first_sample` has the number of the band with [`super::Features::ADAPTIVE`]; below it is the row.
+/// Position of the number of the band in `first_sample` with [`super::Features::ADAPTIVE`]; the row is below it.
 pub const BAND_SHIFT: u32 = 26;
 
 /// `first_sample` of a row (below 2^[`BAND_SHIFT`]) of a band; `band_of` and `row_of` of the shaders take it apart.
@@ -35,7 +35,7 @@ pub const fn unpack_band(first_sample: u32) -> (u32, u32) {
     (first_sample >> BAND_SHIFT, first_sample & ((1 << BAND_SHIFT) - 1))
 }
 
-/// Set in the pixel of an entry of the second stream.
+/// Bit of the pixel of an entry that is set for the second stream.
 pub const STREAM_BIT: u32 = 1 << 31;
 /// The second stream's seed differs from the first one's by this, xor.
 pub const STREAM_SEED: u32 = 0x5bd1_e995;
@@ -61,7 +61,7 @@ shared! {
         /// bounce, and the round only for which of the two ray queues is read. With streaming, rounds are numbered
         /// through all submissions.
         pub round: u32,
-        /// Meaning depends on the pass; 0 where none is told.
+        /// Argument whose meaning depends on the pass; 0 if it has none.
         pub arg0: u32,
         /// Bits of [`PushFlags`].
         pub flags: u32,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Buffers with memory of their own.
 //!
-//! For few, long-lived things: queues, staging, readback, film. What comes and goes by the thousand belongs in a
-//! [`Heap`](crate::Heap). All methods may be called from any thread.
+//! They are for few, long-lived things: queues, staging, readback, film. Things that come and go by the thousand belong
+//! in a [`Heap`](crate::Heap). All methods may be called from any thread.
 
 use std::sync::{Arc, PoisonError, RwLock};
 
@@ -58,13 +58,13 @@ impl Buffer {
         self.size
     }
 
-    /// The name it was made with.
+    /// Name that it was created with.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// What it is for.
+    /// Usage that it was created for.
     #[must_use]
     pub fn usage(&self) -> BufferUsage {
         self.usage

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Command lists: what the GPU is to do, in order.
+//! Command lists: the operations of the GPU, in order.
 //!
-//! Every operation sees what all earlier ones wrote, in this list and in earlier submissions of its queue; what a
-//! submission of another queue wrote is seen after [`CommandList::wait_for`]. A wrong argument is remembered and
-//! returned by [`CommandList::submit`]; nothing of the list runs then. A list is recorded by one thread at a time;
-//! several threads may each record and submit their own.
+//! Every operation sees the writes of all earlier ones, in this list and in earlier submissions of its queue; writes of
+//! a submission of another queue are seen after [`CommandList::wait_for`]. A wrong argument is remembered and returned
+//! by [`CommandList::submit`], and then nothing of the list runs. A list is recorded by one thread at a time; several
+//! threads may each record and submit their own.
 
 mod dispatch;
 mod host;
@@ -33,11 +33,11 @@ pub struct CommandList {
     slot: Option<CommandSlot>,
     kept: Vec<HeldResource>,
     waits: TimelinePoints,
-    /// The first mistake; nothing is recorded after it.
+    /// The first error; nothing is recorded after it.
     error: Option<GpuError>,
-    /// A part of it has run already.
+    /// True if a part of it has run already.
     is_flushed: bool,
-    /// Of the parts that have run.
+    /// Timings of the parts that have run.
     timings: Vec<(String, f64)>,
 }
 
@@ -219,7 +219,7 @@ impl CommandList {
         Ok(submission)
     }
 
-    /// Submits, and lets go of nothing yet.
+    /// Submits the list and retains everything that it uses.
     pub(crate) fn enqueue(mut self) -> Result<Submission, GpuError> {
         if let Some(error) = self.error.take() {
             return Err(error);
@@ -240,7 +240,7 @@ impl CommandList {
         Ok(Submission::new(&self.gpu, (lane, value), self.label.clone(), (timings, timer)))
     }
 
-    /// Records one operation unless a mistake was made before.
+    /// Records one operation unless an error occurred before.
     fn operation(&mut self, name: &str, record: impl FnOnce(&ash::Device, vk::CommandBuffer)) {
         if self.error.is_none()
             && let Err(error) = self.recorder.operation(name, record)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What can go wrong on the device, as few variants as callers can act on.
+//! Errors of the device, with as few variants as callers can act on.
 //!
 //! Plain data, any thread. Running out of memory is an event for the caller's planner (evict, shrink, try again), not
 //! the end.
@@ -20,7 +20,7 @@ pub enum GpuError {
     MissingCapability {
         /// The device's name.
         device: String,
-        /// All that is missing, in one comma separated list.
+        /// Everything that is missing, as a comma-separated list.
         missing: String,
     },
     /// The budget or the driver refused memory. Nothing was changed: free something and try again.
@@ -57,7 +57,7 @@ pub enum GpuError {
     Usage {
         /// Name of the object or of the command list.
         name: String,
-        /// What was wrong.
+        /// Description of the error.
         message: String,
     },
     /// A Vulkan call failed in a way that has no variant of its own.

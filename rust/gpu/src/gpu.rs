@@ -73,12 +73,12 @@ impl Gpu {
         &self.opened
     }
 
-    /// What pipelines are made with.
+    /// Cache that pipelines are created with.
     pub(crate) fn pipeline_cache(&self) -> vk::PipelineCache {
         self.pipeline_cache.raw()
     }
 
-    /// What was opened and why.
+    /// The chosen device, with the reasons for the choice.
     #[must_use]
     pub fn report(&self) -> &DeviceReport {
         &self.device().report
@@ -90,7 +90,7 @@ impl Gpu {
         self.device().unified
     }
 
-    /// Its limits.
+    /// Limits of the device.
     #[must_use]
     pub fn limits(&self) -> &DeviceLimits {
         &self.device().limits

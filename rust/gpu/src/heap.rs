@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Memory for many small and middling things: few big arenas, cut into ranges. The device's own memory, or the host's
-//! that the device reaches across the bus.
+//! Memory for many small and medium things: few big arenas, cut into ranges. It is the device's own memory, or memory
+//! of the host that the device reaches across the bus.
 //!
 //! Ranges are found by `offset-allocator` in units of 256 bytes. Arenas are made when needed, smaller ones when the
 //! budget is short, and go back when empty (one is kept until [`Heap::trim`], with [`HeapOptions::keeps_arenas`] all).
@@ -29,12 +29,12 @@ pub struct Heap {
     name: String,
     usage: BufferUsage,
     arena_bytes: u64,
-    /// Larger requests get memory of their own.
+    /// Bytes above which a request gets memory of its own.
     largest_shared: u64,
     arenas: Arc<HeapArenas>,
 }
 
-/// How a heap takes memory.
+/// Options of a heap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HeapOptions {
     /// Size of an arena, bounded to what the driver allows in one piece.
@@ -44,8 +44,8 @@ pub struct HeapOptions {
     pub whole_arenas: bool,
     /// Most bytes of memory that this heap may hold, besides the device's budget; None = no limit of its own.
     pub limit_bytes: Option<u64>,
-    /// Which memory: [`BufferUsage::Device`], or another for memory of the host, which the device's budget does not
-    /// count.
+    /// Kind of memory: [`BufferUsage::Device`], or another usage for memory of the host, which the device's budget does
+    /// not count.
     pub usage: BufferUsage,
     /// Arenas that are empty stay until [`Heap::trim`]: for memory that is slow to make.
     pub keeps_arenas: bool,
@@ -63,7 +63,7 @@ impl Default for HeapOptions {
     }
 }
 
-/// How full a heap is. Bytes of ranges include rounding to 256 bytes and what is retired but still in use by the GPU.
+/// Usage of a heap. Bytes of ranges include rounding to 256 bytes and retired ranges that the GPU still uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct HeapStats {
@@ -73,7 +73,7 @@ pub struct HeapStats {
     pub arena_bytes: u64,
     /// Bytes of ranges in shared arenas.
     pub used_bytes: u64,
-    /// Bytes of all ranges that somebody holds.
+    /// Bytes of all ranges that have an owner.
     pub live_bytes: u64,
     /// Bytes of all ranges that were dropped, but may still be in use by the GPU.
     pub retired_bytes: u64,
@@ -86,7 +86,7 @@ pub struct HeapStats {
 }
 
 impl Heap {
-    /// A usual size of arenas.
+    /// Default size of arenas.
     pub const DEFAULT_ARENA_BYTES: u64 = 256 << 20;
 
     /// Makes an empty heap; memory is taken by the first [`Heap::alloc`]. `arena_bytes` is bounded to what the driver
@@ -159,7 +159,7 @@ impl Heap {
         self.arenas.counters.limit()
     }
 
-    /// How full the heap is now.
+    /// Usage of the heap now.
     #[must_use]
     pub fn stats(&self) -> HeapStats {
         self.opened.collect();
@@ -207,7 +207,7 @@ impl Heap {
         Ok(0)
     }
 
-    /// Gives arenas that hold nothing back to the budget.
+    /// Gives empty arenas back to the budget.
     pub fn trim(&self) {
         self.opened.collect();
         self.arenas.trim(0);
@@ -233,7 +233,7 @@ impl Heap {
         self.dedicated(name, bytes, align, patience)
     }
 
-    /// A place in an arena, an old or a new one.
+    /// A place in an existing or a new arena.
     fn share(&self, needed: u64, patience: BudgetWait) -> Result<Option<ArenaPlace>, GpuError> {
         if let Some(place) = self.arenas.take(needed) {
             return Ok(Some(place));

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Device memory as the host sees it, by device address: for passes that run on the host where the device is a
-//! processor, whose memory is the host's.
+//! Access of the host to device memory, by device address. It serves passes that run on the host if the device is a
+//! processor, which shares the memory of the host.
 //!
-//! Every look is checked against the bounds of the buffer or arena that the address lies in: an address that is wrong,
-//! or an index from a broken tree, finds nothing. What a view gives are copies and atomic words, never references to
-//! bytes, so that what a submission writes meanwhile can only make numbers wrong. While a view lives nothing that it
-//! sees is destroyed, or given to someone else. Any thread.
+//! Every access is checked against the bounds of the buffer or arena that contains the address: a wrong address, or an
+//! index from a broken tree, finds nothing. A view gives copies and atomic words, never references to bytes, so that
+//! concurrent writes of a submission can only make numbers wrong. While a view lives nothing that it sees is destroyed
+//! or reused. Any thread.
 
 use std::marker::PhantomData;
 use std::mem::size_of;
@@ -27,11 +27,12 @@ struct MappedSpan {
     is_written: bool,
 }
 
-/// See the module. The caller sees to it that no submission in flight writes what it reads, or uses what it writes.
+/// Checked access to device memory by address. The caller ensures that no submission in flight writes memory that it
+/// reads, or uses memory that it writes.
 #[derive(Debug)]
 pub struct HostView {
     opened: Arc<OpenDevice>,
-    /// In the order of addresses.
+    /// Spans in the order of addresses.
     spans: Vec<MappedSpan>,
 }
 
@@ -62,7 +63,7 @@ impl Gpu {
 }
 
 impl HostView {
-    /// The span that `address` lies in, and how far in it.
+    /// The span that contains `address`, and the offset in it.
     #[inline]
     fn find(&self, address: u64) -> Option<(&MappedSpan, u64)> {
         let after = self.spans.partition_point(|span| span.start <= address);
@@ -139,11 +140,11 @@ pub struct HostSpan<'v> {
 }
 
 impl HostSpan<'_> {
-    /// No buffer.
+    /// An empty view.
     pub const NONE: Self = Self { start: 0, all: HostBytes::NONE };
 }
 
-/// Memory that is read.
+/// A range of memory that is read.
 #[derive(Clone, Copy, Debug)]
 pub struct HostBytes<'v> {
     at: *const u8,
@@ -157,10 +158,10 @@ unsafe impl Send for HostBytes<'_> {}
 unsafe impl Sync for HostBytes<'_> {}
 
 impl HostBytes<'_> {
-    /// No memory.
+    /// An empty range.
     pub const NONE: Self = Self { at: std::ptr::null(), bytes: 0, view: PhantomData };
 
-    /// What is left from byte `offset` on; none behind the end.
+    /// The rest of the range from byte `offset` on; empty behind the end.
     #[inline(always)]
     fn from(self, offset: u64) -> Self {
         let Some(offset) = usize::try_from(offset).ok().filter(|&offset| offset < self.bytes) else {
@@ -171,7 +172,7 @@ impl HostBytes<'_> {
         Self { at, bytes: self.bytes - offset, view: PhantomData }
     }
 
-    /// Returns true if there is none.
+    /// Returns true if the range is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes == 0
@@ -197,7 +198,7 @@ impl HostBytes<'_> {
         self.at_byte(index.checked_mul(size_of::<T>())?)
     }
 
-    /// As [`HostBytes::get`], for the numbers that tables have.
+    /// As [`HostBytes::get`], with a 32-bit index, as tables have.
     #[inline(always)]
     #[must_use]
     pub fn item<T: AnyBitPattern>(&self, index: u32) -> Option<T> {
@@ -229,7 +230,7 @@ impl HostBytes<'_> {
     }
 }
 
-/// Asks the processor to bring bytes near, one at least.
+/// Prefetches `bytes` bytes, at least one.
 #[inline(always)]
 fn prefetch(at: *const u8, bytes: usize) {
     #[cfg(target_arch = "x86_64")]
@@ -283,14 +284,14 @@ impl HostWords<'_> {
         }
     }
 
-    /// A word; 0 where there is none.
+    /// Word `index`; 0 behind the end.
     #[inline]
     #[must_use]
     pub fn load(&self, index: usize) -> u32 {
         self.word(index).map_or(0, |word| word.load(Ordering::Relaxed))
     }
 
-    /// `N` words; zeros where not all of them are there.
+    /// `N` words; zeros unless all of them exist.
     #[inline(always)]
     #[must_use]
     pub fn load_all<const N: usize>(&self, index: usize) -> [u32; N] {
@@ -303,13 +304,13 @@ impl HostWords<'_> {
         words
     }
 
-    /// Writes a word; false where there is none.
+    /// Writes word `index`; returns false behind the end.
     #[inline]
     pub fn store(&self, index: usize, value: u32) -> bool {
         self.word(index).map(|word| word.store(value, Ordering::Relaxed)).is_some()
     }
 
-    /// Adds to a word, and gives what it was.
+    /// Adds to word `index`; returns its old value.
     #[inline]
     #[must_use]
     pub fn add(&self, index: usize, value: u32) -> Option<u32> {

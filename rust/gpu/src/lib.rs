@@ -1,21 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Vulkan made safe: the only crate of OocPT that calls Vulkan.
+//! A safe interface to Vulkan; this is the only crate of OocPT that calls Vulkan.
 //!
-//! What it gives: a device chosen by name or by rank ([`Gpu`]), memory under a hard budget ([`Buffer`], [`Heap`]),
-//! compute [`Pipeline`]s, command lists with barriers of their own ([`CommandList`]), on the main queue or one for
-//! transfers, and submissions to wait for ([`Submission`]). All memory is reached by address; there are no descriptor
-//! sets.
+//! It provides a device chosen by name or by rank ([`Gpu`]), memory under a hard budget ([`Buffer`], [`Heap`]), compute
+//! [`Pipeline`]s, command lists with barriers of their own ([`CommandList`]), on the main queue or one for transfers,
+//! and submissions to wait for ([`Submission`]). All memory is reached by address; there are no descriptor sets.
 //!
-//! What it promises:
+//! Guarantees:
 //! - The bytes of device memory held never exceed the budget; running out is [`GpuError::OutOfMemory`] and changes
 //!   nothing.
 //! - Nothing the GPU may still use is destroyed: dropping retires, and a timeline semaphore says when it can go.
 //! - A lost device, a missing driver or a wrong argument is an error with one clear sentence, never a panic.
 //! - Everything may be used from any thread, except that a command list is recorded by one thread at a time.
 //!
-//! What it cannot promise: that shaders stay inside the memory they are given (see [`Pipeline`]).
+//! It cannot guarantee that shaders stay inside the memory they are given (see [`Pipeline`]).
 //!
-//! The way of a piece of work: `commands` (checks) -> `submit::recorder` (barriers, markers, timestamps) ->
+//! The path of a command list: `commands` (checks) -> `submit::recorder` (barriers, markers, timestamps) ->
 //! `submit::queue` (submits, keeps alive) -> `submit::open_device` (collects) -> `device::logical`, `memory::arena`
 //! (let go).
 //!

@@ -36,6 +36,6 @@ pub(crate) enum GroupId {
     Clusters(u128, i32),
     /// A prototype seen in collections of lights' links that instancers above it are in, sorted.
     Linked(Box<Self>, Arc<[Arc<str>]>),
-    /// What an instancer that moves as a whole places: its path, and the group that it is in.
+    /// The placements of an instancer that moves as a whole: its path, and the group that it is in.
     Moving(Arc<str>, Box<Self>),
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Loads beside those that are worth most now: what few rays wait for, while there is room, and what rays will ask for
-//! next.
+//! Starts loads besides the most valuable ones: units that few rays wait for, while there is room, and units that rays
+//! will ask for next.
 
 use super::entry::UnitState;
 use super::planner::{LoadKind, ResidencyPlanner};
@@ -11,9 +11,9 @@ use super::{UnitId, at};
 /// Bytes in flight up to which units come that hardly any ray waits for: some for each thread that loads, and no more,
 /// since what is asked for next would come after them.
 const ROOMY_IN_FLIGHT: u64 = 256 << 20;
-/// Such units that are tried in a step.
+/// Number of units with few rays that are tried in a step.
 const ROOMY: usize = 1024;
-/// Prefetches that are tried in a step.
+/// Number of prefetches that are tried in a step.
 const PREFETCHES: usize = 256;
 
 impl ResidencyPlanner {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What there is to load: the bytes of each asset and the assets of each unit. Immutable, shared by planners.
+//! The catalog of everything that can be loaded: the bytes of each asset, and the assets of each unit. Immutable,
+//! shared by planners.
 
 use super::{AssetId, UnitId};
 use std::ops::Range;
@@ -13,24 +14,24 @@ pub struct UnitCatalog {
     closures: Vec<u64>,
     total: u64,
     bases: usize,
-    /// Units behind these stand alone.
+    /// Number of units that have a partner; units from here on stand alone.
     in_pairs: usize,
 }
 
-/// Why a catalog was refused.
+/// Reason why a catalog was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CatalogError {
-    /// An asset that has no bytes entry.
+    /// A unit names an asset that has no bytes.
     #[error("unit {unit} names asset {asset}, there are {count}")]
     UnknownAsset {
         /// The unit.
         unit: UnitId,
-        /// What it names.
+        /// Asset that the unit names.
         asset: AssetId,
-        /// Assets in the catalog.
+        /// Number of assets in the catalog.
         count: usize,
     },
-    /// More than 2^32 - 1 units or assets.
+    /// There are more than 2^32 - 1 units or assets.
     #[error("{0} units or assets are more than ids can name")]
     TooMany(usize),
     /// The sum of all bytes does not fit 64 bits.
@@ -131,7 +132,7 @@ impl UnitCatalog {
         }
     }
 
-    /// Device bytes of the unit with all it needs.
+    /// Device bytes of the unit with all its assets.
     pub fn closure_bytes(&self, unit: UnitId) -> u64 {
         self.closures.get(unit as usize).copied().unwrap_or(0)
     }
@@ -153,7 +154,7 @@ impl UnitCatalog {
         if alone.1 > pair { ([alone.0, None], alone.1) } else { ([base.0, other.0], pair) }
     }
 
-    /// Bytes of that: with less, some ray could never go on.
+    /// Bytes of the largest such closure: with a smaller budget, some ray could never continue.
     pub fn least_budget(&self) -> u64 {
         self.largest().1
     }

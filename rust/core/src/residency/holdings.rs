@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Who holds which asset: reference counts over the units that are loading or resident, and the bytes they come to.
+//! Reference counts of assets by the units that are loading or resident, and the sum of their bytes.
 //!
 //! Also keeps, per unit, the bytes that only it holds (what its eviction would free) at constant cost per change: each
 //! asset remembers the exclusive-or of its holders' ids, which is the holder's id when there is one.
@@ -35,7 +35,7 @@ impl AssetHoldings {
         self.held
     }
 
-    /// Bytes that go when this unit goes.
+    /// Bytes that are freed when this unit is evicted.
     pub(super) fn exclusive(&self, unit: UnitId) -> u64 {
         self.exclusive[unit as usize]
     }

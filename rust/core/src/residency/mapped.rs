@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Brings units to the device that rays read in host memory: nobody waits for them, but what is visited most is read
-//! fastest there.
+//! Loads units that rays otherwise read in host memory: no ray waits for them, but the units that are visited most are
+//! read fastest on the device.
 
 use super::UnitId;
 use super::entry::UnitState;

@@ -49,7 +49,7 @@ pub type AssetId = u32;
 /// Index of a unit in the [`UnitCatalog`].
 pub type UnitId = u32;
 
-/// What the rays ask for, per unit. Slices shorter than the catalog read as 0 past their end.
+/// Demand of the rays, per unit. Slices shorter than the catalog read as 0 past their end.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RayDemand<'a> {
     /// Rays that wait for this unit first.
@@ -74,21 +74,21 @@ pub struct RayDemand<'a> {
     pub asked: Option<&'a [UnitId]>,
 }
 
-/// What the caller is to do, in the order of the list.
+/// An action for the caller, to be performed in the order of the list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ResidencyCommand {
     /// Bring `assets` to the device, then say [`ResidencyPlanner::loaded`] or [`ResidencyPlanner::failed`].
     Load {
         /// The unit that becomes usable.
         unit: UnitId,
-        /// What it needs and the device does not hold.
+        /// Assets of the unit that the device does not hold.
         assets: Vec<AssetId>,
     },
     /// Make the unit unusable (it may be so already after a failure) and free `assets`.
     Evict {
-        /// The unit that goes.
+        /// The unit that is evicted.
         unit: UnitId,
-        /// What no other unit needs.
+        /// Assets that no other unit needs.
         assets: Vec<AssetId>,
     },
 }

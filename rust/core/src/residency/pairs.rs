@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Units that rays need at the same time, such as a mesh and the chunk that places it. A ray gets on once both are
-//! usable: so while one is loaded, the other one stays, and both stay until steps have seen them together.
+//! Units that rays need at the same time, such as a mesh and the chunk that places it. A ray continues once both are
+//! usable: so while one is loaded, the other one is kept, and both are kept until steps have seen them together.
 
 use super::entry::UnitState;
 use super::planner::ResidencyPlanner;
@@ -8,18 +8,18 @@ use super::step::{DemandPlan, LoadOutcome, LoadPriority};
 use super::{RayDemand, UnitId, at};
 
 impl ResidencyPlanner {
-    /// What rays that wait for a unit need with it.
+    /// Unit that the rays which wait for `unit` need with it.
     pub(super) fn partner(&self, demand: &RayDemand<'_>, unit: UnitId) -> Option<UnitId> {
         let partner = at(demand.partners, unit).checked_sub(1)?;
         ((partner as usize) < self.entries.len() && partner != unit).then_some(partner)
     }
 
-    /// Returns true if the unit is on the device or on its way.
+    /// Returns true if the unit is resident or loading.
     pub(super) fn is_held(&self, unit: UnitId) -> bool {
         matches!(self.entries[unit as usize].state, UnitState::Loading | UnitState::Resident)
     }
 
-    /// Keeps a unit from going, once more.
+    /// Adds a hold, which prevents the eviction of the unit.
     pub(super) fn hold(&mut self, unit: UnitId) {
         self.entries[unit as usize].holds += 1;
     }
@@ -29,7 +29,7 @@ impl ResidencyPlanner {
         self.entries[unit as usize].holds -= 1;
     }
 
-    /// Begins to load a unit, beside what rays need with it.
+    /// Begins to load a unit without evicting its partner.
     pub(super) fn try_load(&mut self, plan: &mut DemandPlan<'_>, unit: UnitId, press: LoadPriority) -> LoadOutcome {
         let partner = self.partner(&plan.demand, unit).filter(|partner| self.is_held(*partner));
         let partner = partner.filter(|_| !matches!(press, LoadPriority::Ahead(_)));

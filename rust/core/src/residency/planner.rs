@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The planner's public face: making it, what the caller reports, what it may ask. Planning itself is in `step`.
+//! The planner's public interface: construction, reports of the caller, queries. Planning itself is in `step`.
 
 use super::entry::{UnitEntry, UnitState};
 use super::holdings::AssetHoldings;
@@ -8,17 +8,17 @@ use super::{AssetId, ResidencyCommand, ResidencyStats, UnitCatalog, UnitId};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Why a budget was refused.
+/// Reason why a budget was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PlanError {
-    /// Units that can never be resident together.
+    /// The budget is smaller than units that must be resident together.
     #[error("units {units:?} need {bytes} bytes of device memory at once, the budget is {budget}")]
     TooLarge {
         /// The largest base and the largest other unit, as far as there are such, or a unit that stands alone.
         units: [Option<UnitId>; 2],
-        /// Bytes of them with all they need.
+        /// Bytes of these units with all their assets.
         bytes: u64,
-        /// What there is.
+        /// The budget, bytes.
         budget: u64,
     },
 }
@@ -38,7 +38,7 @@ pub struct PlannerOptions {
     pub first_tile: Option<UnitId>,
 }
 
-/// A load that is under way.
+/// A load in flight.
 #[derive(Clone, Debug)]
 pub(super) struct UnitLoad {
     pub(super) unit: UnitId,
@@ -47,41 +47,41 @@ pub(super) struct UnitLoad {
     pub(super) kind: LoadKind,
 }
 
-/// Why a load was begun.
+/// Reason why a load was begun.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LoadKind {
     Demanded = 0,
     Prefetch = 1,
 }
 
-/// Decides which units live on the device; see the module's documentation.
+/// Decides which units are on the device, step by step.
 #[derive(Debug)]
 pub struct ResidencyPlanner {
     pub(super) catalog: Arc<UnitCatalog>,
     pub(super) policy: Box<dyn LoadPolicy>,
     pub(super) options: PlannerOptions,
     pub(super) budget: u64,
-    /// What loads may fill: the budget, or less for a while after a failed load.
+    /// Bytes that loads may fill: the budget, or less for a while after a failed load.
     pub(super) allowance: u64,
     pub(super) largest: u64,
-    /// Bytes of tiles of textures that are held.
+    /// Bytes of texture tiles that are held.
     tile_bytes: u64,
     pub(super) entries: Vec<UnitEntry>,
     pub(super) holdings: AssetHoldings,
     pub(super) residents: Vec<UnitId>,
     pub(super) loading: BTreeMap<UnitId, UnitLoad>,
-    /// Units that stay until rays could use them together.
+    /// Pairs of units that are kept until rays could use them together.
     pub(super) pairs: Vec<[UnitId; 2]>,
-    /// Two that starve together, of which one has no room yet.
+    /// Two units that starve together, one of which has no room yet.
     pub(super) owed: Option<[UnitId; 2]>,
     /// Evictions that the next step has to say first: what failed loads held of what was there.
     pub(super) dropped: Vec<ResidencyCommand>,
     pub(super) stats: ResidencyStats,
     pub(super) step: u32,
     pub(super) loads_begun: u32,
-    /// Bytes of loads in flight, demanded and ahead of demand.
+    /// Bytes of loads in flight: demanded ones, and prefetches.
     pub(super) in_flight: [u64; 2],
-    /// Where the next look for victims begins in `residents`.
+    /// Index in `residents` at which the next search for victims begins.
     pub(super) hand: usize,
 }
 
@@ -91,7 +91,7 @@ impl ResidencyPlanner {
         Self::with_policy(catalog, budget, kind.policy(), PlannerOptions::default())
     }
 
-    /// As [`Self::new`], with a policy in any state and options.
+    /// As [`Self::new`], with a given policy and options.
     pub fn with_policy(
         catalog: Arc<UnitCatalog>,
         budget: u64,
@@ -210,7 +210,7 @@ impl ResidencyPlanner {
         &self.stats
     }
 
-    /// Where a unit is; `Absent` for an unknown one.
+    /// State of a unit; `Absent` for an unknown one.
     pub fn state(&self, unit: UnitId) -> UnitState {
         match self.entries.get(unit as usize) {
             Some(entry) if entry.state == UnitState::Absent && self.is_demanded(unit) => UnitState::Requested,
@@ -219,17 +219,17 @@ impl ResidencyPlanner {
         }
     }
 
-    /// The unit is usable.
+    /// Returns true if the unit is usable.
     pub fn is_resident(&self, unit: UnitId) -> bool {
         self.state(unit) == UnitState::Resident
     }
 
-    /// The asset is on the device or on its way there.
+    /// Returns true if the asset is on the device or being loaded.
     pub fn holds(&self, asset: AssetId) -> bool {
         self.holdings.is_held(asset)
     }
 
-    /// Times a load of the unit completed.
+    /// Number of loads of the unit that completed.
     pub fn load_count(&self, unit: UnitId) -> u32 {
         self.entries.get(unit as usize).map_or(0, |entry| entry.loads)
     }
@@ -239,7 +239,7 @@ impl ResidencyPlanner {
         &self.residents
     }
 
-    /// Loads in flight.
+    /// Number of loads in flight.
     pub fn loads_in_flight(&self) -> usize {
         self.loading.len()
     }
@@ -248,7 +248,7 @@ impl ResidencyPlanner {
         if self.options.pin_steps == 0 { DEFAULT_PIN_STEPS } else { self.options.pin_steps }
     }
 
-    /// The last step saw rays that wait for the unit.
+    /// Returns true if the last step saw rays that wait for the unit.
     pub(super) fn is_demanded(&self, unit: UnitId) -> bool {
         self.step != 0 && self.entries[unit as usize].seen == self.step
     }
@@ -272,7 +272,7 @@ impl ResidencyPlanner {
         (self.budget / TILE_SHARE).min(self.allowance.saturating_sub(self.largest))
     }
 
-    /// Bytes of tiles for which other units go.
+    /// Bytes of tiles for which other units may be evicted.
     pub fn room_for_tiles(&self) -> u64 {
         self.tile_share().saturating_sub(self.tile_bytes)
     }
@@ -311,11 +311,11 @@ impl ResidencyPlanner {
 }
 
 const DEFAULT_PIN_STEPS: u32 = 2;
-/// Tiles of textures stay below this share of the budget.
+/// Texture tiles stay below one in so many bytes of the budget.
 const TILE_SHARE: u64 = 3;
 /// A load that completes gives back this fraction of what failures took from the allowance.
 const RECOVERY: u64 = 128;
-/// The longest pause after failures is 2 to this power steps.
+/// Base-2 logarithm of the longest pause after failures, in steps.
 const MAX_PAUSE_LOG2: u64 = 4;
 
 /// Bytes of the largest units that rays need at once, if they fit.

@@ -40,33 +40,33 @@
 use super::UnitId;
 use oocpt_abi::sampler::{combine, hash, sample_4d};
 
-/// The least probability of a load.
+/// Least probability of a load.
 pub const LEAST: f64 = 1.0 / 16.0;
-/// The greatest one below 1.
+/// Greatest probability below 1; a load with a greater one is not played for.
 pub const MOST: f64 = 0.5;
-/// How many times more may be at stake than was thought.
+/// Factor by which the stakes may be underestimated.
 pub const CARE: f64 = 2.0;
 /// Share of a load's cost, in variance, that may be spent in vain before it.
 pub const PER_LOAD: f64 = 0.25;
 /// Share of the picture's own variance that may be spent in all.
 pub const PER_PICTURE: f64 = 0.125;
-/// A dimension of its own among the uses of the seed.
+/// Dimension of these numbers among the uses of the seed.
 const DIMENSION: u32 = 0x0005_eed0;
 
-/// What the picture costs, as far as it is known.
+/// Costs of the picture, as far as they are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoadPrices {
     /// Seconds that the picture is done sooner for each byte that is not loaded.
     pub secs_per_byte: f64,
-    /// Seconds of a path, with all its share of loads.
+    /// Seconds of a path, including its share of loads.
     pub secs_per_path: f64,
     /// Relative variance that a path leaves in its pixel.
     pub variance: f64,
-    /// Paths of the picture.
+    /// Number of paths of the picture.
     pub paths: f64,
 }
 
-/// What is at stake with a load.
+/// Costs and effect of a load.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoadStakes {
     /// The unit.
@@ -80,12 +80,12 @@ pub struct LoadStakes {
     pub share: f64,
 }
 
-/// What becomes of the rays that wait for a unit.
+/// Decision about the rays that wait for a unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RouletteVerdict {
     /// The unit.
     pub unit: UnitId,
-    /// How often they count from now on; 0: they end.
+    /// Factor that multiplies their weight from now on; 0: they end.
     pub weight: f32,
 }
 
@@ -93,13 +93,13 @@ pub struct RouletteVerdict {
 enum RouletteState {
     #[default]
     Open,
-    /// Its rays are weighted by this step.
+    /// The unit may be loaded; this step weights its rays.
     Approved(u64),
-    /// By this step.
+    /// The rays of the unit end; this step ends them.
     Ending(u64),
 }
 
-/// See the module.
+/// Plays Russian roulette for the loads of units.
 #[derive(Debug)]
 pub struct LoadRoulette {
     seed: u32,
@@ -110,15 +110,15 @@ pub struct LoadRoulette {
     /// Variance spent in all, in paths' worth of relative variance: over `variance * paths` the share of the picture's
     /// own.
     pub spent: f64,
-    /// Units that are not open.
+    /// Units whose state is not `Open`.
     judged: Vec<UnitId>,
     verdicts: Vec<RouletteVerdict>,
-    /// Loads that nobody waits for any more.
+    /// Number of loads that no ray waits for any more.
     pub loads_saved: u64,
 }
 
 impl LoadRoulette {
-    /// For so many units.
+    /// Creates the roulette of `units` units, all open.
     #[must_use]
     pub fn new(seed: u32, units: usize) -> Self {
         Self {
@@ -181,12 +181,12 @@ impl LoadRoulette {
         is_approved
     }
 
-    /// What was decided since the last call.
+    /// The decisions since the last call.
     pub fn take_verdicts(&mut self) -> Vec<RouletteVerdict> {
         std::mem::take(&mut self.verdicts)
     }
 
-    /// Returns true if something was decided since.
+    /// Returns true if there are decisions that were not taken.
     #[must_use]
     pub fn has_verdicts(&self) -> bool {
         !self.verdicts.is_empty()

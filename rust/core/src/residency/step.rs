@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One step of planning: read the demand, make room where the budget shrank, load what starves, what is demanded, and
-//! what soon will be. Cost: a scan of the demand where the caller does not say what was asked for, then the units with
-//! demand, the resident units when room is needed.
+//! One step of planning: reads the demand, makes room if the budget shrank, loads units that starve, then units that
+//! are demanded, then units that soon will be. Cost: a scan of the whole demand if the caller does not list the units
+//! with demand, then a visit of the units with demand, and of the resident units if room is needed.
 
 use super::entry::UnitState;
 use super::planner::{LoadKind, ResidencyPlanner, UnitLoad};
@@ -9,38 +9,38 @@ use super::policy::PolicyView;
 use super::victims::{EvictionHeap, EvictionVictim};
 use super::{AssetId, RayDemand, ResidencyCommand, UnitId, at};
 
-/// Candidates a policy is asked for in a step.
+/// Number of candidates that a policy is asked for in a step.
 const CANDIDATES: usize = 256;
 /// As many more that are small, tiles of textures for instance: so many of them weigh no more than a few units.
 const SMALL_CANDIDATES: usize = 4096;
 const SMALL_BYTES: u64 = 256 << 10;
-/// Candidates that may find no room before the step gives up.
+/// Number of candidates without room after which the step gives up.
 const REFUSALS: usize = 16;
 /// A unit starves when so many loads per demanded unit went before it, or so many steps.
 const PATIENCE: u32 = 4;
 const PATIENCE_MIN: u32 = 64;
 /// The device idles when so many times more rays wait than can be traced.
 const IDLE_RATIO: u64 = 64;
-/// Share of the bytes in flight that prefetches have.
+/// Prefetches have one in so many of the bytes in flight.
 pub(super) const PREFETCH_SHARE: u64 = 4;
 const DEFAULT_IN_FLIGHT_SHARE: u64 = 8;
 /// In the simulation all policies are slower with several hundred MiB in flight: what was chosen is stale by then.
 const DEFAULT_IN_FLIGHT_MAX: u64 = 128 << 20;
-/// So many times more may be in flight when the device idles.
+/// Factor by which more bytes may be in flight when the device idles.
 const IDLE_IN_FLIGHT: u64 = 4;
 
 /// Resident units that are looked at in a step for one to evict, as long as one of them may go.
 const VICTIMS: usize = 4096;
 
-/// What became of a try to load.
+/// Result of an attempt to load.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum LoadOutcome {
     Issued,
-    /// Nothing may go for it now.
+    /// There is no room, and nothing may be evicted for it now.
     NoRoom,
-    /// Enough is in flight.
+    /// Enough bytes are in flight.
     Full,
-    /// An asset is on its way for another unit.
+    /// An asset is being loaded for another unit.
     Shared,
     /// The caller of [`ResidencyPlanner::step_if`] does not want it.
     Refused,
@@ -53,22 +53,22 @@ pub struct LoadProposal {
     pub unit: UnitId,
     /// Bytes that the device does not hold.
     pub bytes: u64,
-    /// Nearly all rays wait: the device would do nothing else.
+    /// True if nearly all rays wait, so that the device would be idle.
     pub is_idle: bool,
 }
 
-/// How hard a load may press.
+/// Decides which units a load may evict.
 #[derive(Clone, Copy)]
 pub(super) enum LoadPriority {
-    /// Whatever is not pinned may go.
+    /// It may evict every unit that is not pinned.
     Must,
-    /// What the policy lets go for this value.
+    /// It may evict units that the policy gives up for this value.
     Worth(f64),
-    /// As `Worth`, but of units nobody waits for.
+    /// As `Worth`, but only units that no ray waits for.
     Ahead(f64),
 }
 
-/// The demand of a step and what was made of it so far.
+/// The demand of a step, and the commands planned for it so far.
 pub(super) struct DemandPlan<'a> {
     pub(super) demand: RayDemand<'a>,
     pub(super) demanded: Vec<UnitId>,
@@ -80,14 +80,14 @@ pub(super) struct DemandPlan<'a> {
 }
 
 impl DemandPlan<'_> {
-    /// Nearly all rays wait.
+    /// Returns true if nearly all rays wait.
     pub(super) fn is_idle(&self) -> bool {
         self.demand.active.saturating_mul(IDLE_RATIO) < self.rays_waiting
     }
 }
 
 impl ResidencyPlanner {
-    /// Plans one step. Perform the commands in order; see the module's documentation for when memory may be freed.
+    /// Plans one step. The caller performs the commands in order; the lead of the module says when memory may be freed.
     pub fn step(&mut self, demand: &RayDemand<'_>) -> Vec<ResidencyCommand> {
         self.step_if(demand, &mut |_| true)
     }
@@ -150,7 +150,7 @@ impl ResidencyPlanner {
         });
     }
 
-    /// Evicts down to a budget that was lowered.
+    /// Evicts units until the bytes held fit a budget that was lowered.
     fn shrink(&mut self, plan: &mut DemandPlan<'_>) {
         while self.holdings.held() > self.budget {
             self.find_victims(plan);
@@ -320,7 +320,7 @@ impl ResidencyPlanner {
         entry.holds == 0 && self.step.wrapping_sub(entry.usable) >= self.pin_steps()
     }
 
-    /// The next one that may go.
+    /// The next unit that may be evicted.
     fn first_victim(&mut self, plan: &mut DemandPlan<'_>) -> Option<EvictionVictim> {
         loop {
             self.find_victims(plan);
@@ -374,7 +374,7 @@ impl ResidencyPlanner {
         ResidencyCommand::Evict { unit, assets }
     }
 
-    /// A resident unit is one no more; its assets were released.
+    /// Removes a unit from the resident ones after its assets were released.
     fn forget(&mut self, unit: UnitId) {
         let slot = self.entries[unit as usize].slot;
         self.residents.swap_remove(slot as usize);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The resident units of one step in the order in which they would go.
+//! The resident units of one step, in the order in which they would be evicted.
 
 use super::UnitId;
 use super::policy::{LoadPolicy, PolicyView};

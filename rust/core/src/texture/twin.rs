@@ -21,7 +21,7 @@ pub fn select_level(width: f64, levels: u32) -> (u32, f64) {
     if level == coarsest { (level, 0.0) } else { (level, width / scale - 1.0) }
 }
 
-/// Steps along u and v of a packed Ptex place.
+/// Number of steps along u and v of a packed Ptex position.
 const PTEX_STEPS: f64 = oocpt_abi::PTEX_STEPS as f64;
 
 /// A place in a Ptex file as two floats, `pack_ptex` of `shaders/texture/ptex.glsl`: 26 bits for the face, 17 each for
@@ -43,7 +43,7 @@ pub fn unpack_ptex(st: [f32; 2]) -> (u32, [f64; 2]) {
 /// A Ptex file and its texels, by their numbers in the layout.
 #[derive(Clone, Copy, Debug)]
 pub struct PtexSampler<'a, T> {
-    /// Where texels are.
+    /// Positions of the texels.
     pub layout: &'a FaceLayout,
     /// The decoded texel of a number.
     pub texel: T,
@@ -62,7 +62,7 @@ impl<T: Fn(u32) -> [f64; 4]> PtexSampler<'_, T> {
         Some(mix(fine, self.bilinear(face, uv, own - level - 1)?, blend))
     }
 
-    /// The value at a place of a reduction of a face.
+    /// The value at a position of a reduction of a face.
     pub fn bilinear(&self, face: u32, uv: [f64; 2], class: u32) -> Option<[f64; 4]> {
         let block = self.layout.block(class, face)?;
         let place = |axis: usize| {
@@ -76,14 +76,14 @@ impl<T: Fn(u32) -> [f64; 4]> PtexSampler<'_, T> {
     }
 }
 
-/// An image and how to look it up.
+/// An image with the parameters of its lookup.
 #[derive(Clone, Copy, Debug)]
 pub struct TextureSampler<T> {
-    /// Levels.
+    /// Levels and tiles of the image.
     pub layout: TileLayout,
-    /// Along s and t.
+    /// Continuation along s and t.
     pub wrap: [Wrap; 2],
-    /// The texels around the image, where it is not continued.
+    /// Texel around the image, where it is not continued.
     pub outside: [f64; 4],
     /// The decoded texel (x, y) of a level.
     pub texel: T,

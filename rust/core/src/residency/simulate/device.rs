@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The device of the simulation: slots, rounds, the link, and the clock that is counted.
+//! The device of the simulation: slots, rounds, the link, and a simulated clock.
 
 use super::super::{
     LoadPolicy, PlanError, PlannerOptions, RayDemand, ResidencyCommand, ResidencyPlanner, ResidencyStats, UnitId,
@@ -9,28 +9,28 @@ use super::scene::SimulatedScene;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// What the device can do. The defaults are about a `PCIe` 4 card with a million rays in flight.
+/// Capabilities of the device. The defaults are about those of a `PCIe` 4 card with a million rays in flight.
 #[derive(Clone, Copy, Debug)]
 pub struct SimulatedDevice {
-    /// Bytes the link moves in a second.
+    /// Bandwidth of the link, bytes per second.
     pub bytes_per_sec: f64,
     /// Seconds from the end of a load's bytes to its unit being usable.
     pub load_latency_secs: f64,
-    /// Link seconds each load costs beside its bytes.
+    /// Seconds of the link that each load costs besides its bytes.
     pub load_overhead_secs: f64,
-    /// Units visited in a second, by all rays together.
+    /// Number of unit visits per second, by all rays together.
     pub visits_per_sec: f64,
-    /// Seconds a round costs however few its rays.
+    /// Least number of seconds of a round.
     pub round_secs: f64,
-    /// Segments of slots.
+    /// Number of segments of slots.
     pub segments: u32,
-    /// Slots of a segment.
+    /// Number of slots of a segment.
     pub segment_slots: u32,
-    /// Rays each simulated ray stands for.
+    /// Number of rays that each simulated ray stands for.
     pub weight: u32,
-    /// The planner is told the visits of resident units.
+    /// True if the planner is told the visits of resident units.
     pub counts_visits: bool,
-    /// The planner's options.
+    /// Options of the planner.
     pub planner: PlannerOptions,
 }
 
@@ -51,10 +51,10 @@ impl Default for SimulatedDevice {
     }
 }
 
-/// What a simulated render cost.
+/// Costs of a simulated render.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SimulationReport {
-    /// Simulated seconds until the last path was done.
+    /// Simulated seconds until the last path ended.
     pub secs: f64,
     /// Seconds in which rays were traced.
     pub tracing_secs: f64,
@@ -62,11 +62,11 @@ pub struct SimulationReport {
     pub loading_secs: f64,
     /// Seconds in which nothing could be traced.
     pub waiting_secs: f64,
-    /// Unit visits.
+    /// Number of unit visits.
     pub visits: u64,
     /// All paths were done; `false` = given up after too many rounds without progress.
     pub finished: bool,
-    /// The planner's counters.
+    /// Counters of the planner.
     pub residency: ResidencyStats,
 }
 
@@ -118,10 +118,10 @@ struct ResidencySimulation<'a> {
     device: &'a SimulatedDevice,
     planner: ResidencyPlanner,
     rays: Vec<Option<SimulatedRay>>,
-    /// Segments that hold paths, oldest first.
+    /// Segments that contain paths, oldest first.
     segment: VecDeque<u32>,
     next_path: u32,
-    /// Loads by the time at which they are usable.
+    /// Loads with the times at which they become usable.
     link: VecDeque<(f64, UnitId)>,
     link_free_secs: f64,
     counts: DemandCounts,
@@ -146,7 +146,7 @@ impl ResidencySimulation<'_> {
         self.report.residency = self.planner.stats().clone();
     }
 
-    /// New paths for a segment, as long as there are any.
+    /// Fills a segment with new paths, as long as there are any.
     fn fill(&mut self, segment: u32) {
         let options = &self.workload.options;
         if self.next_path >= options.paths {

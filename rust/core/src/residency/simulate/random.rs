@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Random numbers as a function of their keys, so that no order of events changes them.
+//! Random numbers as a function of keys, so that they do not depend on the order of events.
 
 /// A stream of numbers (`SplitMix64`; Steele, Lea, Flood 2014).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SplitMix(u64);
 
 impl SplitMix {
-    /// A stream of its own for each set of keys.
+    /// A stream of numbers for each set of keys.
     pub(super) fn of(keys: [u64; 3]) -> Self {
         let mut random = Self(0);
         for key in keys {
@@ -24,13 +24,13 @@ impl SplitMix {
         z ^ (z >> 31)
     }
 
-    /// Below `count`, 0 for a count of 0.
+    /// A number below `count`; 0 if `count` is 0.
     pub(super) fn below(&mut self, count: u32) -> u32 {
         let wide = (self.bits() >> 32) * u64::from(count);
         u32::try_from(wide >> 32).unwrap_or(0)
     }
 
-    /// In 0..1.
+    /// A number in [0, 1).
     pub(super) fn fraction(&mut self) -> f64 {
         f64::from(u32::try_from(self.bits() >> 32).unwrap_or(0)) / 4_294_967_296.0
     }

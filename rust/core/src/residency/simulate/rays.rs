@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Synthetic rays: which units a path's ray crosses, in order, and where it hits. A function of the path and bounce.
+//! Synthetic rays: the units that a path's ray crosses, in order, and the unit of its hit. A function of path and
+//! bounce.
 
 use super::super::UnitId;
 use super::random::SplitMix;
 use super::scene::SceneOptions;
 
-/// Units a ray crosses at most, those behind its hit included.
+/// Largest number of units that a ray crosses, including those behind its hit.
 const CROSSED_MAX: usize = 12;
-/// Absent units a ray remembers, as in the renderer.
+/// Largest number of absent units that a ray remembers, as in the renderer.
 const PENDING: usize = 4;
 
 /// A ray of a path in a slot.
@@ -24,7 +25,7 @@ pub(super) struct SimulatedRay {
     pub(super) pending: PendingUnits,
 }
 
-/// Up to [`PENDING`] units.
+/// Absent units that a ray waits for, at most [`PENDING`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PendingUnits {
     units: [UnitId; PENDING],
@@ -50,7 +51,7 @@ impl SimulatedRay {
         Self::between(options, (path, 0), (side * 0.5, 0.0), to)
     }
 
-    /// The path's next ray, `None` at its end.
+    /// The next ray of the path; `None` at its end.
     pub(super) fn next(&self, options: &SceneOptions) -> Option<Self> {
         let bounce = self.bounce + 1;
         if bounce >= options.bounces {
@@ -123,7 +124,7 @@ impl SimulatedRay {
         }
     }
 
-    /// Units from the first on that matter now.
+    /// Number of units, from the first on, that matter now.
     fn needed(&self) -> u8 {
         if self.visited & (1 << self.hit) == 0 { self.count } else { self.hit + 1 }
     }

@@ -1,34 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Synthetic scenes: a square of units with blocks of uneven size and meshes they share.
+//! Synthetic scenes: a square of units with blocks of uneven size, and meshes that they share.
 
 use super::super::{AssetId, CatalogError, UnitCatalog, UnitId};
 use super::random::SplitMix;
 use std::sync::Arc;
 
-/// What a scene and its paths are like.
+/// Parameters of a scene and its paths.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneOptions {
-    /// Seed of everything.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// Units along a side of the square.
+    /// Number of units along a side of the square.
     pub side: u32,
     /// Mean bytes of a unit's own block; blocks vary by a factor of 16.
     pub block_bytes: u64,
-    /// Meshes in the scene.
+    /// Number of meshes in the scene.
     pub meshes: u32,
     /// Mean bytes of a mesh.
     pub mesh_bytes: u64,
-    /// Meshes a unit uses, popular ones more often.
+    /// Number of meshes that a unit uses, popular ones more often.
     pub meshes_per_unit: u32,
-    /// Paths to trace.
+    /// Number of paths.
     pub paths: u32,
-    /// Rays of a path.
+    /// Number of rays of a path.
     pub bounces: u8,
     /// Mean number of units a ray crosses up to its hit.
     pub crossed: u32,
     /// Share of the rays after the first that begin nowhere near where the last one ended (0 = all near).
     pub scattered: f64,
-    /// Units of a scattered ray are popular ones (else any).
+    /// True if scattered rays prefer popular units.
     pub popular: bool,
 }
 
@@ -50,12 +50,12 @@ impl Default for SceneOptions {
     }
 }
 
-/// A scene to be traced.
+/// A synthetic scene.
 #[derive(Clone, Debug)]
 pub struct SimulatedScene {
-    /// How it was made.
+    /// Parameters of the scene.
     pub options: SceneOptions,
-    /// Its units and assets.
+    /// Units and assets of the scene.
     pub catalog: Arc<UnitCatalog>,
 }
 

@@ -30,7 +30,7 @@ pub enum LocalShape {
 }
 
 impl LocalShape {
-    /// As its file in `shaders/light/shapes` is called.
+    /// Name of its file in `shaders/light/shapes`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
