@@ -6,7 +6,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The package whose folder holds OpenSubdiv's sources.
+/// Package whose folder contains OpenSubdiv's sources.
 const CARRIER: &str = "opensubdiv-petite-sys";
 /// Folders of OpenSubdiv that are compiled.
 const PARTS: [&str; 4] = ["sdc", "vtr", "far", "bfr"];

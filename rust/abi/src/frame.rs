@@ -25,10 +25,10 @@ pub const SPEC_STACK_SIZE: u32 = 1;
 /// instances whose number is n - 1, modulo [`FAULT_ONE_IN`], and go on without them; [`FAULT_ALL`] has them forget all.
 #[cfg(feature = "faults")]
 pub const SPEC_FAULT: u32 = 4;
-/// Value of [`SPEC_FAULT`] for a fault in one of so many cases.
+/// Modulus of the numbers of chunk instances that [`SPEC_FAULT`] compares with its value.
 #[cfg(feature = "faults")]
 pub const FAULT_ONE_IN: u32 = 100;
-/// Value of [`SPEC_FAULT`] for a fault in all cases.
+/// Value of [`SPEC_FAULT`] with which rays forget all absent chunk instances.
 #[cfg(feature = "faults")]
 pub const FAULT_ALL: u32 = u32::MAX;
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Files whose names come from settings and scenes. Opening a pipe waits for its other end, opening a device may do
-//! anything, and neither has an end: so regular files are opened, and nothing else, in bounded time.
+//! Opens files whose names come from settings and scenes. Opening a pipe waits for its other end, opening a device may
+//! do anything, and neither has an end: so these functions open regular files only, in bounded time.
 //!
-//! Each function looks at what has the name before it opens it, opens without waiting (`O_NONBLOCK`), and looks once
-//! more at what it has got, should it have been replaced meanwhile. Links are followed. Errors that say what something
-//! is read on after its name: "is a pipe, not a file". Any thread.
+//! Each function checks the kind of the file before it opens it, opens without waiting (`O_NONBLOCK`), and checks the
+//! opened file again, because the name may have been replaced meanwhile. Links are followed. Messages of errors about
+//! the kind of a file continue its name: "is a pipe, not a file". Any thread.
 
 #![forbid(unsafe_code)]
 
@@ -77,7 +77,7 @@ pub fn replace_by(path: &Path, write: impl FnOnce(File) -> Result<()>) -> Result
     done
 }
 
-/// A name that no other call, thread or process uses.
+/// A name in the same folder that no other call, thread or process uses.
 fn name_beside(path: &Path) -> PathBuf {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     let number = COUNT.fetch_add(1, Ordering::Relaxed);
@@ -86,7 +86,7 @@ fn name_beside(path: &Path) -> PathBuf {
     name.into()
 }
 
-/// What is not there may be made.
+/// Fails if there is something other than a regular file; a missing file may be created.
 fn refuse_existing(path: &Path) -> Result<()> {
     match std::fs::metadata(path) {
         Ok(metadata) => refuse(metadata.file_type()),
@@ -142,7 +142,7 @@ mod tests {
     use std::os::unix::net::UnixListener;
     use std::time::{Duration, Instant};
 
-    /// A folder with one of everything, removed at the end.
+    /// A folder with one entry of each kind, removed at the end.
     struct Folder(PathBuf);
 
     impl Folder {
@@ -164,7 +164,7 @@ mod tests {
             names
         }
 
-        /// What is no file, and what it is called.
+        /// The entries that are not files, with the names of their kinds.
         fn others(&self) -> (Vec<(PathBuf, &'static str)>, UnixListener) {
             let [pipe, link, socket] = ["pipe", "link", "socket"].map(|name| self.path(name));
             let made = std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo");

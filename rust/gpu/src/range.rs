@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What operations work on: a stretch of device memory with an owner that can be kept alive.
+//! Ranges of device memory that operations work on; a range can keep its owner alive.
 //!
 //! [`DeviceRange`] is implemented by [`Buffer`](crate::Buffer), [`HeapRange`](crate::HeapRange) and
 //! [`StagingSlice`](crate::StagingSlice) only. Any thread.
@@ -11,7 +11,7 @@ pub trait DeviceRange: sealed::ToRangeParts {
     fn address(&self) -> u64;
     /// Size in bytes.
     fn size(&self) -> u64;
-    /// The name it was made with.
+    /// Name that it was created with.
     fn name(&self) -> &str;
 
     /// Lends bytes from an offset on to a function, if the range lies in host memory of a heap
@@ -27,7 +27,7 @@ pub trait DeviceRange: sealed::ToRangeParts {
 }
 
 pub(crate) mod sealed {
-    /// Where the range really is.
+    /// Buffer and offset of a range.
     #[derive(Debug)]
     pub struct RangeParts {
         pub(crate) buffer: ash::vk::Buffer,

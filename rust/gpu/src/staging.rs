@@ -7,7 +7,7 @@
 //!
 //! Waiting: threads are served in the order they asked. The first waits for the GPU when that holds the oldest part,
 //! else for other threads; a wait never lasts longer than [`POLL`] before everything is looked at anew, so nothing
-//! depends on being woken, and the loss of the device ends it. A thread that holds the rest of the ring itself, in
+//! depends on being woken, and the loss of the device ends it. A thread that itself holds the rest of the ring, in
 //! slices or unsubmitted lists, waits for ever.
 
 use std::sync::{Arc, MutexGuard};
@@ -23,9 +23,9 @@ use crate::range::sealed::{RangeParts, ToRangeParts};
 use crate::submit::kept::HeldResource;
 use crate::submit::open_device::OpenDevice;
 
-/// The name of the memory of every ring.
+/// Name of the memory of every ring.
 const NAME: &str = "staging ring";
-/// Longest wait before everything is looked at anew.
+/// Longest wait before everything is checked again.
 const POLL: Duration = Duration::from_millis(2);
 const POLL_NS: u64 = 2_000_000;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Work that was handed to the GPU: is it done, wait for it, how long did it take. Any thread.
+//! Submitted work: its completion, its timings, and waiting for it. Any thread.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -73,7 +73,7 @@ impl Submission {
         timings
     }
 
-    /// The label of its command list.
+    /// Label of its command list.
     #[must_use]
     pub fn label(&self) -> &str {
         &self.label

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Edits: blocks appended to a file that replace faces (or metadata, which nobody here reads). A later edit of a face
-//! replaces an earlier one.
+//! Edits: blocks appended to a file that replace faces (or metadata, which this crate does not read). A later edit of a
+//! face replaces an earlier one.
 
 use crate::format::{BlockEncoding, ExtendedHeader, FACE_BYTES, FieldReader, PtexHeader, parse_block, parse_face};
 use crate::inflate::FileBytes;
 use crate::tables::{FaceTables, TexelBlock};
 use crate::{MAX_EDITS, PtexError};
 
-/// Kind (1 byte) and length of what follows (4 bytes).
+/// Bytes of an edit's header: kind (1 byte) and length of the rest (4 bytes).
 const EDIT_HEADER_BYTES: u32 = 5;
 const FACE_EDIT: u8 = 0;
-/// Number of the face, its record, and the word of its block.
+/// Bytes of a face edit: number of the face, its record, and the word of its block.
 const FACE_EDIT_BYTES: u32 = 4 + FACE_BYTES + 4;
 
 /// Applies all edits. They begin where the extended header says or, in files of before it said so, at `start`.

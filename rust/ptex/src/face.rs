@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the header of a file says: kinds of meshes, values and borders, and the faces.
+//! The contents of a file's header: kinds of meshes, values and borders, and the faces.
 
-/// What all faces of the mesh are.
+/// Kind of all faces of the mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum MeshType {
     /// Triangles, each a square image cut into "even" and "odd" texels (see the [crate] documentation).
@@ -10,7 +10,7 @@ pub enum MeshType {
     Quad,
 }
 
-/// What each channel of a texel is.
+/// Type of each channel of a texel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum DataType {
     /// Unsigned, 255 is one.
@@ -34,14 +34,14 @@ impl DataType {
     }
 }
 
-/// What lies beyond an edge that has no neighbour, for filters.
+/// Continuation beyond an edge that has no neighbour, for filters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BorderMode {
-    /// The texels at the edge, on and on.
+    /// The texels at the edge continue.
     Clamp,
-    /// Zeros.
+    /// Everything beyond the edge is zero.
     Black,
-    /// The texels of the opposite edge of the same face.
+    /// The texels of the opposite edge of the same face follow.
     Periodic,
 }
 

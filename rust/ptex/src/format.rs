@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The fixed-size records of a file: headers, faces and the words that describe blocks of texels. All little-endian and
-//! packed, as the Ptex file format has them. Parsing checks each field on its own; where parts lie is checked later.
+//! packed, as the Ptex file format has them. Parsing checks each field on its own; the positions of parts are checked
+//! later.
 
 use crate::{BorderMode, DataType, MAX_CHANNELS, MAX_FACES, MAX_LOG2, MeshType, PtexError, PtexFace};
 
@@ -48,7 +49,7 @@ impl FieldReader<'_> {
     }
 }
 
-/// What all files begin with. Lengths are of parts as they are stored, bytes.
+/// The header of all files. Lengths are of parts as they are stored, bytes.
 #[derive(Clone, Debug)]
 pub(crate) struct PtexHeader {
     pub(crate) mesh_type: MeshType,
@@ -114,7 +115,7 @@ impl PtexHeader {
         })
     }
 
-    /// The header without metadata and edits.
+    /// The header as bytes, without metadata and edits.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let mesh_type: u32 = match self.mesh_type {
             MeshType::Triangle => 0,
@@ -160,14 +161,14 @@ fn data_type(value: u32) -> Result<DataType, PtexError> {
     }
 }
 
-/// What follows the header, in all but the oldest files.
+/// The second header, which follows in all but the oldest files.
 #[derive(Clone, Debug)]
 pub(crate) struct ExtendedHeader {
     pub(crate) border_modes: [BorderMode; 2],
     pub(crate) large_metadata_header_bytes: u32,
     pub(crate) large_metadata_bytes: u64,
     pub(crate) edit_bytes: u64,
-    /// Where edits begin; 0 in files of before this was said.
+    /// Offset of the edits; 0 in files from before this field existed.
     pub(crate) edits_at: u64,
 }
 
@@ -262,14 +263,14 @@ pub(crate) fn face_record(face: &PtexFace) -> [u8; FACE_BYTES as usize] {
     record
 }
 
-/// How a block holds its texels.
+/// Encoding of the texels of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum BlockEncoding {
-    /// One texel for all.
+    /// One texel for the whole block.
     Constant,
     /// Planes of channels, compressed.
     Zipped,
-    /// The same, each value less the one before it.
+    /// As `Zipped`, each value less the one before it.
     DiffZipped,
     /// Blocks of rectangles.
     Tiled,

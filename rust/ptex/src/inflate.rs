@@ -6,7 +6,7 @@ use flate2::{Decompress, FlushDecompress, Status};
 
 use crate::{MAX_BYTES, PtexError, ReadAt};
 
-/// Deflate's most: a match of 258 bytes in two bits.
+/// Largest ratio of deflate: a match of 258 bytes in two bits.
 const MOST_RATIO: u64 = 1032;
 
 /// The file, and its length when it was opened.
@@ -15,7 +15,7 @@ pub(crate) struct FileBytes {
     size: u64,
 }
 
-/// Where a part is in the file.
+/// The position of a part in the file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StoredPart {
     pub(crate) name: &'static str,
@@ -34,7 +34,7 @@ impl FileBytes {
         self.size
     }
 
-    /// Fails unless the file holds all of a part.
+    /// Fails unless the file contains all of a part.
     pub(crate) fn check(&self, part: StoredPart) -> Result<(), PtexError> {
         let end = part.at.checked_add(part.stored);
         end.filter(|end| *end <= self.size).map(|_| ()).ok_or(PtexError::Truncated(part.name))
@@ -80,7 +80,7 @@ impl Inflater {
         }
     }
 
-    /// A part that inflates to `bytes`.
+    /// Reads a part that inflates to `bytes`.
     pub(crate) fn table(&mut self, file: &FileBytes, part: StoredPart, bytes: u64) -> Result<Vec<u8>, PtexError> {
         check_table(part, bytes)?;
         file.check(part)?;

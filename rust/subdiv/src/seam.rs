@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Blocks of faces put together: vertices at the places that blocks share become one, where they are alike.
+//! Joins blocks of faces: equal vertices at positions that blocks share become one.
 
 use crate::{Error, LimitFacets, ffi};
 
-/// No vertex.
+/// Marks the absence of a vertex.
 const NONE: u32 = u32::MAX;
 /// Normals with a larger cosine are one normal. As in C++, within blocks.
 const SAME_NORMAL: f64 = 1.0 - 1e-4;
 /// Values that differ by less than this share of their size are one value.
 const SAME_VALUE: f32 = 1e-4;
 
-/// What was put together so far.
+/// The result of the blocks joined so far.
 pub(crate) struct SeamJoiner {
     pub(crate) facets: LimitFacets,
-    /// First vertex at each place that faces share.
+    /// First vertex at each position that faces share.
     heads: Vec<u32>,
-    /// The next vertex at the same place.
+    /// Next vertex at the same position.
     next: Vec<u32>,
-    /// Face-varying floats of a vertex.
+    /// Number of face-varying floats of a vertex.
     width: usize,
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Whether a material says that a surface is there for a ray: `is_cut_in` of traversal/opacity.glsl. Any thread.
+//! Evaluates if the material lets a surface exist for a ray: `is_cut_in` of traversal/opacity.glsl. Any thread.
 
 use crate::pending::before;
 use crate::presence::{AlphaTest, OpacitySource};
@@ -34,7 +34,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         self.pending.flags() | asked.bits()
     }
 
-    /// Whether the material says that the surface is there for this ray.
+    /// Returns true if the surface exists for this ray according to its material.
     #[inline(never)]
     pub(crate) fn is_cut_in(&mut self, surface: CandidateSurface, t: f32, uv: [f32; 2]) -> bool {
         let CandidateSurface { item: triangle, number, subset_and_sides } = surface;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Whether a surface that a walk meets is there, by displayOpacity (traversal/opacity.glsl), and the seed that decides
-//! (`traversal/opacity_seed.glsl`). Any thread.
+//! Evaluates if a surface that a walk meets exists by its displayOpacity (traversal/opacity.glsl), with the seed of the
+//! decision (`traversal/opacity_seed.glsl`). Any thread.
 
 use crate::primvar::indices;
 use crate::scene::TraversalScene;
@@ -55,7 +55,7 @@ impl TraversalScene<'_> {
     }
 }
 
-/// `attribute_float` of geometry/attribute.glsl.
+/// Value of an attribute, as `attribute_float` of geometry/attribute.glsl.
 fn attribute(values: HostBytes<'_>, corners: HostBytes<'_>, rate: u32, triangle: u32, uv: [f32; 2]) -> Option<f32> {
     let at = |index: u32| values.get::<f32>(index as usize);
     let [x, y, z] = indices(corners, rate, triangle)?;
@@ -66,7 +66,7 @@ fn attribute(values: HostBytes<'_>, corners: HostBytes<'_>, rate: u32, triangle:
 }
 
 impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
-    /// Whether the surface is there for this ray.
+    /// Returns true if the surface exists for this ray.
     #[inline(never)]
     pub(crate) fn is_opaque(&self, surface: CandidateSurface, uv: [f32; 2]) -> bool {
         let CandidateSurface { item: triangle, number, subset_and_sides } = surface;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How much of a cutout is there around a place, without its texture: `traversal/opacity_mask.glsl` and
+//! Coverage of a cutout around a position, without its texture: `traversal/opacity_mask.glsl` and
 //! `texture/near_width.glsl`, operation by operation. The layout is that of `oocpt_core::texture::OpacityMask`. Pure,
 //! any thread.
 
@@ -14,7 +14,7 @@ use oocpt_gpu::{HostBytes, HostView};
 pub(crate) struct MaskCandidate<'a> {
     pub(crate) corners: &'a TriangleCorners,
     pub(crate) uv: [f32; 2],
-    /// Of the triangle.
+    /// Edges of the triangle.
     pub(crate) edges: [V3; 2],
     pub(crate) direction: V3,
     /// Width of the ray's cone over the length of the direction.
@@ -61,7 +61,7 @@ fn coverage_in_mask(mask: HostBytes<'_>, [size, modes]: [u32; 2], st: [f32; 2], 
     (!narrow || matches!(coverage, 0 | 255)).then_some(coverage)
 }
 
-/// `coverage_at`.
+/// Coverage at a position, as `coverage_at` of the shaders.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

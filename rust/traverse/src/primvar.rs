@@ -7,10 +7,10 @@ use crate::walk::RayTraversal;
 use oocpt_abi::{AttributeRate, Features, GpuAttribute, GpuInstance, NO_NAME, NO_ROW, NO_VALUE, TARGET_ASSEMBLY};
 use oocpt_gpu::HostBytes;
 
-/// As the shaders keep all of them, however wide.
+/// Value of a primvar, in four floats of any width, as in the shaders.
 pub(crate) type PrimvarValue = [f32; 4];
 
-/// Which three values a triangle has; all the same for a rate without corners.
+/// Indices of the three values of a triangle; all equal for a rate without corners.
 pub(crate) fn indices(corners: HostBytes<'_>, rate: u32, triangle: u32) -> Option<[u32; 3]> {
     let first = triangle.wrapping_mul(3);
     match rate {
@@ -23,7 +23,7 @@ pub(crate) fn indices(corners: HostBytes<'_>, rate: u32, triangle: u32) -> Optio
     }
 }
 
-/// `primvar_at`: value `index`, of `width` floats.
+/// Value `index` of `width` floats, as `primvar_at` of the shaders.
 fn value_at(values: HostBytes<'_>, index: u32, width: u32) -> Option<PrimvarValue> {
     let at = (index as usize).checked_mul(width as usize)?.checked_mul(size_of::<f32>())?;
     match width {
@@ -39,7 +39,7 @@ fn value_at(values: HostBytes<'_>, index: u32, width: u32) -> Option<PrimvarValu
 pub(crate) struct TriangleCorners([PrimvarValue; 3]);
 
 impl TriangleCorners {
-    /// `primvar_value`.
+    /// Interpolated value, as `primvar_value` of the shaders.
     pub(crate) fn at(&self, [u, v]: [f32; 2]) -> PrimvarValue {
         let Self([a, b, c]) = *self;
         if a == b && b == c {

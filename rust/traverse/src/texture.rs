@@ -13,7 +13,7 @@ use oocpt_abi::{
 use oocpt_gpu::HostBytes;
 use std::mem::offset_of;
 
-/// `UNKNOWN_TEXEL`.
+/// Value of a texel that is not known, as `UNKNOWN_TEXEL` of the shaders.
 const UNKNOWN_TEXEL: f32 = 0.5;
 
 macro_rules! feedback {
@@ -22,17 +22,17 @@ macro_rules! feedback {
     };
 }
 
-/// What to look up.
+/// The parameters of a lookup.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TextureLookup {
     pub(crate) texture: u32,
     pub(crate) st: [f32; 2],
-    /// Of the filter, in texels.
+    /// Width of the filter, texels.
     pub(crate) width: f32,
     pub(crate) channel: u32,
 }
 
-/// What a lookup gives.
+/// Result of a lookup.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum LookupResult {
     Texel(f32),
@@ -46,18 +46,18 @@ pub(crate) enum LookupResult {
     },
 }
 
-/// A texture, or a part of a UDIM set, and the place in it.
+/// A texture, or a part of a UDIM set, and the position in it.
 enum UdimPart {
     Found(GpuTexture, [f32; 2]),
-    /// The set has none there.
+    /// The set has no part at the position.
     Missing(GpuTexture),
 }
 
-/// `TextureLevel`.
+/// A level of a texture, as `TextureLevel` of the shaders.
 struct MipLevel {
     size: [u32; 2],
     page: u32,
-    /// Bytes of a tile before its texels.
+    /// Offset of its texels in the tile, bytes.
     offset: usize,
     in_tail: bool,
 }
@@ -100,13 +100,13 @@ fn fallback_value(t: &GpuTexture, channel: u32) -> f32 {
     t.fallback[channel as usize & 3]
 }
 
-/// What a texture gives that has no texels.
+/// Value of a texture without texels.
 fn fallback_of(t: &GpuTexture, channel: u32) -> LookupResult {
     let value = fallback_value(t, channel);
     if has_border(t) { LookupResult::Texel(value) } else { LookupResult::Fallback(value) }
 }
 
-/// `near_image`.
+/// Coordinate relative to the nearest image, as `near_image` of the shaders.
 pub(crate) fn near_image(s: f32, wrap: u32) -> f32 {
     #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN is 0")]
     if !(s.abs() < 1.0e9) {
@@ -150,7 +150,7 @@ fn texel_place(s: f32, size: u32) -> (i32, f32) {
     ((place >> shift) as i32, share)
 }
 
-/// `wrap_texel`: none for transparent black.
+/// Index of a texel, as `wrap_texel` of the shaders; `None` for transparent black.
 fn wrap_texel(x: i32, size: u32, wrap: u32) -> Option<u32> {
     let (x, size) = (i64::from(x), i64::from(size));
     let inside = match wrap {
@@ -166,14 +166,14 @@ fn wrap_texel(x: i32, size: u32, wrap: u32) -> Option<u32> {
     u32::try_from(inside).ok()
 }
 
-/// `byte_to_unit`.
+/// Value of a byte in [0, 1], as `byte_to_unit` of the shaders.
 fn byte_to_unit(byte: u8) -> f32 {
     let v = f32::from(byte);
     v * (257.0 / 65536.0) + v * 5.983_839e-8
 }
 
 impl TraversalScene<'_> {
-    /// `texture_part`.
+    /// Part of a texture at `st`, as `texture_part` of the shaders.
     fn texture_part(&self, texture: u32, st: [f32; 2]) -> Option<UdimPart> {
         let t: GpuTexture = self.textures.get(texture as usize)?;
         if t.flags & TEXTURE_UDIM == 0 {
@@ -253,7 +253,7 @@ impl TraversalScene<'_> {
         LookupResult::Texel(mean)
     }
 
-    /// A channel of `decode_texel`; 0 where there is no memory.
+    /// A channel of a texel, as in `decode_texel` of the shaders; 0 without memory.
     fn texel(&self, t: &GpuTexture, tile: HostBytes<'_>, offset: usize, index: usize, channel: u32) -> f32 {
         let channels = t.flags & TEXTURE_CHANNELS;
         // Which number of a texel it is: (r), (r, a) and (r, g, b, a) stand for four channels.
@@ -277,7 +277,7 @@ impl TraversalScene<'_> {
         }
     }
 
-    /// `request_tile`: says that a path lacks a tile.
+    /// Notes that a path lacks a tile, as `request_tile` of the shaders.
     fn request_tile(&self, path: u32, page: u32) {
         if self.frame.texture_feedback == 0 {
             return;

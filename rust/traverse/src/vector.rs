@@ -4,7 +4,7 @@
 
 use std::ops::{Add, Index, Mul, Sub};
 
-/// Three floats.
+/// A vector of three floats.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct V3(pub(crate) [f32; 3]);
 
@@ -14,7 +14,7 @@ impl V3 {
         Self([f(self[0]), f(self[1]), f(self[2])])
     }
 
-    /// The largest absolute component; NaN counts as nothing.
+    /// The largest absolute component; NaN is ignored.
     #[inline(always)]
     pub(crate) fn largest(self) -> f32 {
         // Not `f32::max`, which asks which one is NaN.
@@ -93,7 +93,7 @@ pub(crate) fn triangle_normal(v0: V3, v1: V3, v2: V3) -> V3 {
     cross3(if without_a { b } else { a }, if without_c { b } else { c })
 }
 
-/// Rows of an affine map, as they lie in memory.
+/// Rows of an affine map, as in memory.
 pub(crate) type AffineRows = [[f32; 4]; 3];
 
 #[inline(always)]
@@ -118,7 +118,7 @@ pub(crate) fn difference(a: (V3, V3), b: (V3, V3)) -> V3 {
     s + (e + (a.1 - b.1))
 }
 
-/// What no component of `d` counts as smaller than.
+/// Magnitude below which components of `d` count as this.
 #[inline(always)]
 pub(crate) fn tiny_component(d: V3) -> f32 {
     let tiny = d.largest() * 8.673_617e-19;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Dispatches in a command list.
+//! Records dispatches in a command list.
 
 use std::sync::Arc;
 

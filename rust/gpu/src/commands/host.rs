@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Work of the host in the middle of a command list.
+//! Records work of the host in the middle of a command list.
 
 use std::time::{Duration, Instant};
 

@@ -8,10 +8,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::GpuError;
 
-/// Which count an allocation goes to.
+/// The count that an allocation goes to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum MemoryAccount {
-    /// Device memory: bounded by the budget.
+    /// Device memory, which the budget bounds.
     Device,
     /// Memory of the host that the device reaches (staging, readback): counted, not bounded.
     Host,
@@ -23,9 +23,9 @@ pub(crate) enum MemoryAccount {
 pub struct MemoryUse {
     /// Device memory held now, including what is retired but still in use by the GPU.
     pub used: u64,
-    /// Most device memory ever held.
+    /// Maximum of device memory held so far.
     pub peak: u64,
-    /// The hard budget for `used`.
+    /// Hard budget for `used`.
     pub budget: u64,
     /// Host memory held for uploads and readbacks (also when it shares a heap with the device).
     pub host_used: u64,
@@ -69,7 +69,7 @@ impl MemoryBudget {
         self.lock().counts.budget = budget;
     }
 
-    /// Most bytes ever counted, of both accounts together.
+    /// Maximum of bytes counted so far, of both accounts together.
     #[cfg(feature = "faults")]
     pub(crate) fn most(&self) -> u64 {
         self.lock().most

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Buffers that the host sees at the addresses of the device, where the device is a processor. While the host looks at
-//! them, nothing that is retired may go. Any thread.
+//! Buffers that the host accesses by device addresses, if the device is a processor. While the host accesses them,
+//! retired buffers are not destroyed. Any thread.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -16,7 +16,7 @@ pub(crate) struct HostMemory(Mutex<HostMemoryState>);
 
 #[derive(Debug, Default)]
 struct HostMemoryState {
-    /// By device address: bytes, and where they are.
+    /// Spans by device address: bytes, and the mapped pointer.
     spans: BTreeMap<u64, (u64, MappedPointer)>,
     views: usize,
 }
@@ -26,7 +26,7 @@ impl HostMemory {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Notes a new buffer, if the host sees it.
+    /// Adds a new buffer, if the host can access it.
     pub(crate) fn add(&self, raw: &RawBuffer) {
         if let Some(at) = raw.seen {
             self.lock().spans.insert(raw.address, (raw.bytes, at));
@@ -52,7 +52,7 @@ impl HostMemory {
         items
     }
 
-    /// Returns true if the host looks at memory now.
+    /// Returns true if there is a view of the memory.
     pub(crate) fn has_views(&self) -> bool {
         self.lock().views > 0
     }
@@ -64,7 +64,7 @@ impl HostMemory {
         state.spans.iter().map(|(&start, &(bytes, at))| (start, bytes, at)).collect()
     }
 
-    /// Ends a view; true if there is no other.
+    /// Ends a view; returns true if there is no other.
     pub(crate) fn look_away(&self) -> bool {
         let mut state = self.lock();
         state.views -= 1;

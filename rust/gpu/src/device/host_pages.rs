@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Pages of this process that a driver is lent: it pins them several times faster than it makes memory of its own, and
-//! they are touched before by several threads at once. Linux only; elsewhere there are none. Any thread.
+//! Pages of this process that are lent to a driver: it pins them several times faster than it allocates memory of its
+//! own, and several threads touch them before. Linux only; elsewhere there are none. Any thread.
 
 use std::ptr::NonNull;
 
@@ -13,9 +13,9 @@ pub(crate) struct HostPages {
     bytes: usize,
 }
 
-/// Bytes that it pays to have a thread of its own touch.
+/// Bytes for which it pays to use another thread for touching.
 const TOUCHED_AT_ONCE: usize = 16 << 20;
-/// Most threads that touch pages, the caller's among them.
+/// Largest number of threads that touch pages, including the caller's.
 const MOST_THREADS: usize = 4;
 
 #[cfg(target_os = "linux")]
@@ -72,7 +72,7 @@ mod system {
 }
 
 impl HostPages {
-    /// What sizes are multiples of: no system of ours has larger pages.
+    /// Alignment of sizes: no system that we support has larger pages.
     pub(crate) const GRANULE: u64 = 64 << 10;
 
     /// Pages of `bytes`, a multiple of [`Self::GRANULE`]; they hold zeros. None where the system has none.

@@ -32,7 +32,7 @@ pub(crate) struct OperationMarkers {
 }
 
 impl OperationMarkers {
-    /// Words in a new mapped buffer of [`MARKER_BYTES`].
+    /// Creates the words in a new mapped buffer of [`MARKER_BYTES`].
     pub(crate) fn new(raw: RawBuffer) -> Self {
         if let Some(mapped) = raw.mapped {
             // SAFETY: at least one word for each lane is mapped, and nothing else uses them yet.
@@ -70,8 +70,8 @@ impl OperationMarkers {
     }
 }
 
-/// What the stamp `id` says about the work in flight, labels with their marks in the order of submission; None when no
-/// operation there has this number.
+/// Describes the work in flight for the stamp `id`. `work`: labels with their marks in the order of submission. `None`
+/// if no operation there has this number.
 pub(crate) fn describe<'a>(work: impl Iterator<Item = (&'a str, &'a [OperationMark])>, id: u32) -> Option<String> {
     let mut before = None;
     for (label, marks) in work {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How a device is opened.
+//! Options for opening a device.
 
 use std::path::PathBuf;
 
-/// How to open a device. `OpenOptions::default()` is right for rendering.
+/// Options for opening a device. `OpenOptions::default()` is right for rendering.
 #[derive(Clone, Debug)]
 pub struct OpenOptions {
     /// Index in the driver's list, or a part of the name in any case. None or blank = the best device.
@@ -27,7 +27,7 @@ pub struct OpenOptions {
     /// Folder for the compiled pipelines of each device and driver, kept from run to run; made when needed. None = in
     /// memory only. See [`Gpu::save_pipeline_cache`](crate::Gpu::save_pipeline_cache).
     pub pipeline_cache: Option<PathBuf>,
-    /// What the caller's shaders are: callers of other shaders have files of their own there.
+    /// Key of the caller's set of shaders: callers with other shaders have other files in the folder.
     pub pipeline_key: u64,
 }
 

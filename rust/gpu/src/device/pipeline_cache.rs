@@ -2,10 +2,9 @@
 //! The pipeline cache, and its file: one for each device, driver version and set of shaders, in a folder of the
 //! caller's.
 //!
-//! A file that is damaged, cut, too large or another device's is ignored and replaced; nothing that goes wrong with the
-//! disk fails anything, it is only logged. Files are written beside and renamed, so that readers see a whole one, old
-//! or new. The checksum finds accidents, not malice: what is in the folder is as trusted as the program itself. Any
-//! thread.
+//! A file that is damaged, cut, too large or another device's is ignored and replaced; errors of the disk are only
+//! logged. Files are written under another name and renamed, so that readers see a whole one, old or new. The checksum
+//! finds accidents, not malice: what is in the folder is as trusted as the program itself. Any thread.
 
 use std::fs::File;
 use std::io;
@@ -22,19 +21,19 @@ use crate::error::GpuError;
 use crate::instance::probe::ProbedDevice;
 use crate::instance::vulkan::vulkan_error;
 
-/// Most bytes of a cache that are read or written.
+/// Most bytes of a cache that is read or written.
 const MOST_BYTES: u64 = 64 << 20;
 /// Most bytes of all files of the folder, and how many: those not used for longest go.
 const MOST_IN_ALL: u64 = 256 << 20;
 const MOST_FILES: usize = 16;
 /// A file is marked as used no more often than this; one under way that is older was left by a process that died.
 const DAY: Duration = Duration::from_secs(24 * 60 * 60);
-/// How names begin and end, and how those of files under way end (`oocpt_files::replace`).
+/// Beginning and end of the names of files, and the end of names of unfinished files (`oocpt_files::replace`).
 const PREFIX: &str = "pipelines-";
 const ENDING: &str = "bin";
 const UNDER_WAY: &str = "tmp";
 const MAGIC: [u8; 8] = *b"OocPTpc1";
-/// Magic, payload length, payload checksum.
+/// Bytes of the header: magic, payload length, payload checksum.
 const HEADER_BYTES: usize = 24;
 /// Of Vulkan's own header (version one), with which the payload begins.
 const VULKAN_HEADER_BYTES: u32 = 32;
@@ -43,7 +42,7 @@ const VULKAN_HEADER_BYTES: u32 = 32;
 #[derive(Debug)]
 pub(crate) struct CacheFile {
     path: PathBuf,
-    /// How the payload of this device and driver begins.
+    /// Beginning of the payload for this device and driver.
     vulkan_header: Vec<u8>,
     /// Checksum of what is on the disk, as far as we know; 0 = nothing of use.
     stored: AtomicU64,
@@ -60,7 +59,7 @@ impl CacheFile {
         Self { path: folder.join(name), vulkan_header, stored: AtomicU64::new(0) }
     }
 
-    /// What the driver stored last time; None when there is nothing that can be used.
+    /// The data that the driver stored last time; `None` if there is nothing usable.
     fn load(&self) -> Option<Vec<u8>> {
         let bytes = match oocpt_files::read(&self.path, MOST_BYTES + HEADER_BYTES as u64) {
             Ok(bytes) => bytes,
@@ -101,7 +100,7 @@ impl CacheFile {
         }
     }
 
-    /// Marks it as used.
+    /// Marks the file as used.
     fn mark(&self) {
         let now = SystemTime::now();
         let is_old = |file: &File| {
@@ -165,7 +164,7 @@ fn file_of(payload: &[u8]) -> Vec<u8> {
     [&MAGIC[..], &length, &checksum, payload].concat()
 }
 
-/// The payload of a file, or why it is of no use.
+/// The payload of a file, or the reason why it is unusable.
 fn payload_of<'a>(file: &'a [u8], vulkan_header: &[u8]) -> Result<&'a [u8], &'static str> {
     let (header, payload) = file.split_at_checked(HEADER_BYTES).ok_or("cut")?;
     if header[..8] != MAGIC {
@@ -192,7 +191,7 @@ pub(crate) struct PipelineCache {
 }
 
 impl PipelineCache {
-    /// Makes the cache, from the file if there is one.
+    /// Creates the cache, from the file if there is one.
     pub(crate) fn new(device: &Arc<LogicalDevice>, file: Option<CacheFile>) -> Result<Self, GpuError> {
         let stored = file.as_ref().and_then(CacheFile::load).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&stored);
@@ -207,12 +206,12 @@ impl PipelineCache {
         Ok(Self { device: Arc::clone(device), raw, file })
     }
 
-    /// For the making of pipelines; alive as long as this.
+    /// Handle for the creation of pipelines; valid as long as `self`.
     pub(crate) fn raw(&self) -> vk::PipelineCache {
         self.raw
     }
 
-    /// Writes it to its file, if there is one to be.
+    /// Writes the cache to its file, if it has one.
     pub(crate) fn save(&self) {
         let Some(file) = &self.file else { return };
         if self.device.check_alive().is_err() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The raw parts of a buffer: handles, address, mapping, and what the budget counts for it. Any thread.
+//! The raw parts of a buffer: handles, address, mapping, and its share of the budget. Any thread.
 
 use ash::vk;
 
@@ -17,12 +17,12 @@ pub(crate) struct RawBuffer {
     pub(crate) reserved: u64,
     pub(crate) account: MemoryAccount,
     pub(crate) address: u64,
-    /// Bytes of the buffer.
+    /// Size of the buffer, bytes.
     pub(crate) bytes: u64,
     pub(crate) mapped: Option<MappedPointer>,
-    /// The process's own pages, where the driver was lent them.
+    /// Pages of the process, if they are lent to the driver.
     pub(crate) pages: Option<HostPages>,
-    /// Where the host sees it on devices whose memory is the host's (`host_view`); else none.
+    /// Address for the host on devices that share the host's memory (`host_view`); else `None`.
     pub(crate) seen: Option<MappedPointer>,
 }
 
@@ -47,6 +47,6 @@ impl RawBuffer {
 #[derive(Debug)]
 pub(crate) struct RetiredBuffer {
     pub(crate) raw: RawBuffer,
-    /// Its memory's place in the count of a heap.
+    /// Its memory in the counters of a heap.
     pub(crate) held: Option<HeldBytes>,
 }

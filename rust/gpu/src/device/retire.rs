@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Things nobody holds any more but the GPU may still use, each with the submissions after which it can go.
+//! Objects that have no owner any more but that the GPU may still use, each with the submissions after which it can be
+//! destroyed.
 //!
 //! Bookkeeping only: [`RetireQueue::take_ready`] hands out what is ready, the caller destroys it outside the lock
 //! (destroying may retire more). Any thread.
@@ -39,7 +40,7 @@ impl<T> RetireQueue<T> {
         ready.iter().filter_map(|points| waiting.remove(points)).flatten().collect()
     }
 
-    /// Returns true if nothing waits.
+    /// Returns true if no item waits.
     pub(crate) fn is_empty(&self) -> bool {
         self.lock().is_empty()
     }

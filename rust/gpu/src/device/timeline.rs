@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How far a lane has come: a timeline semaphore that counts its submissions. Submission n is done when it has reached
-//! n. Knows nothing of what is submitted. Any thread.
+//! The progress of a lane: a timeline semaphore that counts its submissions. Submission n is done when it has reached
+//! n. It is independent of the contents of submissions. Any thread.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -35,7 +35,7 @@ impl TimelineSemaphore {
         Ok(())
     }
 
-    /// What submissions wait for and signal.
+    /// Semaphore that submissions wait for and signal.
     pub(crate) fn semaphore(&self) -> vk::Semaphore {
         self.semaphore
     }
@@ -64,7 +64,7 @@ impl TimelineSemaphore {
         unsafe { device.wait_semaphores(&info, timeout_ns) }
     }
 
-    /// Destroys it. The device is idle.
+    /// Destroys the semaphore; the device must be idle.
     pub(crate) fn destroy(&mut self, device: &ash::Device) {
         // SAFETY: no submission uses it. Null is allowed.
         unsafe { device.destroy_semaphore(std::mem::take(&mut self.semaphore), None) };

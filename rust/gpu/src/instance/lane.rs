@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The two lanes of work, and which Vulkan queue serves each.
+//! The two lanes of work, and the choice of the Vulkan queue that serves each.
 //!
 //! The main lane computes, the transfer lane only copies. Each has a timeline of its own. Where the device has no queue
 //! to spare both submit to the same one, in the order of submission; everything else is the same. The choice is pure.
@@ -10,7 +10,7 @@ use ash::vk;
 /// Number of lanes.
 pub(crate) const LANES: usize = 2;
 
-/// Where a command list runs.
+/// The lane on which a command list runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum QueueLane {
     /// Computes and copies.
@@ -37,19 +37,19 @@ pub(crate) struct TimelinePoints(pub(crate) [u64; LANES]);
 impl TimelinePoints {
     /// Before the first submission.
     pub(crate) const START: Self = Self([0; LANES]);
-    /// After everything, as on a lost device.
+    /// The point after every submission, as on a lost device.
     pub(crate) const END: Self = Self([u64::MAX; LANES]);
 
     pub(crate) fn of(self, lane: QueueLane) -> u64 {
         self.0[lane.index()]
     }
 
-    /// Returns true if both lanes have come as far as this.
+    /// Returns true if both lanes have reached these points.
     pub(crate) fn reached_by(self, completed: Self) -> bool {
         self.0.iter().zip(completed.0).all(|(&point, completed)| point <= completed)
     }
 
-    /// The later of both, lane by lane.
+    /// The later points of both, lane by lane.
     pub(crate) fn later(mut self, other: Self) -> Self {
         for lane in QueueLane::ALL {
             self.raise(lane, other.of(lane));

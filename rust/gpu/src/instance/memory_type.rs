@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which memory type buffers get, and whether the host sees all of it. Pure, any thread.
+//! Chooses the memory type of buffers, and decides if the host sees all of it. Pure, any thread.
 
 use ash::vk;
 
-/// Where a buffer's memory lives and what it is for.
+/// Location and purpose of a buffer's memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BufferUsage {
     /// Device memory, not reachable by the host. Counts against the budget.
@@ -25,7 +25,7 @@ const KNOWN_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
         | vk::MemoryPropertyFlags::HOST_CACHED.as_raw(),
 );
 
-/// What memory must be for the host to read and write it as its own.
+/// Properties that memory needs so that the host can read and write it as its own.
 pub(crate) const HOST_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
     vk::MemoryPropertyFlags::HOST_VISIBLE.as_raw() | vk::MemoryPropertyFlags::HOST_COHERENT.as_raw(),
 );

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Collects what the Vulkan validation layer says.
+//! Collects the messages of the Vulkan validation layer.
 //!
 //! The layer calls back on whatever thread made the faulty call; messages are kept in a [`ValidationLog`] that outlives
 //! the [`Gpu`](crate::Gpu), so that leaks reported when the device is destroyed can be read too. Known false alarms are
@@ -43,7 +43,7 @@ impl ValidationLog {
         self.push(format!("{severity}: [{id}] {text}"));
     }
 
-    /// What to give the messenger as user data: valid as long as a clone of this log lives.
+    /// User data for the messenger: valid as long as a clone of this log lives.
     fn as_user_data(&self) -> *mut c_void {
         Arc::as_ptr(&self.messages).cast_mut().cast()
     }

@@ -18,13 +18,13 @@ use crate::instance::validation::ValidationLog;
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// What to check while calls are made.
+/// The checks that are made during calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ValidationLevel {
     Off,
-    /// The Khronos layer, if installed.
+    /// The Khronos layer, if it is installed.
     On,
-    /// As `On`, and hazards between operations too (slow).
+    /// As `On`, with hazards between operations too (slow).
     OnWithSync,
 }
 
@@ -37,13 +37,13 @@ pub(crate) struct Instance {
     pub(crate) raw: ash::Instance,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     pub(crate) log: ValidationLog,
-    /// `VK_EXT_debug_utils` is enabled: objects can be named.
+    /// True if `VK_EXT_debug_utils` is enabled: objects can be named.
     pub(crate) names: bool,
-    /// The validation layer is loaded.
+    /// True if the validation layer is loaded.
     pub(crate) validating: bool,
 }
 
-/// Layers and extensions to ask for, as found on this machine.
+/// Layers and extensions to enable, as found on this machine.
 struct InstanceRequest {
     layers: Vec<&'static CStr>,
     extensions: Vec<&'static CStr>,
@@ -185,7 +185,7 @@ fn has_extension(entry: &ash::Entry, layer: &CStr, extension: &CStr) -> Result<b
     Ok(extension_names(entry, Some(layer))?.iter().any(|name| name.as_c_str() == extension))
 }
 
-/// The error for a call that failed outside a device.
+/// Error of a call that failed outside a device.
 pub(crate) fn vulkan_error(call: &'static str, code: vk::Result) -> GpuError {
     GpuError::Vulkan { call, code: format!("{code:?}") }
 }

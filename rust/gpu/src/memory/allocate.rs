@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Makes buffers with memory of their own, under the budget.
+//! Creates buffers with memory of their own, within the budget.
 //!
-//! [`NewBuffer::take_memory`] is the only place that calls `vkAllocateMemory`; whoever can make room calls it again.
-//! Any thread.
+//! [`NewBuffer::take_memory`] is the only place that calls `vkAllocateMemory`; a caller that can make room calls it
+//! again. Any thread.
 
 use std::ptr::NonNull;
 
@@ -28,9 +28,9 @@ pub(crate) struct NewBuffer<'a> {
     name: &'a str,
     usage: BufferUsage,
     raw: RawBuffer,
-    /// What the driver wants: bytes, and the type chosen for it.
+    /// Requirements of the driver: bytes, and the type chosen for it.
     needs: (u64, u32),
-    /// Types that it allows, a bit each.
+    /// Memory types that it allows, one bit each.
     types: u32,
     is_finished: bool,
 }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The arenas of a heap: big buffers and the bookkeeping of their ranges, also of those that are retired.
+//! The arenas of a heap: big buffers, and the bookkeeping of their ranges, including retired ones.
 //!
-//! Knows no policy but that an empty arena is kept; [`Heap`](crate::Heap) decides when arenas are made. Any thread.
+//! The only policy here is that one empty arena is kept; [`Heap`](crate::Heap) decides when arenas are made. Any
+//! thread.
 //!
 //! Locks: the list of arenas before an arena's own; neither is held while anything is dropped.
 
@@ -28,7 +29,7 @@ pub(crate) struct MemoryArena {
     skew: u64,
     pub(crate) bytes: u64,
     space: Mutex<ArenaSpace>,
-    /// Those of its heap, as long as that lives.
+    /// Arenas of its heap, as long as that lives.
     siblings: Weak<HeapArenas>,
     pub(crate) counters: Arc<HeapCounters>,
 }
@@ -55,11 +56,11 @@ pub(crate) struct HeapArenas {
     /// Ranges that nobody holds any more; freed when the GPU is done with them.
     retired: RetireQueue<ArenaPlace>,
     pub(crate) counters: Arc<HeapCounters>,
-    /// Empty arenas stay.
+    /// True if empty arenas are kept.
     keeps: bool,
 }
 
-/// How full an arena is, in bytes.
+/// Usage of an arena, bytes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ArenaUsage {
     pub(crate) used_bytes: u64,
@@ -108,7 +109,7 @@ impl MemoryArena {
         self.lock().ranges > 0
     }
 
-    /// How full it is.
+    /// Usage of the arena.
     pub(crate) fn usage(&self) -> ArenaUsage {
         let space = self.lock();
         let report = space.allocator.storage_report();
@@ -121,7 +122,7 @@ impl MemoryArena {
 }
 
 impl HeapArenas {
-    /// None yet.
+    /// Creates a heap without arenas.
     pub(crate) fn new(device: &Arc<LogicalDevice>, counters: Arc<HeapCounters>, keeps: bool) -> Arc<Self> {
         let (device, list) = (Arc::clone(device), Mutex::new(Vec::new()));
         Arc::new(Self { device, list, retired: RetireQueue::new(), counters, keeps })
@@ -131,7 +132,7 @@ impl HeapArenas {
         self.list.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A place in one of the arenas there are.
+    /// A place in one of the existing arenas.
     pub(crate) fn take(&self, bytes: u64) -> Option<ArenaPlace> {
         self.lock().iter().find_map(|arena| arena.take(bytes))
     }
@@ -144,7 +145,7 @@ impl HeapArenas {
         place
     }
 
-    /// Adds an arena of `bytes`, to be asked before the others.
+    /// Adds an arena of `bytes`, which is tried before the others.
     pub(crate) fn add_first(self: &Arc<Self>, block: MemoryBlock, bytes: u64) {
         let arena = MemoryArena::new(block, bytes, self);
         self.lock().insert(0, arena);
@@ -197,7 +198,7 @@ impl HeapArenas {
 }
 
 impl ArenaPlace {
-    /// Its size in the arena.
+    /// Bytes that it occupies in the arena.
     pub(crate) fn bytes(&self) -> u64 {
         self.bytes
     }

@@ -12,13 +12,13 @@ use crate::instance::lane::QueueLane;
 use crate::memory::block::MemoryBlock;
 use crate::memory::staging_space::RingSpace;
 
-/// The bytes of a ring, and who has which.
+/// The bytes of a ring, and the owners of its parts.
 #[derive(Debug)]
 pub(crate) struct RingMemory {
     pub(crate) block: Arc<MemoryBlock>,
-    /// The buffer's first byte.
+    /// First byte of the buffer.
     pub(crate) mapped: MappedPointer,
-    /// Bytes of the ring.
+    /// Size of the ring, bytes.
     pub(crate) size: u64,
     state: Mutex<RingState>,
     changed: Condvar,
@@ -27,13 +27,13 @@ pub(crate) struct RingMemory {
 #[derive(Debug)]
 pub(crate) struct RingState {
     space: RingSpace,
-    /// Threads that wait, in the order they asked.
+    /// Threads that wait, in the order of their requests.
     turns: VecDeque<u64>,
     next_turn: u64,
 }
 
 impl RingMemory {
-    /// All of a mapped block is free.
+    /// Creates a ring of a mapped block, all of which is free.
     pub(crate) fn new(block: MemoryBlock, mapped: MappedPointer, size: u64) -> Self {
         let state = RingState { space: RingSpace::new(size), turns: VecDeque::new(), next_turn: 0 };
         Self { block: Arc::new(block), mapped, size, state: Mutex::new(state), changed: Condvar::new() }
@@ -74,7 +74,7 @@ impl RingState {
     }
 }
 
-/// A place in the queue of those who wait.
+/// A place in the queue of waiting threads.
 pub(crate) struct RingTurn<'a> {
     ring: &'a RingMemory,
     pub(crate) number: u64,
@@ -111,7 +111,7 @@ impl StagingPart {
         Self { ring: Arc::clone(ring), number, start }
     }
 
-    /// A list of `lane` keeps it.
+    /// Notes that a list of `lane` keeps the part.
     pub(crate) fn used_on(&self, lane: QueueLane) {
         self.ring.lock().space.used_by(self.number, lane);
     }

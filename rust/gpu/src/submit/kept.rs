@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What lives as long as the work that uses it. Any thread.
+//! Objects that live as long as the work that uses them. Any thread.
 
 use std::sync::Arc;
 

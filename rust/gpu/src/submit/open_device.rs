@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! An open device: the logical one with its queues and its heaps, whose memory can be had back when the GPU is done.
+//! An open device: the logical one with its queues and its heaps, whose memory is reclaimed when the GPU has finished.
 //!
-//! Shared by [`Gpu`](crate::Gpu), heaps, staging rings and views; what command lists keep alive holds only the logical
-//! device, so nothing in flight points back here. Any thread.
+//! Shared by [`Gpu`](crate::Gpu), heaps, staging rings and views; the objects that command lists keep alive hold only
+//! the logical device, so nothing in flight refers to this type. Any thread.
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
@@ -16,7 +16,7 @@ use crate::memory::arena::HeapArenas;
 use crate::memory::block::MemoryBlock;
 use crate::submit::queue::{InFlight, Queue};
 
-/// Whether a full budget may be waited out.
+/// Decides if an allocation may wait while the budget is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum BudgetWait {
     /// Take back what is free already, but do not wait for the GPU.
@@ -25,12 +25,12 @@ pub(crate) enum BudgetWait {
     WaitForRetired,
 }
 
-/// See the module.
+/// A logical device with its queues and heaps.
 #[derive(Debug)]
 pub(crate) struct OpenDevice {
     queues: [Queue; LANES],
     heaps: Mutex<Vec<Weak<HeapArenas>>>,
-    /// Last: the queues are made from it.
+    /// Dropped last, because the queues are made from it.
     pub(crate) device: Arc<LogicalDevice>,
 }
 
@@ -48,14 +48,14 @@ impl OpenDevice {
         self.heaps.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::downgrade(arenas));
     }
 
-    /// Heaps that are still there.
+    /// Heaps that still exist.
     fn heaps(&self) -> Vec<Arc<HeapArenas>> {
         let mut heaps = self.heaps.lock().unwrap_or_else(PoisonError::into_inner);
         heaps.retain(|heap| heap.strong_count() > 0);
         heaps.iter().filter_map(Weak::upgrade).collect()
     }
 
-    /// Lets go of everything that finished submissions used.
+    /// Releases everything that finished submissions used.
     pub(crate) fn collect(&self) {
         let completed = self.device.completed();
         for lane in QueueLane::ALL {

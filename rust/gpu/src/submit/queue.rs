@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The queue of a lane: numbered submissions, and what each keeps alive.
+//! The queue of a lane: numbered submissions, and the objects that each keeps alive.
 //!
 //! Submission n is done when the lane's timeline has reached n. Submissions of a lane run in order (each command list
 //! begins with a full barrier); those of different lanes do not, unless one waits for the other. Any thread.
@@ -18,7 +18,7 @@ use crate::instance::lane::{LANES, QueueLane, TimelinePoints};
 use crate::submit::kept::HeldResource;
 use crate::submit::timer::QueryTimer;
 
-/// One command pool with its one buffer.
+/// A command pool with its only buffer.
 #[derive(Debug)]
 pub(crate) struct CommandSlot {
     pool: vk::CommandPool,
@@ -60,12 +60,12 @@ impl CommandSlot {
 /// Everything a submission needs until it has finished.
 #[derive(Debug)]
 pub(crate) struct InFlight {
-    /// Number of the submission, given when it is made.
+    /// Number of the submission, given when it is recorded.
     pub(crate) value: u64,
     pub(crate) slot: CommandSlot,
     pub(crate) kept: Vec<HeldResource>,
     pub(crate) timer: Option<Arc<QueryTimer>>,
-    /// What other lanes must have finished before it runs.
+    /// Submissions of other lanes that must have finished before it runs.
     pub(crate) waits: TimelinePoints,
 }
 
@@ -74,13 +74,13 @@ pub(crate) struct InFlight {
 pub(crate) struct Queue {
     lane: QueueLane,
     raw: Arc<Mutex<vk::Queue>>,
-    /// Oldest first.
+    /// Submissions in flight, oldest first.
     in_flight: Mutex<VecDeque<InFlight>>,
     slots: Mutex<Vec<CommandSlot>>,
 }
 
 impl Queue {
-    /// The queues of the lanes, which may share one of Vulkan's.
+    /// The queues of the lanes, which may share one Vulkan queue.
     pub(crate) fn of_lanes(device: &LogicalDevice) -> [Self; LANES] {
         let get = |lane: QueueLane| {
             let choice = device.choice(lane);

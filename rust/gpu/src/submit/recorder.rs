@@ -110,7 +110,7 @@ impl CommandRecorder {
         self.has_operations
     }
 
-    /// Records one operation.
+    /// Records one operation, with the barrier, the marker, the label and the timestamps around it.
     pub(crate) fn operation(
         &mut self,
         name: &str,
@@ -132,7 +132,7 @@ impl CommandRecorder {
         self.concurrent_depth += 1;
     }
 
-    /// Ends it: what follows waits for all of it.
+    /// Ends the section: later operations wait for all of it.
     pub(crate) fn leave_concurrent(&mut self) {
         self.concurrent_depth = self.concurrent_depth.saturating_sub(1);
         if self.concurrent_depth == 0 {

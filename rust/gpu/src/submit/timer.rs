@@ -23,7 +23,7 @@ struct TimerEntry {
 #[derive(Debug)]
 pub(crate) struct QueryTimer {
     device: Arc<LogicalDevice>,
-    /// Valid bits of the queue's timestamps.
+    /// Number of valid bits of the queue's timestamps.
     bits: u32,
     pools: Vec<vk::QueryPool>,
     entries: Vec<TimerEntry>,

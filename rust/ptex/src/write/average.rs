@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The average texel of a face. Readers take it where a face is less than a texel wide.
+//! The average texel of a face. Readers use it if a face is less than a texel wide.
 
 use half::f16;
 

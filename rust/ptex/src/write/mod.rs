@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Writes files, for tests and generators of scenes. One level, no metadata, no edits: as much as readers require.
+//! Writes files, for tests and generators of scenes: one level, no metadata, no edits, which is all that readers
+//! require.
 
 mod average;
 
@@ -27,9 +28,9 @@ pub struct PtexWriter<W: Write> {
     texel: TexelLayout,
     records: Vec<u8>,
     constants: Vec<u8>,
-    /// The words of the faces' blocks.
+    /// Words of the faces' blocks.
     words: Vec<u8>,
-    /// The faces' blocks.
+    /// Blocks of the faces.
     blocks: Vec<u8>,
 }
 
@@ -158,7 +159,7 @@ impl<W: Write> PtexWriter<W> {
         Ok(self.sink)
     }
 
-    /// How many faces have come.
+    /// Number of faces given so far.
     fn faces(&self) -> usize {
         self.records.len() / FACE_BYTES as usize
     }
@@ -194,7 +195,7 @@ impl<W: Write> PtexWriter<W> {
         Ok(BlockEncoding::Tiled)
     }
 
-    /// A rectangle of a face as it is stored.
+    /// A rectangle of a face in its stored encoding.
     fn compressed(&self, texels: &[u8], rect: FaceRect) -> Result<(BlockEncoding, Vec<u8>), PtexError> {
         let mut planes = self.texel.planes(texels, rect);
         let value = self.texel.data_type.bytes();

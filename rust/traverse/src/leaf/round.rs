@@ -3,7 +3,7 @@
 
 use crate::vector::{V3, cross3, dot3};
 
-/// Where the line of a ray enters and leaves, and which ball touches there.
+/// Distances at which a ray's line enters and leaves, with the ball that it touches there.
 pub(super) struct RoundHit {
     entry: f32,
     entry_u: f32,
@@ -66,19 +66,19 @@ fn passes_by(from: V3, d: V3, dd: f32, axis: V3, radius: f32) -> bool {
     apart2 > 2.0 * radius2 * dot3(across, across) + rounding && apart2 > 1.0e-30
 }
 
-/// Where the ray enters the hull, or leaves it if it begins inside, and the ball that touches there.
+/// Distance at which the ray enters the hull, or leaves it if it begins inside, with the ball that it touches there.
 pub(super) fn hit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
     let (hit, nearest) = span(vertices, o, d)?;
     hit.nearest(nearest).map(|(t, u)| (t, [u, 0.0]))
 }
 
-/// `round_exit`.
+/// Exit from the hull, as `round_exit` of the shaders.
 pub(super) fn exit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
     let (hit, nearest) = span(vertices, o, d)?;
     hit.second(nearest).map(|(t, u)| (t, [u, 0.0]))
 }
 
-/// `round_span`.
+/// Entry and exit of the ray's line, as `round_span` of the shaders.
 #[inline(always)]
 fn span([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(RoundHit, f32)> {
     let dd = dot3(d, d);
@@ -99,7 +99,7 @@ fn span([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(RoundHit, f
     Some((hit, nearest))
 }
 
-/// `round_edges`.
+/// Edges of the hull, as `round_edges` of the shaders.
 pub(super) fn edges([p0, p1, V3([r0, r1, _])]: [V3; 3]) -> [V3; 2] {
     let mut e = p1 - p0;
     let radius = r0.max(r1);

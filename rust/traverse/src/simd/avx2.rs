@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! AVX2: where a ray enters and where it leaves four boxes are eight lanes; the corners of a triangle are four, of
-//! which the last two are the same.
+//! AVX2: the entries and exits of four boxes are eight lanes; the corners of a triangle are four lanes, of which the
+//! last two are the same.
 
 use super::{EdgeFunctions, NodeGrid, SLAB_PAD, Simd};
 use crate::node::{BoxRay, EnteredChildren};
@@ -9,12 +9,12 @@ use bytemuck::cast;
 use oocpt_abi::ABSENT;
 use std::arch::x86_64::{__m128, __m128i, __m256, _CMP_GT_OQ, _CMP_LE_OQ, _CMP_LT_OQ};
 
-/// A processor that has AVX2, and what else x86-64-v3 has.
+/// Proof that the processor has AVX2 and the rest of x86-64-v3.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Avx2Simd(pulp::x86::V3);
 
 impl Avx2Simd {
-    /// None where the processor does not have all of it.
+    /// The proof; `None` if the processor lacks a part of it.
     pub(crate) fn try_new() -> Option<Self> {
         pulp::x86::V3::try_new().map(Self)
     }
@@ -26,11 +26,11 @@ impl Avx2Simd {
     }
 }
 
-/// The first three of four lanes.
+/// Mask of the first three of four lanes.
 const THREE: [u32; 4] = [u32::MAX, u32::MAX, u32::MAX, 0];
-/// The sign of four lanes.
+/// Mask of the signs of four lanes.
 const SIGN: [u32; 4] = [1 << 31; 4];
-/// Each byte in its place.
+/// Shuffle that leaves each byte in its place.
 const IN_PLACE: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
 impl Simd for Avx2Simd {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The leaves of meshes: the test of each kind, and which candidate is the hit.
+//! The leaves of meshes: runs the test of each kind, and decides which candidate is the hit.
 
 use super::RayTraversal;
 use crate::leaf;
@@ -8,30 +8,30 @@ use crate::simd::{PortableSimd, Simd};
 use crate::vector::{V3, dot3};
 use oocpt_abi::{CULL_PAD, ENTRY_SCALE, Features, GpuTriangle, LeafType, MESH_PAD, POINT_BUNDLE, SECOND_SURFACE};
 
-/// A surface that a walk comes to.
+/// A candidate surface that a walk reaches.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CandidateSurface {
-    /// Of the mesh.
+    /// Index of the item in the mesh.
     pub(crate) item: u32,
-    /// What a hash decides of it by.
+    /// Number that the hash for opacity uses.
     pub(crate) number: u32,
     pub(crate) subset_and_sides: u32,
 }
 
-/// What became of a candidate for the hit.
+/// Result of testing a candidate for the hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum CandidateOutcome {
-    /// Something nearer is known.
+    /// A nearer hit is known.
     Behind,
     /// Its surface is not there for the ray, or that is not known yet.
     Absent,
-    /// It is the hit so far.
+    /// It is the closest hit so far.
     EnteredChildren,
-    /// It is the hit that ends the walk.
+    /// It is a hit that ends the walk.
     Ends,
 }
 
-/// Points of a leaf.
+/// Number of points of a leaf.
 const BUNDLE: usize = POINT_BUNDLE as usize;
 
 impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
@@ -131,7 +131,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         if !ANY_HIT && entered > t { entered } else { t }
     }
 
-    /// A candidate for the hit.
+    /// Tests a candidate, and stores it if it is the hit.
     #[inline(always)]
     fn take(&mut self, surface: CandidateSurface, t: f32, uv: [f32; 2]) -> CandidateOutcome {
         let triangle = surface.item;

@@ -165,7 +165,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         self.keep_level();
     }
 
-    /// The world ray, at the top level.
+    /// Begins the world ray at the top level.
     #[inline(always)]
     pub(super) fn begin_top(&mut self, simd: impl Simd) {
         let WorldRay { o, d, .. } = self.world;

@@ -7,7 +7,7 @@ use crate::node::{MeshChildren, NUMBER, bundle_members};
 use crate::simd::Simd;
 use oocpt_abi::{Bvh4Node, LEAF, MESH_LEAF_MASK, RETURN};
 
-/// How many triangles a leaf of a mesh has.
+/// Number of triangles of a leaf of a mesh.
 #[inline(always)]
 pub(super) fn triangles_of(leaf: u32) -> u32 {
     ((leaf >> 28) & 7) + 1

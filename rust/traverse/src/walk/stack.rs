@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a ray comes back to: references with the distance at which the ray enters them. Pure, any thread.
+//! The stack of a walk: references with the distances at which the ray enters them. Pure, any thread.
 
 use crate::node::EnteredChildren;
 use oocpt_abi::{DONE, RETURN};
@@ -29,7 +29,7 @@ impl StackKey {
     }
 }
 
-/// See the module.
+/// The stack of a ray.
 #[derive(Debug)]
 pub(super) struct TraversalStack {
     keys: Box<[StackKey]>,
@@ -42,14 +42,14 @@ impl TraversalStack {
         Self { keys: vec![StackKey::DONE; size].into_boxed_slice(), top: 0, overflowed: false }
     }
 
-    /// Nothing is left but the end of the walk.
+    /// Empties the stack down to the end of the walk.
     #[inline(always)]
     pub(super) fn reset(&mut self) {
         (self.top, self.overflowed) = (0, false);
         self.push(StackKey::DONE);
     }
 
-    /// False where there is no room.
+    /// Pushes a reference; returns false if there is no room.
     #[inline(always)]
     pub(super) fn push(&mut self, key: StackKey) -> bool {
         match self.keys.get_mut(self.top) {
@@ -65,7 +65,7 @@ impl TraversalStack {
         }
     }
 
-    /// The next one that is entered before `limit`, or an end.
+    /// Pops the next reference that is entered before `limit`, or an end.
     #[inline(always)]
     pub(super) fn pop(&mut self, limit: f32) -> StackKey {
         while let Some(top) = self.top.checked_sub(1) {
