@@ -95,7 +95,7 @@ features! {
     STREAMING: "streaming of what does not fit", [], Never;
     /// `StreamingPointers::unit_rays` counts the rays that entered each chunk and mesh.
     CHUNK_COUNTS: "counts of rays by chunk and mesh", [STREAMING], Never;
-    /// Rays that wait for a load that is too dear for what they bring may end (`StreamingPointers::roulette`).
+    /// Rays that wait for a load that is too expensive for their contribution may end (`StreamingPointers::roulette`).
     ROULETTE: "roulette on loads for stragglers", [STREAMING], Never;
     /// Some mesh has a material: `FrameConstants::materials`, `prims` and `material_slots` count.
     MATERIALS: "materials, and tables of them", [], Never;
@@ -138,8 +138,8 @@ features! {
     CUTOUT_PROGRAMS: "cutouts by programs", [CUTOUTS, PATTERNS], MaterialsInCore;
     /// Some cutout by textures has an opacity mask: `GpuMaterial::cutout` is used.
     OPACITY_MASKS: "masks of what is known of cutouts", [CUTOUTS, TEXTURES], Never;
-    /// Trace passes ask masks only; rays whose hit depends on what these do not know have passes of their own:
-    /// `FrameConstants::settle_queue` counts.
+    /// Trace passes ask masks only; rays whose hit the masks cannot decide have passes of their own:
+    /// `FrameConstants::settle_queue` is used.
     DEFERRED_CUTOUTS: "cutouts that no mask knows in passes of their own", [OPACITY_MASKS], Never;
     /// Some material emits light.
     EMISSION: "emission of surfaces", [MATERIALS], Materials;
@@ -184,7 +184,7 @@ features! {
     CLIPPING: "clipping planes", [], Never;
     /// The image `motion` is wanted, and something may move: `AovTargets::motion` counts.
     MOTION_VECTORS: "motion over the image", [], Never;
-    /// An image is wanted that tells how surfaces are shaded: `normal`, `Neye` or `albedo`.
+    /// An image of the shading of surfaces is wanted: `normal`, `Neye` or `albedo`.
     SHADED_AOVS: "images of normals and albedo", [], Never;
     /// Pixels have two streams of samples, and not all as many of them: `FrameConstants::adaptive` counts.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;

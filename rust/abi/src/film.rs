@@ -56,7 +56,7 @@ shared! {
         pub sd: f32,
         /// Sum of `d * d`.
         pub dd: f32,
-        /// Sum of `(s * e)^2`, `e` = the relative standard error of what `s` is divided by.
+        /// Sum of `(s * e)^2`, `e` = the relative standard error of the divisor of `s`.
         pub doubt: f32,
         /// Largest `s`.
         pub worst: f32,

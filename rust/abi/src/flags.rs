@@ -158,7 +158,7 @@ material_flags! {
     DISPERSIVE: [DISPERSION];
     /// Is one of several by chance: its program reads random numbers of the hit.
     MIXTURE: [MIXTURES];
-    /// Its normal is worked out from one of the world: it counts where a mesh has no tangents, too.
+    /// Its normal is computed from one in world space, so it is used for meshes without tangents too.
     FRAMED_NORMAL: [];
 }
 

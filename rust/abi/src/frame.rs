@@ -36,7 +36,7 @@ pub const FAULT_ALL: u32 = u32::MAX;
 pub const PREPARE_TRACE: u32 = 0;
 /// `arg0` of `prepare_dispatch`: queues for `shade_surface` and `shade_background`.
 pub const PREPARE_SHADE: u32 = 1;
-/// `arg0` of `prepare_dispatch`, streaming: arguments for what reads the deferred rays.
+/// Value of `arg0` of `prepare_dispatch`, streaming: arguments of the passes that read the deferred rays.
 pub const PREPARE_DEMAND: u32 = 2;
 /// `arg0` of `prepare_dispatch`, streaming with textures: arguments for `resolve_materials`.
 pub const PREPARE_RESOLVE: u32 = 3;
@@ -164,7 +164,7 @@ shared! {
         pub counters: u64,
         /// [`crate::FilmPixel`] per pixel `y * width + x`. Zero before the first wave. 16-byte aligned.
         pub film: u64,
-        /// f32x4 per pixel `y * width + x`, row 0 at the bottom: what `resolve` writes. 16-byte aligned.
+        /// Output of `resolve`: f32x4 per pixel `y * width + x`, row 0 at the bottom. 16-byte aligned.
         pub color: u64,
         /// Outputs of `shade_aovs`.
         pub aov: AovTargets,
@@ -237,7 +237,7 @@ shared! {
         pub bsdf_tables: u64,
         /// One [`crate::LightTablePointers`].
         pub lighting: u64,
-        /// 16 B per path: what lights that a ray meets need to know of where it left; 0 where none asks.
+        /// 16 B per path: the data about a ray's origin that lights need when a ray meets them; 0 if none needs them.
         pub light_paths: u64,
         /// Table of values as [`crate::GpuChunk::primvars`], by `GpuChunkInstance::row`; 0 without any.
         pub placed_values: u64,

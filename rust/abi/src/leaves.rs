@@ -42,7 +42,7 @@ macro_rules! leaves {
 }
 
 leaves! {
-    /// Triangles: what leaves are made of where nothing else is said.
+    /// Triangles, the default kind.
     TRIANGLE = 0: triangle, [], false;
     /// Hulls of two balls: `v0` and `v1` are the centres, `v2.x` and `v2.y` the radii. Curves.
     ROUND = 1: round, [ROUND], true;

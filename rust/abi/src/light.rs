@@ -122,8 +122,8 @@ shared! {
         pub mesh_motion: u64,
         /// [`GpuLightKey`](super::scene::GpuLightKey) array: the map to the frame around; its `radiance` is 1.
         pub mesh_keys: u64,
-        /// f32x4 for each local light: how far its shadows reach, over how much of that they fade out, one over the
-        /// exponent of what is left, 0. 0 without `Features::SHADOW_REACH`, as the next.
+        /// f32x4 for each local light: length that its shadows reach, length over which they fade out, one over the
+        /// exponent of the remaining part, 0. The address is 0 without `Features::SHADOW_REACH`, as the next one.
         pub local_reaches: u64,
         /// Reach of the shadows of each light at infinity.
         pub infinite_reaches: u64,
@@ -411,8 +411,7 @@ shared! {
 }
 
 shared! {
-    /// An entry of a piecewise constant distribution over [0, 1), 12 B: inverted by way of a guide (Chen and Asau
-    /// 1974).
+    /// An entry of a piecewise constant distribution over [0, 1), 12 B: inverted with a guide (Chen and Asau 1974).
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct GpuCdf {
         /// Probability of all entries before this one; the last of equal ones is meant.

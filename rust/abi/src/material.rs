@@ -49,7 +49,7 @@ shared! {
     /// An input of a material, 64 B.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
     pub struct GpuInput {
-        /// The value; of a texture its scale; of a primvar what replaces it.
+        /// The value; for a texture its scale; for a primvar its fallback.
         pub value: [f32; 4],
         /// For a texture: summand.
         pub bias: [f32; 4],

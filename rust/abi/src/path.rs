@@ -20,7 +20,7 @@ shared! {
         pub t_max: f32,
         /// Origin, low part: at most half an ulp of `o`, component by component.
         pub o_lo: [f32; 3],
-        /// With streaming: how far the ray has come ([`super::RayFlags`]). 0 for a ray not yet traced.
+        /// With streaming: state of the ray ([`super::RayFlags`]). 0 for a ray not yet traced.
         pub flags: u32,
     }
 }
@@ -119,7 +119,7 @@ shared! {
 }
 
 shared! {
-    /// Queue lengths, what `prepare_dispatch` makes of them, and totals.
+    /// Queue lengths, the dispatch arguments that `prepare_dispatch` computes from them, and totals.
     ///
     /// The host zeroes all of it once before the first wave of a render; between waves nothing needs zeroing. The
     /// totals grow until the host zeroes them again (between waves, at the offsets up to

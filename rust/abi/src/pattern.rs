@@ -190,8 +190,8 @@ numbered! {
         Random1,
         /// A random number that is independent of the first two.
         Random2,
-        /// Unit, world, at right angles to the normal: the tangent of the frame that [`crate::MaterialInput::Normal`]
-        /// is told in. [`Self::Tangent`] where the mesh has one, else any.
+        /// Unit vector in world space, perpendicular to the normal: the tangent of the frame of
+        /// [`crate::MaterialInput::Normal`]. [`Self::Tangent`] if the mesh has one, else any.
         FrameX,
         /// Bitangent of that frame.
         FrameY,
@@ -246,7 +246,8 @@ numbered! {
         Anisotropy,
         /// Weight, thickness in nm, index of refraction of a film on the base.
         ThinFilm,
-        /// Of light inside, per unit of length; of what is dispersive 1 / its Abbe number in the last component.
+        /// Absorption of light inside, per unit of length; for dispersive materials 1 / the Abbe number in the last
+        /// component.
         Absorption,
         /// Roughness of the diffuse lobe.
         DiffuseRoughness,

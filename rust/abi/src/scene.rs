@@ -89,7 +89,7 @@ shared! {
 pub const TARGET_MOVING: u32 = 1 << 30;
 
 shared! {
-    /// A key of what moves, 64 B: `p' = translation + rotation * stretch * p`.
+    /// A key of a moving placement, 64 B: `p' = translation + rotation * stretch * p`.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct GpuMotionKey {
         /// Translation in the parent's frame.

@@ -24,8 +24,8 @@ pub const MATERIAL_BIT: u32 = 1 << 30;
 pub const TILE_KEYS: u32 = 256;
 
 shared! {
-    /// Addresses of what streaming adds to a frame. `slots` paths are in flight; the segments have `segments *
-    /// segment_size` *places*, at least as many, one radiance each. Both below 2^31.
+    /// Addresses of the data that streaming adds to a frame. `slots` paths are in flight; the segments have
+    /// `segments * segment_size` *places*, at least as many, one radiance each. Both below 2^31.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct StreamingPointers {
         /// [`PathSegment`] array: places `s * segment_size ..` belong to segment `s`. Written by `generate_*`, read by
@@ -41,16 +41,16 @@ shared! {
         pub surfaces: u64,
         /// Two lists of rays that wait, u32 each (slot, [`SHADOW_BIT`]), `2 * slots` entries each.
         pub deferred: [u64; 2],
-        /// u32 `waiting[unit_count]`, then u32 `next[unit_count]`: what `count_demand` adds to; then u32
+        /// u32 `waiting[unit_count]`, then u32 `next[unit_count]`: the counters of `count_demand`; then u32
         /// `is_demanded[unit_count]`: 1 once the unit was pushed to `demanded`; then u32 `partner[unit_count]`. Zero at
         /// first; `list_demand` leaves it zero.
         pub demand: u64,
-        /// Two u32: what was pushed to `demanded`, and to `demand_list`; beyond their capacities it was counted alone.
-        /// The host zeroes both before demand is counted.
+        /// Two u32: number of entries pushed to `demanded`, and to `demand_list`; entries beyond their capacities are
+        /// only counted. The host zeroes both before demand is counted.
         pub demand_counts: u64,
         /// u32 `[demanded_capacity]`: units that rays wait for, each once.
         pub demanded: u64,
-        /// [`UnitDemand`] `[demand_capacity]`: what `list_demand` found, in no order.
+        /// [`UnitDemand`] `[demand_capacity]`: output of `list_demand`, in any order.
         pub demand_list: u64,
         /// u32 `[2 * chunk_count]`, with textures [`TILE_KEYS`] more. The host zeroes it before `sort_deferred_count`.
         pub sort_counts: u64,
@@ -77,17 +77,17 @@ shared! {
         /// u32 per slot: paths whose material is to be resolved; this and the next two are 0 without
         /// `Features::TEXTURES`.
         pub resolve_queue: u64,
-        /// f32x4 `[lookups]` per slot: what lookups of textures gave. 16-byte aligned.
+        /// f32x4 `[lookups]` per slot: results of texture lookups. 16-byte aligned.
         pub resolved: u64,
         /// u32 per slot: progress of the material, 0 = not begun.
         pub resolve_progress: u64,
         /// One [`RouletteStats`]; 0 without `Features::ROULETTE`, as the next three.
         pub roulette: u64,
-        /// u32 `[first_tile]`: what the rays that wait for each chunk or mesh first may bring, see [`WORTH_ONE`]. The
-        /// host zeroes it before.
+        /// u32 `[first_tile]`: possible contribution of the rays that wait for each chunk or mesh first, see
+        /// [`WORTH_ONE`]. The host zeroes it before.
         pub worth: u64,
-        /// u32 `[WORTH_SUMS]`: what the rays bring that wait for a unit and belong to a pixel, by a hash of both. The
-        /// host zeroes it before.
+        /// u32 `[WORTH_SUMS]`: contributions of the rays that wait for a unit and belong to a pixel, by a hash of both.
+        /// The host zeroes it before.
         pub worth_sums: u64,
         /// Two tables of f32 `[first_tile]`, used in turn: 0 = nothing, above 0: a weight for the rays that wait for
         /// the unit first, below: they end. Written by the host.

@@ -47,7 +47,7 @@ shared! {
     /// A texture, 56 B.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct GpuTexture {
-        /// With `TEXTURE_SRGB` and bytes: 256 floats, what a byte stands for.
+        /// With `TEXTURE_SRGB` and bytes: 256 floats, the decoded value of each byte.
         pub decode: u64,
         /// With `TEXTURE_PTEX`: u32 for each face, log2 of its texels along u, and along v << 8; then, for each class
         /// of sizes from 1 texel on and each face, the number of the first texel of its block
@@ -61,11 +61,11 @@ shared! {
         pub width: u32,
         /// Number of texels along t.
         pub height: u32,
-        /// Levels, down to 1 x 1; 0 = there is no image, and `fallback` is what a lookup gives.
+        /// Number of levels, down to 1 x 1; 0 = there is no image, and lookups give `fallback`.
         pub levels: u32,
         /// Padding; 0.
         pub pad: u32,
-        /// Value if the file cannot be read, as `levels` tells.
+        /// Value of lookups if there is no image.
         pub fallback: [f32; 4],
     }
 }

@@ -3,11 +3,11 @@
 //!
 //! # Why it is unbiased
 //! Each pixel has two streams of samples, independent of each other: scrambled Sobol sequences of their own. A picture
-//! is half the mean of one plus half the mean of the other, whatever their numbers. How many samples of stream 0 a
-//! pixel gets is decided by the estimates of stream 1 alone, and the other way round; and only by a first part of them
+//! is half the mean of one plus half the mean of the other, whatever their numbers. The number of samples of stream 0
+//! that a pixel gets is decided by the estimates of stream 1 alone, and vice versa; and only by those first samples
 //! that *every* pixel has, the same number everywhere. So a count is independent of all samples that it counts, and the
-//! mean of each stream has the right expectation, exactly. (Decided from its own samples a pixel that has missed what
-//! is bright so far would look easy, and stay too dark: Kirk and Arvo 1991, "Unbiased sampling techniques for image
+//! mean of each stream has the right expectation, exactly. (Decided by its own samples, a pixel that has missed bright
+//! light so far would look easy, and stay too dark: Kirk and Arvo 1991, "Unbiased sampling techniques for image
 //! synthesis".)
 //!
 //! # How samples are distributed
@@ -19,8 +19,8 @@
 //!
 //! # Epochs
 //! First every pixel gets [`FIRST`] samples of each stream; then epochs double the mean number of samples. In an epoch
-//! every pixel gets at least a quarter of that mean and at most [`SPAN`] octaves more. What is decided depends on
-//! samples alone: same seed, same device, same counts, at every memory budget.
+//! every pixel gets at least a quarter of that mean and at most [`SPAN`] octaves more. Decisions depend on samples
+//! alone: the same seed and the same device give the same counts at every memory budget.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -62,7 +62,7 @@ pub struct VarianceEstimate {
 }
 
 impl VarianceEstimate {
-    /// From the square roots of both as halves, the first in the low bits: what the film keeps.
+    /// Unpacks the square roots of both as halves, the first in the low bits, as the film stores them.
     #[must_use]
     pub fn unpack(bits: u32) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "two halves of 16 bits")]
@@ -351,7 +351,7 @@ fn level(wanted: i32, scale: i32, old: u8, least: u32) -> u8 {
 /// Octaves of samples for all pixels, none below `old` or `least`, of `budget` samples in all, at most, unless the
 /// least is more.
 fn allocate(wanted: &[i32], old: &[u8], least: u32, budget: u64, stream: usize) -> Vec<u8> {
-    // Pixels by what they have and what they want.
+    // Pixels counted by their samples and their wishes.
     let count = |wanted: &[i32], old: &[u8]| {
         let mut groups = vec![[0_u64; 32]; usize::try_from(STEPS * DEPTH + 1).unwrap_or(1)];
         for (wanted, old) in wanted.iter().zip(old) {
@@ -386,7 +386,7 @@ fn allocate(wanted: &[i32], old: &[u8], least: u32, budget: u64, stream: usize) 
     let mut levels: Vec<u8> =
         wanted.par_iter().zip(old).map(|(wanted, old)| level(*wanted, low, *old, least)).collect();
     let mut left = budget.saturating_sub(total(low));
-    // What is left goes to some of those that are next, by lot.
+    // The remaining samples go to some of the next pixels, chosen at random.
     let lot = |(at, ((wanted, old), level_now)): (usize, ((&i32, &u8), &u8))| {
         let more = level(*wanted, high, *old, least);
         #[expect(clippy::cast_possible_truncation, reason = "a lot, not a number")]

@@ -22,7 +22,7 @@ pub struct Camera {
     pub lens_radius: f64,
     /// Distance of the plane in focus along the view axis, scene units.
     pub focus_distance: f64,
-    /// Planes in view space, a x + b y + c z + d: what is seen directly is only what is nowhere below 0 (see
+    /// Planes in view space, a x + b y + c z + d: directly visible points are those at which no plane is below 0 (see
     /// [`crate::MAX_CLIP_PLANES`]).
     pub clip_planes: Vec<DVec4>,
     /// `world_from_view` at times about the shutter; empty where it does not move.

@@ -36,8 +36,8 @@ impl Camera {
     }
 }
 
-/// The plane with a normal of length 1, so that single precision holds what any scale of it means. One without a normal
-/// keeps everything, and is `None`, or nothing.
+/// The plane with a normal of length 1, so that single precision can represent it at any scale. A plane without a
+/// normal keeps everything and gives `None`, or keeps nothing.
 fn unit(plane: DVec4) -> Option<DVec4> {
     let largest = plane.truncate().abs().max_element();
     if !plane.is_finite() {

@@ -5,23 +5,24 @@
 //! # What is estimated
 //! `relMSE = mean over pixels of mean over channels of (x - mu)^2 / (mu^2 + 0.01)` (Rousselle et al. 2011, "Adaptive
 //! sampling and reconstruction using greedy error minimization", eq. 12): `x` is this very picture, `mu` the one with
-//! endless samples.
+//! infinitely many samples.
 //!
 //! # How
 //! Samples of a pixel are scrambled Sobol points (Owen 1997), not independent: the variance `s` of the samples over
-//! their number says too much. Halves of `2^m` such samples are exchangeable, so the change `d` of the mean from
-//! `2^(m-1)` to `2^m` samples has the mean square `V(2^(m-1)) - V(2^m)`, `V(n)` the variance of the mean; and `V(2^m)`
-//! is the sum of all changes to come. Of `R = d / s`, summed over all pixels, a Kalman filter over the octaves follows
-//! `ln R` and its slope `-b`. An integrand is a sum of parts whose variances fall with their own powers of the samples
-//! (ANOVA and smoothness: Owen 1997), and those that fall fast die first, so the slope dies too. It is taken for that
-//! of two parts, with the powers of `PARTS` on both sides of `b`: that says what the slope is next, and what share of
-//! the change is still to come. Independent samples give `R = 1`, `b = 0` and the textbook `s`.
+//! their number overestimates the error. Halves of `2^m` such samples are exchangeable, so the change `d` of the mean
+//! from `2^(m-1)` to `2^m` samples has the mean square `V(2^(m-1)) - V(2^m)`, `V(n)` the variance of the mean; and
+//! `V(2^m)` is the sum of all changes to come. Of `R = d / s`, summed over all pixels, a Kalman filter over the octaves
+//! follows `ln R` and its slope `-b`. An integrand is a sum of parts whose variances fall with their own powers of the
+//! samples (ANOVA and smoothness: Owen 1997), and those that fall fast die first, so the slope dies too. It is taken
+//! for that of two parts, with the powers of `PARTS` on both sides of `b`: that gives the next slope, and the share of
+//! the change that is still to come. Independent samples give `R = 1`, `b = 0` and the textbook `s`.
 //!
 //! # The interval
-//! Log-normal, of three independent parts: what the filter does not know; by how much this picture's error differs from
-//! its mean (signs of halves may be swapped, so `sum (d - R s)^2` is the variance of `sum x^2` too, for a lone firefly
-//! as for Gaussian noise); and the standard errors of the means that errors are divided by. Between powers of two the
-//! estimate lies between that of independent blocks and the power law, and the interval covers both.
+//! The interval is log-normal, from three independent parts: the uncertainty of the filter; the difference of this
+//! picture's error from its mean (signs of halves may be swapped, so `sum (d - R s)^2` is the variance of `sum x^2`
+//! too, for a lone firefly as for Gaussian noise); and the standard errors of the means that errors are divided by.
+//! Between powers of two the estimate lies between that of independent blocks and the power law, and the interval
+//! covers both.
 
 use serde::{Deserialize, Serialize};
 
@@ -36,7 +37,7 @@ const STEEPEST: f64 = 2.0;
 const PARTS: [f64; 4] = [0.0, 0.7, 1.0, STEEPEST];
 /// By how much `ln R` and its slope may change from octave to octave besides.
 const DRIFT: (f64, f64) = (0.1, 0.15);
-/// Variance of the logarithm of the estimate for what the model leaves out.
+/// Variance of the logarithm of the estimate that effects outside of the model add.
 const MODEL: f64 = 0.02;
 /// Two-sided 95 % of a normal distribution.
 const Z: f64 = 1.959_963_985;
@@ -176,8 +177,8 @@ impl FilterState {
 }
 
 impl ConvergenceEstimator {
-    /// Learns from the film at `2^octave` samples in every pixel, and says what its error is; none below two samples or
-    /// without sound sums. Octaves come in ascending order; some may be missing.
+    /// Updates the filter with the film at `2^octave` samples in every pixel, and returns the estimated error; `None`
+    /// below two samples or if the sums are not sound. Octaves come in ascending order; some may be missing.
     pub fn octave(&mut self, octave: u32, sums: &ErrorSums) -> Option<ErrorEstimate> {
         if octave == 0 || octave > 32 || !sums.is_sound() {
             return None;
@@ -246,8 +247,8 @@ pub fn of_halves(sums: &ErrorSums) -> Option<ErrorEstimate> {
     Some(interval(sums.d, sums, scatter.ln_1p(), scatter))
 }
 
-/// Variance of the mean of `samples` in independent blocks of powers of two, over what independent samples would make
-/// of that of `2^octave`.
+/// Variance of the mean of `samples` in independent blocks of powers of two, relative to the variance that independent
+/// samples would have, extrapolated from `2^octave`.
 fn blocks(samples: f64, octave: u32, slope: f64) -> f64 {
     let mut rest = samples.floor();
     let mut sum = 0.0;

@@ -2,7 +2,7 @@
 //! Inventory of a render: the parts that its scene, camera and request need, and those that were left out.
 //!
 //! Plain data, serialisable; any thread. Bytes are of device memory, unless they are of host memory that the device
-//! reaches (readback, upload). Filled in by the renderer from what it made, not from what it was asked for.
+//! reaches (readback, upload). The renderer fills it in from the objects that it made, not from the request.
 
 use serde::{Deserialize, Serialize};
 

@@ -38,7 +38,7 @@ pub struct SettingInfo {
     pub default: SettingValue,
     /// One line of help.
     pub doc: &'static str,
-    /// Hosts list only what is for users.
+    /// Audience; hosts list only settings for users.
     pub audience: SettingAudience,
     /// Hosts that may set it.
     pub scope: SettingScope,

@@ -124,7 +124,8 @@ pub struct RenderUsage {
     /// Rays traced, all kinds.
     #[serde(default)]
     pub rays_traced: u64,
-    /// Chunks of the scene, loads of them and of tiles, and of these loads of what had been there before.
+    /// Number of chunks of the scene; loads of chunks and tiles, and loads of units that had been resident before,
+    /// follow.
     #[serde(default)]
     pub chunks: u64,
     /// Completed loads, as [`StreamingStats::loads`].
@@ -232,7 +233,7 @@ pub struct TrueError {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct StreamingStats {
-    /// All of the scene fits and nothing is streamed: what follows about loads and rays stays 0.
+    /// True if all of the scene fits and nothing is streamed: the following numbers about loads and rays stay 0.
     pub in_core: bool,
     /// Chunks of the scene.
     pub chunks: u64,
@@ -296,7 +297,7 @@ pub struct StreamingStats {
     pub roulette_paths: u64,
     /// Shadow rays that roulette on loads has ended.
     pub roulette_shadow_rays: u64,
-    /// Loads that it has saved: nobody waited for the chunk any more.
+    /// Number of loads that roulette has saved: no ray waited for the chunk any more.
     pub roulette_loads_saved: u64,
     /// Of `scene_bytes`, bytes of textures.
     pub texture_scene_bytes: u64,

@@ -29,7 +29,7 @@ pub fn open(path: &Path) -> Result<File> {
 /// As [`open`]; it is longer ([`ErrorKind::FileTooLarge`]), or cannot be read to its end.
 pub fn read(path: &Path, most_bytes: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    // One byte more than allowed tells what is longer, also where it grows meanwhile.
+    // One byte more than allowed detects longer files, also if they grow meanwhile.
     open(path)?.take(most_bytes.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > most_bytes {
         return Err(Error::new(ErrorKind::FileTooLarge, format!("has more than {most_bytes} bytes")));
@@ -50,17 +50,17 @@ pub fn append(path: &Path, anew: bool) -> Result<File> {
     Ok(file)
 }
 
-/// Writes a file whole: under another name beside it, which is then its own. Readers see the old one or the new one. Of
-/// a link it is what it leads to that is replaced.
+/// Writes a whole file under another name in the same folder, and renames it. Readers see the old file or the new one.
+/// For a link, the target is replaced.
 ///
 /// # Errors
-/// It cannot be written, or there is something that is no regular file ([`ErrorKind::InvalidInput`]). What was there
-/// stays as it is.
+/// It cannot be written, or the name is that of something other than a regular file ([`ErrorKind::InvalidInput`]). An
+/// existing file stays as it is.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     replace_by(path, |mut file| file.write_all(bytes))
 }
 
-/// As [`replace`], with what `write` writes.
+/// As [`replace`], with the bytes that `write` writes.
 ///
 /// # Errors
 /// Those of `write`, and as [`replace`].
@@ -220,7 +220,7 @@ mod tests {
         let pipe = &others[0].0;
         let opened = without_waiting(OpenOptions::new().read(true)).open(pipe).expect("opened without waiting");
         assert_eq!(checked(opened).expect_err("a pipe").to_string(), "is a pipe, not a file");
-        // Nobody reads it.
+        // No process reads the pipe.
         assert!(without_waiting(OpenOptions::new().append(true)).open(pipe).is_err(), "fails without waiting");
     }
 

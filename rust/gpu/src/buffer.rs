@@ -18,7 +18,7 @@ use crate::submit::kept::HeldResource;
 /// Device or host memory with a device address. Put it in an [`Arc`] to share it.
 ///
 /// Dropping it does not wait: its memory goes back to the budget when the last submission made so far has finished. A
-/// command list that only knows the *address* must be submitted before the drop, or be told by
+/// command list that only knows the *address* must be submitted before the drop, or keep the buffer by
 /// [`CommandList::keep`](crate::CommandList::keep).
 #[derive(Debug)]
 pub struct Buffer {
@@ -70,8 +70,8 @@ impl Buffer {
         self.usage
     }
 
-    /// Copies `bytes` to `offset`. Seen by every submission made after this returns. What a submission in flight sees
-    /// of it is unspecified.
+    /// Copies `bytes` to `offset`. Every submission made after this returns sees it. A submission in flight may see any
+    /// part of it.
     ///
     /// # Errors
     /// [`GpuError::Usage`] when the buffer is not mapped or the range does not fit.
@@ -84,8 +84,8 @@ impl Buffer {
         Ok(())
     }
 
-    /// Copies from `offset` into `bytes`. Holds what submissions wrote that are known to be done
-    /// ([`Submission::wait`](crate::Submission::wait)); of others, unspecified bytes.
+    /// Copies from `offset` into `bytes`. The bytes contain the writes of submissions that are known to be done
+    /// ([`Submission::wait`](crate::Submission::wait)); those of others are unspecified.
     ///
     /// # Errors
     /// [`GpuError::Usage`] when the buffer is not mapped or the range does not fit.

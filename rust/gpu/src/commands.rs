@@ -153,8 +153,8 @@ impl CommandList {
         }
     }
 
-    /// Records what `f` records without barriers in between: those operations may overlap and must not depend on each
-    /// other. What follows waits for all of them.
+    /// Records the operations of `f` without barriers in between: they may overlap and must not depend on each other.
+    /// Later operations wait for all of them.
     pub fn concurrent(&mut self, f: impl FnOnce(&mut Self)) {
         self.recorder.enter_concurrent();
         f(self);
@@ -166,8 +166,8 @@ impl CommandList {
         self.recorder.enter_concurrent();
     }
 
-    /// Groups what `f` records under a name: a label for debuggers and, when profiling, one more timing around all of
-    /// it.
+    /// Groups the operations of `f` under a name: a label for debuggers and, when profiling, one more timing around all
+    /// of them.
     pub fn span(&mut self, name: &str, f: impl FnOnce(&mut Self)) {
         if self.error.is_some() {
             return;

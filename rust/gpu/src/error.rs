@@ -8,11 +8,11 @@
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GpuError {
-    /// There is no Vulkan loader, no driver, or no device that the selector names. `reason` is one sentence for the
-    /// user that says what to install or which names exist.
+    /// There is no Vulkan loader, no driver, or no device that the selector names. `reason` is one sentence that tells
+    /// the user what to install or which names exist.
     #[error("no usable Vulkan device: {reason}")]
     NoDevice {
-        /// One sentence: what is missing and what to do.
+        /// One sentence that names what is missing and what to do.
         reason: String,
     },
     /// The chosen device lacks something the renderer cannot do without.
@@ -49,7 +49,7 @@ pub enum GpuError {
     /// error.
     #[error("the GPU was lost; last pass known to have finished: {last_pass}")]
     DeviceLost {
-        /// Name of the last pass that wrote its marker, or of what was submitted last when there is no marker.
+        /// Name of the last pass that wrote its marker, or of the last submission if there is no marker.
         last_pass: String,
     },
     /// A call that breaks the contract of this crate (range outside a buffer, wrong push constant size, ...).

@@ -96,16 +96,16 @@ impl Gpu {
         &self.device().limits
     }
 
-    /// Bytes held now, after letting go of what finished work used.
+    /// Bytes held now, after the resources of finished work were released.
     #[must_use]
     pub fn memory(&self) -> MemoryUse {
         self.opened.collect();
         self.device().budget.counts()
     }
 
-    /// Bytes that the driver says this process uses of device-local memory, by whatever it holds: other devices,
-    /// pipelines and the driver's own things too. None without `VK_EXT_memory_budget`. Mesa's software renderer
-    /// (25.0.7) tells of the whole machine instead.
+    /// Bytes of device-local memory that this process uses according to the driver, for every purpose: other devices,
+    /// pipelines and the driver's own objects too. `None` without `VK_EXT_memory_budget`. Mesa's software renderer
+    /// (25.0.7) reports the whole machine instead.
     #[must_use]
     pub fn driver_usage(&self) -> Option<u64> {
         let device = self.device();
@@ -113,8 +113,8 @@ impl Gpu {
         known.then(|| device_usage(&device.instance, device.physical))
     }
 
-    /// Changes the hard budget; None = nine tenths of what this process could hold now. What is held stays held: below
-    /// that, every request fails until enough was dropped.
+    /// Changes the hard budget; `None` = nine tenths of the bytes that this process could hold now. Memory that is held
+    /// stays held: below it, every request fails until enough was dropped.
     pub fn set_budget(&self, budget_bytes: Option<u64>) {
         self.device().budget.set_budget(budget_bytes.unwrap_or_else(|| self.device().automatic_budget()));
     }
@@ -125,7 +125,7 @@ impl Gpu {
         self.device().instance.log.take()
     }
 
-    /// The log behind [`Gpu::take_validation_messages`]; it outlives the device and so shows what was leaked.
+    /// The log behind [`Gpu::take_validation_messages`]; it outlives the device and so shows leaks.
     #[must_use]
     pub fn validation_log(&self) -> ValidationLog {
         self.device().instance.log.clone()
@@ -137,7 +137,7 @@ impl Gpu {
         self.device().instance.validating
     }
 
-    /// Waits for all work submitted so far, on all queues, and lets go of what it used.
+    /// Waits for all work submitted so far, on all queues, and releases the resources that it used.
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`], or a failed call.
@@ -148,7 +148,7 @@ impl Gpu {
     }
 
     /// Writes the pipelines compiled so far to the folder of [`OpenOptions::pipeline_cache`], as closing the device
-    /// does: for hosts that end without closing it. Cheap when nothing is new. What fails is logged.
+    /// does: for hosts that end without closing it. Cheap if nothing is new. Failures are logged.
     pub fn save_pipeline_cache(&self) {
         self.pipeline_cache.save();
     }

@@ -128,7 +128,7 @@ impl Heap {
     }
 
     /// As [`Heap::alloc`], but never waits for the GPU: None when there is no room now (budget, limit, fragmentation,
-    /// or the driver refuses). What is retired and done is taken back first.
+    /// or the driver refuses). Retired memory that the GPU has finished with is taken back first.
     ///
     /// # Errors
     /// As [`Heap::alloc`], without [`GpuError::OutOfMemory`].
@@ -147,8 +147,8 @@ impl Heap {
         self.largest_shared
     }
 
-    /// Changes the heap's own limit ([`HeapOptions::limit_bytes`]). What is held stays held: below that, everything
-    /// that needs more memory fails until enough was dropped.
+    /// Changes the heap's own limit ([`HeapOptions::limit_bytes`]). Memory that is held stays held: below it, requests
+    /// for more memory fail until enough was dropped.
     pub fn set_limit(&self, limit_bytes: Option<u64>) {
         self.arenas.counters.set_limit(limit_bytes);
     }
@@ -186,8 +186,8 @@ impl Heap {
     }
 
     /// Makes one arena of `bytes`, or of as much as the budget, the heap's own limit and the driver give in one piece,
-    /// for what is to come: ranges of very different sizes lose less in few large arenas than in many small ones. It
-    /// goes back as any other. Gives its size; 0 where there is no memory.
+    /// for later requests: ranges of very different sizes lose less in few large arenas than in many small ones. It is
+    /// freed as any other. Returns its size; 0 if there is no memory.
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`].
@@ -238,7 +238,7 @@ impl Heap {
         if let Some(place) = self.arenas.take(needed) {
             return Ok(Some(place));
         }
-        // What is done is free before a new arena is thought of.
+        // Finished ranges are free before a new arena is considered.
         self.opened.collect();
         if let Some(place) = self.arenas.take(needed) {
             return Ok(Some(place));

@@ -125,14 +125,14 @@ impl MappedSpan {
 
 impl Drop for HostView {
     fn drop(&mut self) {
-        // After the last one goes what was retired meanwhile.
+        // The last view frees the buffers that were retired meanwhile.
         if self.opened.device.host_memory.look_away() {
             self.opened.collect();
         }
     }
 }
 
-/// A buffer that is read, whole: what [`HostView::bytes_near`] found last.
+/// A whole buffer that is read: the last one that [`HostView::bytes_near`] found.
 #[derive(Clone, Copy, Debug)]
 pub struct HostSpan<'v> {
     start: u64,
@@ -317,7 +317,7 @@ impl HostWords<'_> {
         self.word(index).map(|word| word.fetch_add(value, Ordering::Relaxed))
     }
 
-    /// Sets bits of a word, and gives what it was. Other threads that do so see what this one wrote before.
+    /// Sets bits of a word, and returns its old value. Other threads that do so see the earlier writes of this one.
     #[inline]
     #[must_use]
     pub fn or(&self, index: usize, bits: u32) -> Option<u32> {

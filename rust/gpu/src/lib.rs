@@ -8,7 +8,8 @@
 //! Guarantees:
 //! - The bytes of device memory held never exceed the budget; running out is [`GpuError::OutOfMemory`] and changes
 //!   nothing.
-//! - Nothing the GPU may still use is destroyed: dropping retires, and a timeline semaphore says when it can go.
+//! - Nothing the GPU may still use is destroyed: dropping retires, and a timeline semaphore decides when it can be
+//!   destroyed.
 //! - A lost device, a missing driver or a wrong argument is an error with one clear sentence, never a panic.
 //! - Everything may be used from any thread, except that a command list is recorded by one thread at a time.
 //!

@@ -36,7 +36,7 @@ pub struct StagingRing {
     memory: Arc<RingMemory>,
 }
 
-/// Space in a [`StagingRing`], the caller's alone until it is dropped and what copies from it is done.
+/// Space in a [`StagingRing`], which belongs to the caller alone until it is dropped and the copies from it are done.
 #[derive(Debug)]
 pub struct StagingSlice {
     part: Arc<StagingPart>,
@@ -138,7 +138,7 @@ fn misuse(message: String) -> GpuError {
 
 impl StagingSlice {
     /// The bytes, to be filled. Do not read them (it may be very slow), and do not write them once copies from them are
-    /// submitted: what the device sees then is unspecified.
+    /// submitted: the device may then see either value.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         let mapped = self.part.ring.mapped.as_ptr();
         let start = usize::try_from(self.part.start).unwrap_or_default();

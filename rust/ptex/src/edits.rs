@@ -13,10 +13,10 @@ const FACE_EDIT: u8 = 0;
 /// Bytes of a face edit: number of the face, its record, and the word of its block.
 const FACE_EDIT_BYTES: u32 = 4 + FACE_BYTES + 4;
 
-/// Applies all edits. They begin where the extended header says or, in files of before it said so, at `start`.
+/// Applies all edits. They begin where the extended header says or, in older files, at `start`.
 ///
 /// The writer of Ptex 2.4.3 leaves out the barrier (8 bytes) when there is no metadata, but its reader skips it all the
-/// same, and so misses the edits that the writer appends there. What the header says is right.
+/// same, and so misses the edits that the writer appends there. The value in the header is right.
 pub(crate) fn apply(
     file: &FileBytes,
     header: &PtexHeader,

@@ -22,7 +22,7 @@ pub enum PtexError {
         /// Value of the field.
         value: u64,
     },
-    /// A part lies, wholly or in part, beyond the end of what holds it.
+    /// A part lies, wholly or in part, beyond the end of the part or file that contains it.
     #[error("{0} does not end inside the file: cut short, or its length is wrong")]
     Truncated(&'static str),
     /// A compressed part is to be more than its compressed bytes can hold.
@@ -63,7 +63,7 @@ pub enum PtexError {
     /// The file has no such face.
     #[error("there is no face {0}")]
     NoFace(u32),
-    /// The caller of the writer asks for what the format does not have.
+    /// The caller of the writer asks for something that the format does not have.
     #[error("the file cannot be written: {0}")]
     Caller(&'static str),
 }

@@ -13,7 +13,7 @@ pub(crate) const HEADER_BYTES: u32 = 64;
 pub(crate) const EXTENDED_BYTES: u32 = 40;
 pub(crate) const LEVEL_BYTES: u32 = 16;
 pub(crate) const FACE_BYTES: u32 = 20;
-/// Bytes between metadata and what newer versions added, which old readers take for the end.
+/// Bytes between metadata and the additions of newer versions; old readers take them for the end.
 pub(crate) const BARRIER_BYTES: u32 = 8;
 
 const IS_CONSTANT: u8 = 1;
@@ -101,7 +101,7 @@ impl PtexHeader {
         Ok(Self {
             mesh_type,
             data_type,
-            // -1 is none; so is what the texels do not have.
+            // -1 is none; so is a channel that the texels do not have.
             alpha_channel: (alpha < u32::from(channels)).then_some(alpha),
             channels,
             levels,
@@ -230,7 +230,7 @@ pub(crate) fn parse_face(
     };
     let mut adjacent = [None; 4];
     for (side, adjacent) in adjacent.iter_mut().enumerate().take(sides) {
-        // -1 is none; so is what the mesh does not have.
+        // -1 is none; so is a face that the mesh does not have.
         let face = fields.u32();
         let edge = (edges >> (2 * side)) & 3;
         *adjacent = (face < header.faces && usize::from(edge) < sides).then_some((face, edge));

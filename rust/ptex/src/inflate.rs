@@ -64,7 +64,7 @@ impl Inflater {
         Self { decompress: Decompress::new(true), stored: Vec::new() }
     }
 
-    /// Fills `out` with what a part inflates to. Fails unless that is just its length.
+    /// Fills `out` with the inflated bytes of a part. Fails unless their number is exactly its length.
     pub(crate) fn fill(&mut self, file: &FileBytes, part: StoredPart, out: &mut [u8]) -> Result<(), PtexError> {
         check_ratio(part, u64::try_from(out.len()).unwrap_or(u64::MAX))?;
         file.check(part)?;
@@ -74,7 +74,7 @@ impl Inflater {
         let status = self.decompress.decompress(&self.stored, out, FlushDecompress::Finish);
         let is_whole = usize::try_from(self.decompress.total_out()) == Ok(out.len());
         match status {
-            // What follows the stream inside of its part means nothing.
+            // Bytes that follow the stream inside of its part have no meaning.
             Ok(Status::StreamEnd) if is_whole => Ok(()),
             _ => Err(PtexError::Damaged(part.name)),
         }

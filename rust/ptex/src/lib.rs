@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Ptex files (`.ptx`): a texture for each face of a mesh, without texture coordinates (Burley & Lacewell 2008, "Ptex:
-//! Per-Face Texture Mapping for Production Rendering"). A reader of version 1 of the file format (minor versions differ
-//! in nothing that is read), and a writer. The description of the format here was read from, and tried with, the Ptex
-//! library 2.4.3.
+//! Per-Face Texture Mapping for Production Rendering"). A reader of version 1 of the file format (minor versions do not
+//! differ in the parts that are read), and a writer. The description of the format here was read from, and tried with,
+//! the Ptex library 2.4.3.
 //!
 //! Guarantees: no bytes make this crate panic, read outside of a file, or loop without end; every length is checked
-//! before it is used. Memory is taken in proportion to the file: up to 1032 times what is compressed in it (the largest
+//! before it is used. Memory is taken in proportion to the file: up to 1032 times its compressed bytes (the largest
 //! ratio of deflate), four times that for tables of faces, which take more space in memory. The exception are texels
 //! that the file has once and the caller wants many times (constant faces and tiles): [`PtexFile::face_bytes`] says
 //! beforehand how many bytes a face is, [`PtexFile::constant`] gives the one texel. Nothing is cached.
@@ -33,9 +33,9 @@
 //!
 //! Edges are walked counter-clockwise, and the edges of two neighbours run against each other, always: parameter t
 //! along one is 1 - t along the other. So a neighbour is reached by a shift and a rotation, never by a mirror; a mesh
-//! whose faces are not oriented alike cannot be said. If (u, v) is a point beyond edge e of a quad, less the one unit
-//! that brings it into the unit square, and e' the neighbour's edge, then the neighbour's coordinates of it are, by
-//! (e - e' + 2) mod 4: 0 (u, v), 1 (v, 1 - u), 2 (1 - u, 1 - v), 3 (1 - v, u).
+//! whose faces are not oriented alike cannot be described. If (u, v) is a point beyond edge e of a quad, less the one
+//! unit that brings it into the unit square, and e' the neighbour's edge, then the neighbour's coordinates of it are,
+//! by (e - e' + 2) mod 4: 0 (u, v), 1 (v, 1 - u), 2 (1 - u, 1 - v), 3 (1 - v, u).
 //!
 //! Beyond the edge of a quad may be two subfaces, of one polygon. [`PtexFace::adjacent`] names the one at the first
 //! half of the edge, walked counter-clockwise (t < 1/2), with its edge there, which is 3. The other one, at t > 1/2, is

@@ -24,7 +24,8 @@ use seam::SeamJoiner;
 
 pub use check::{MAX_FACE_POINTS, MAX_RATE, MAX_VALENCE};
 
-/// Triangles of a block of faces: a block takes some milliseconds. Part of what decides about bits.
+/// Number of triangles of a block of faces: a block takes some milliseconds. Block borders affect the bits of the
+/// result.
 const BLOCK_FACETS: u64 = 1 << 14;
 
 /// Values of `subdivisionScheme`.

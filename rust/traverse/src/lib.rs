@@ -44,7 +44,7 @@ pub struct TraversalConstants {
     pub stack_size: u32,
     /// Features that the scene needs.
     pub features: Features,
-    /// Bytes of all trees, items and records: what is small stays in the caches, and no ray has to wait for memory.
+    /// Bytes of all trees, items and records: small ones stay in the caches, so that no ray has to wait for memory.
     pub geometry_bytes: u64,
     /// Instructions that it may use. The hits are the same, bit for bit.
     pub instructions: InstructionSet,

@@ -95,7 +95,7 @@ fn dot2(a: [f32; 3], b: [f32; 2]) -> f32 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-/// `near_lookup_width`: how wide a lookup is, in texels; 0 where it cannot be told.
+/// Width of a lookup in texels, as `near_lookup_width` of the shaders; 0 if it cannot be computed.
 fn near_lookup_width(at: &MaskCandidate<'_>, [at_e, at_f]: [[f32; 2]; 2]) -> f32 {
     let ([e, f], d) = (at.edges, at.direction);
     let (p, q) = (cross3(e, d), cross3(f, d));

@@ -78,7 +78,7 @@ pub fn closest(view: &HostView, push: PushConstants, special: TraversalConstants
     Ok(())
 }
 
-/// Traces the shadow rays of a round, and adds what they bring.
+/// Traces the shadow rays of a round, and adds their contributions.
 ///
 /// # Errors
 /// As [`closest`].
@@ -177,7 +177,7 @@ impl<'s, 'v> PassContext<'s, 'v> {
         }
     }
 
-    /// The world ray at word `at`, apart from what only one kind of rays has.
+    /// The world ray at word `at`, without the parts that only one kind of ray has.
     #[inline(always)]
     fn load_ray(&self, at: usize) -> WorldRay {
         let ray: Ray = bytemuck::cast(self.rays.load_all::<RAY_WORDS>(at));

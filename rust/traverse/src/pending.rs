@@ -112,7 +112,8 @@ impl PendingList {
         }
     }
 
-    /// Drops what is entered behind `limit`. Where other items may begin before it, the last one stays: it says which.
+    /// Drops items that are entered behind `limit`. If other items may begin before it, the last one stays, because it
+    /// marks the end of the list.
     pub(crate) fn forget_behind(&mut self, limit: f32) {
         if self.items().last().is_none_or(|last| last.chunk.0 > limit) {
             self.more = false;

@@ -122,7 +122,7 @@ impl<'v> TraversalScene<'v> {
         self.view.words(self.streaming.unit_rays).add(unit as usize, rays).unwrap_or_default();
     }
 
-    /// Returns true if a prim is in the way of rays of `category`, which is not 0 (`is_linked`).
+    /// Returns true if a prim blocks rays of `category`, which is not 0 (`is_linked`).
     pub(crate) fn is_linked(&self, category: u32, instance: &GpuInstance) -> bool {
         let Some(links) = &self.links else { return true };
         let index = instance.prim_id.wrapping_add(1).cast_unsigned();

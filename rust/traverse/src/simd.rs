@@ -87,7 +87,7 @@ impl Simd for PortableSimd {
     fn meet(self, grid: &NodeGrid, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren {
         let [x, y, z, cell, planes @ ..]: [u32; 12] = cast(*grid);
         let (origin, cell) = ([x, y, z], cell.to_le_bytes());
-        // Comparisons that keep what is there where the other is NaN: what min and max of the shaders do.
+        // These comparisons keep the old value where the other is NaN, as min and max of the shaders do.
         let mut entries = [0.0_f32; 4];
         let mut leaves = [f32::INFINITY; 4];
         for axis in [2, 1, 0] {

@@ -91,7 +91,7 @@ fn wraps_of(t: &GpuTexture) -> [u32; 2] {
     [TEXTURE_WRAP_S_SHIFT, TEXTURE_WRAP_T_SHIFT].map(|shift| (t.flags >> shift) & 3)
 }
 
-/// Returns true if the fallback is what lies outside of the picture.
+/// Returns true if the fallback is the border around the picture.
 fn has_border(t: &GpuTexture) -> bool {
     t.flags & TEXTURE_BORDER != 0
 }
@@ -189,7 +189,8 @@ impl TraversalScene<'_> {
         Some(UdimPart::Found(found, [st[0] - part[0], st[1] - part[1]]))
     }
 
-    /// `continue_lookup` from its begin; in core `requested_lookup`, which goes on without what is absent.
+    /// Looks a texture up: `continue_lookup` of the shaders from its beginning; in core `requested_lookup`, which
+    /// continues without absent tiles.
     pub(crate) fn look_up(&self, path: u32, lookup: &TextureLookup) -> LookupResult {
         let TextureLookup { texture, st, width, channel } = *lookup;
         // Where the tables have no such texture, all is there.

@@ -28,7 +28,7 @@ use oocpt_abi::{
 };
 use oocpt_gpu::{HostBytes, HostSpan};
 
-/// Steps that a ray may take, a thousand times what rays of the largest scenes take.
+/// Largest number of steps of a ray, a thousand times as many as rays of the largest scenes take.
 const MOST_STEPS: u32 = 1 << 24;
 /// Geometry of fewer bytes is taken to be in the caches: a ray goes on as long as [`LONG_TURN`] says. Of more each step
 /// may wait for memory: the ray asks for it, and others take their turns until it is there.
@@ -194,8 +194,8 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
         self.stack.reset();
     }
 
-    /// Begins the walk of a ray. With streaming one that has waited goes on: `found` is its hit so far if its flags say
-    /// so, and `listed` what it waited for.
+    /// Begins the walk of a ray. With streaming, a ray that has waited continues: `found` is its hit so far if its
+    /// flags say so, and `listed` the items that it waited for.
     #[inline(always)]
     pub(crate) fn begin(&mut self, simd: impl Simd, world: WorldRay, listed: ListedItems) {
         self.world = world;
@@ -250,11 +250,11 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
         false
     }
 
-    /// Puts what a ray that has waited is to visit on the stack; returns where to begin.
+    /// Pushes the items that a ray that has waited is to visit on the stack; returns the first one.
     fn begin_resumed(&mut self) -> StackKey {
         let is_gone = |item: &PendingItem| !item.is_whole() && !self.is_chunk_there(item.chunk.1);
         if self.world.flags & RayFlags::MORE.bits() != 0 {
-            // What is behind the last item begins in its chunk: it waits until that one is there again.
+            // Items behind the last one begin in its chunk: they wait until that chunk is resident again.
             self.listed.more = !self.listed.items().last().is_some_and(is_gone);
             self.pending.more = !self.listed.more;
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Typed views over arrays that somebody else owns (a `VtArray` held by the bridge, or a `Vec`).
+//! Typed views over arrays that the caller owns (a `VtArray` held by the bridge, or a `Vec`).
 //!
 //! Guarantees: nothing is copied; every access is bounds-checked and gives `None` past the end or when the element type
 //! does not fit; any alignment is accepted. Any thread may read.

@@ -118,7 +118,7 @@ impl<'a> ArrayView<'a> {
         if self.element.is_quat() { self.floats::<4>(i).map(DQuat::from_array) } else { None }
     }
 
-    /// Element `i` of a matrix array as the column-vector matrix (the transpose of what Gf means by it).
+    /// Element `i` of a matrix array as the column-vector matrix (the transpose of Gf's row-vector matrix).
     #[must_use]
     #[inline]
     pub fn matrix(&self, i: usize) -> Option<DMat4> {

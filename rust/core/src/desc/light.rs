@@ -68,8 +68,8 @@ pub enum LightKind {
         /// True if it is a line.
         treat_as_line: bool,
     },
-    /// A mesh, by `MeshLightAPI`: the one whose path, with [`crate::scene::MESH_LIGHT`] behind it, is the light's. What
-    /// places and shapes a light does not count.
+    /// A mesh, by `MeshLightAPI`: the one whose path, with [`crate::scene::MESH_LIGHT`] behind it, is the light's.
+    /// Placement and shaping of the light are ignored.
     Mesh {
         /// Combination of the light with the mesh's material.
         sync: MaterialSync,

@@ -107,7 +107,7 @@ pub struct PrimDesc {
     pub instanced_by: Vec<InstancedBy>,
 }
 
-/// A mesh, curves or points: what has a surface. The "faces" of curves are the curves, those of points the points.
+/// A prim with a surface: a mesh, curves or points. The "faces" of curves are the curves, those of points the points.
 #[derive(Clone, Debug)]
 pub struct MeshDesc {
     /// Path, placement, visibility.

@@ -20,7 +20,7 @@ pub enum PrimShape {
 }
 
 impl PrimShape {
-    /// Tells shapes apart in hashes of what is made of them; none for a mesh.
+    /// Number that distinguishes shapes in hashes; `None` for a mesh.
     pub(crate) fn number(&self) -> Option<u8> {
         match self {
             Self::Mesh => None,

@@ -243,8 +243,9 @@ impl SolidDesc {
 }
 
 impl MeshDesc {
-    /// Gives the prim's solid, if it is one, the form in which it is built: polygons where `polygons` asks for them or
-    /// it has no exact form. True where that changed anything. What has no usable size stays a mesh without a face.
+    /// Turns the prim's solid, if it is one, into the form in which it is built: polygons if `polygons` asks for them
+    /// or it has no exact form. Returns true if that changed anything. A solid without a usable size stays a mesh
+    /// without a face.
     pub fn take_form(&mut self, polygons: bool) -> bool {
         let Some(solid) = self.solid.take_if(|solid| solid.is_usable()) else { return false };
         let polygons = polygons || !solid.has_exact_form();

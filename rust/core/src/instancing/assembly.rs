@@ -54,7 +54,8 @@ pub struct InstanceRecord {
     pub bounds: [[f32; 3]; 2],
     /// Handedness.
     pub flags: InstanceFlags,
-    /// Of what moves the number of its keys, of which `object_from_parent` is not one but the frame's own time; else 0.
+    /// Number of keys of a moving record, of which `object_from_parent` is none (it is at the frame's own time);
+    /// else 0.
     pub keys: u32,
 }
 
@@ -269,8 +270,8 @@ impl Assembly {
         }
     }
 
-    /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys,
-    /// at most `most`, in order; tells whether these were all.
+    /// Calls `visit` with the records whose target and prim id are `wanted`, with member, rank and, if they move, keys;
+    /// at most `most`, in order. Returns if these were all.
     pub(crate) fn encode_where(
         &self,
         wanted: &dyn Fn(InstanceTarget, i32) -> bool,

@@ -28,7 +28,7 @@ pub(crate) struct PlacementItem {
     code: u64,
     /// Member and rank; before the item is on a lattice: z of the centre and the rank.
     id: u64,
-    /// Half sides with what the rounding of the target's own offset may add; upper halves of f32s, rounded up.
+    /// Half sides, including the rounding of the target's own offset; upper halves of f32s, rounded up.
     half: [u16; 3],
     /// [`InstanceFootprint::spread`], as its upper 16 bits.
     spread: u16,
@@ -107,7 +107,7 @@ impl PlacementItem {
     }
 }
 
-/// The upper half of an f32 that is not below `v` (not negative; what is above [`HUGE`] counts as that).
+/// The upper half of an f32 that is not below `v` (not negative; values above [`HUGE`] count as that).
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "16 of 32 bits are left")]
 fn short_up(v: f64) -> u16 {

@@ -60,7 +60,7 @@ impl MotionKey {
         DAffine3 { matrix3: DMat3::from_quat(self.rotation) * self.stretch, translation: self.translation }
     }
 
-    /// Returns true if the stretch is not along the axes of what moves.
+    /// Returns true if the stretch is not along the axes of the moving object.
     pub(crate) fn is_sheared(&self) -> bool {
         let DMat3 { x_axis: x, y_axis: y, .. } = self.stretch;
         let off = x.y.abs().max(x.z.abs()).max(y.z.abs());
@@ -212,8 +212,8 @@ pub(crate) fn motion_keys(maps: &[(f64, DAffine3)]) -> Option<Vec<MotionKey>> {
     maps.iter().all(|map| key(map).is_some_and(|key| keys.push(key))).then(|| keys.as_slice().to_vec())
 }
 
-/// The box of `center +- half` of what moves by `keys` while the shutter is open, with what a box of it at any time
-/// may round.
+/// The box of `center +- half` of an object that moves by `keys` while the shutter is open, including the rounding of
+/// its box at any time.
 pub(crate) fn swept_box(keys: &[MotionKey], center: DVec3, half: DVec3) -> (DVec3, DVec3) {
     let mut all = PlacementKeys::new();
     for (slot, key) in all.all.iter_mut().zip(keys) {

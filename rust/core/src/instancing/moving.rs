@@ -33,8 +33,8 @@ impl<'a> InstancePlacer<'a> {
         Self { keys: Some(keys.into()), ..self }
     }
 
-    /// The keys of a placement of what moves, one for each time, and whether they move it: where one of them cannot be
-    /// used, all are the placement as it is at the frame's own time.
+    /// The keys of a moving placement, one for each time, and true if they move it: if one of them cannot be used, all
+    /// are the placement as it is at the frame's own time.
     pub(crate) fn keys(&self, number: Option<usize>) -> Option<(PlacementKeys, bool)> {
         let all = self.keys.as_ref()?;
         let mut keys = PlacementKeys::new();
@@ -57,13 +57,13 @@ impl<'a> InstancePlacer<'a> {
         Some((still, false))
     }
 
-    /// Box of what moves, with what rounding adds; and what chunks need to know. `None` when it is too extreme.
+    /// The box of a moving placement, including rounding, and its footprint for chunks. `None` if it is too large.
     pub(super) fn swept(&self, number: Option<usize>) -> Option<([DVec3; 2], InstanceFootprint, bool)> {
         let (keys, _) = self.keys(number)?;
         let swept = keys.sweep(self.center, self.half);
         let center = 0.5 * (swept.min + swept.max);
         let half = 0.5 * (swept.max - swept.min);
-        // Static placements count MATRIX_ERROR; the sum of what is here is larger than that of any frame's.
+        // Static placements count MATRIX_ERROR; this sum is larger than that of any single frame.
         let spread = swept.spread * (2.0 * KEY_ERROR / MATRIX_ERROR);
         let lever = swept.lever + half.max_element();
         let error = swept.spread * KEY_ERROR * ((center.abs() + half).max_element() + lever);
@@ -73,7 +73,7 @@ impl<'a> InstancePlacer<'a> {
         sound.then_some((bounds, footprint, swept.flips))
     }
 
-    /// True for a placement of what moves that stays where it is, since its motion cannot be used.
+    /// True for a moving placement that stays where it is, because its motion cannot be used.
     pub(crate) fn is_stuck(&self, number: Option<usize>) -> bool {
         self.keys.is_some() && self.keys(number).is_some_and(|(_, moves)| !moves)
     }

@@ -53,13 +53,14 @@ impl InstanceArrays {
         }
     }
 
-    /// The instances whose elements differ, when both have the same kinds of arrays and the same mask. Kept, so that it
-    /// is worked out once for all prototypes; whoever asks before it is kept works it out too, and nobody waits: a
-    /// thread of the pool that helps out while it waits could come back here and wait for itself.
+    /// The instances whose elements differ, if both have the same kinds of arrays and the same mask. The result is
+    /// stored, so that it is computed once for all prototypes. Callers that arrive before it is stored compute it too,
+    /// and none waits: a thread of the pool that works on other tasks while it waits could come back here and wait for
+    /// itself.
     pub(crate) fn changes(old: &Arc<Self>, new: &Arc<Self>) -> Option<Arc<ChangedNumbers>> {
         if new.changes.get().is_none() {
             let changes = ChangedNumbers::between(old, new).map(Arc::new);
-            // Somebody else may have been faster, with the same result.
+            // Another thread may have been faster, with the same result.
             drop(new.changes.set((Arc::downgrade(old), changes)));
         }
         let (from, changes) = new.changes.get()?;
@@ -195,7 +196,7 @@ impl<'a> InstancePlacer<'a> {
         }
     }
 
-    /// The same placements as seen from `origin`. What is usable is decided in the parent's frame: no limit here.
+    /// The same placements relative to `origin`. Usability is decided in the parent's frame, so there is no limit here.
     pub(crate) fn seen_from(mut self, origin: DVec3) -> Self {
         self.before = DAffine3::from_translation(-origin) * self.before;
         self.limit = f32::MAX;
@@ -269,13 +270,13 @@ impl<'a> InstancePlacer<'a> {
     }
 
     /// As [`InstancePlacer::place`], for partitioning: lower and upper corner of the box before it is rounded outward,
-    /// and what chunks need to know.
+    /// and the footprint for chunks.
     #[inline]
     pub(crate) fn measure(&self, number: Option<usize>) -> Option<([DVec3; 2], InstanceFootprint)> {
         let m = self.matrix(number)?;
         let inverse = InversePlacement::of(&m)?;
         let (corners, footprint) = self.placed_box(&m, &inverse);
-        // NaN fails the comparison. What is not clearly far below the limit is looked at closely.
+        // NaN fails the comparison. Values that are not clearly far below the limit are computed exactly.
         let size = |v: DVec3| v.abs().element_sum();
         let [a, b, c] = inverse.rows.map(size);
         let sum = a + b + c + size(inverse.offset) + size(corners[0]) + size(corners[1]);
@@ -357,7 +358,7 @@ impl InversePlacement {
     }
 }
 
-/// A quaternion of finite halves, which most are: exactly what [`ArrayView::quat`] gives, sooner. `None` for others.
+/// A quaternion of finite halves, which most are: the same result as [`ArrayView::quat`], faster. `None` for others.
 #[inline]
 fn usual_halves(rotations: &ArrayView<'_>, number: usize) -> Option<DQuat> {
     /// 2^112, the difference of the exponents' biases: the product is exact.

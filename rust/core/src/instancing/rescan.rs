@@ -90,7 +90,7 @@ impl InstanceRun {
         Some(bounds)
     }
 
-    /// Works out what changed in the arrays that `new` instances read, unless that is known.
+    /// Finds the changes in the arrays that `new` instances read, unless they are known.
     pub(crate) fn compare_arrays(&self, new: &PrototypeInstances) {
         if let Some(old) = self.spec.instances.as_ref().filter(|old| !Arc::ptr_eq(&old.arrays, &new.arrays)) {
             InstanceArrays::changes(&old.arrays, &new.arrays);

@@ -31,7 +31,7 @@ impl PrototypeInstances {
         self.chosen.as_ref().map_or(self.indices.len(), |chosen| chosen.len())
     }
 
-    /// True when both have the same places of the same array, told from their addresses.
+    /// True if both have the same elements of the same array, by address.
     pub(super) fn same_indices(&self, other: &Self) -> bool {
         let chosen = match (&self.chosen, &other.chosen) {
             (None, None) => true,
@@ -55,7 +55,7 @@ pub(crate) struct RunSpec {
     pub(crate) instances: Option<PrototypeInstances>,
     /// Box of the target, not empty.
     pub(crate) target_bounds: Aabb,
-    /// Of what is placed once and moves: `before` at times of the shutter, two or more.
+    /// For a moving prim that is placed once: `before` at times of the shutter, two or more.
     pub(crate) motion: Option<Arc<Vec<TransformKey>>>,
 }
 
@@ -68,7 +68,7 @@ pub(crate) struct TransformKey {
 }
 
 impl RunSpec {
-    /// True when both give the same run, told without looking at elements.
+    /// True if both give the same run, without looking at elements.
     fn is_same(&self, other: &Self) -> bool {
         let instances = match (&self.instances, &other.instances) {
             (None, None) => true,
@@ -135,7 +135,7 @@ impl InstanceRun {
         if old.spec.is_same(spec) { Some(old.clone()) } else { Self::edited(old, spec).map(Arc::new) }
     }
 
-    /// A run looked at as a whole. `keep`: what the partition will ask for.
+    /// Scans a whole run. `keep`: the results that the partition will ask for.
     pub(crate) fn scan(spec: RunSpec, keep: ScanOutput<'_>) -> Self {
         let mut run = Self {
             spec,

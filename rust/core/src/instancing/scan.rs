@@ -132,7 +132,7 @@ impl InstanceRun {
         }
         let ranks = self.unmasked.as_ref().map_or(indices.len(), |n| n.len());
         let Ok(count) = u32::try_from(ranks) else {
-            // More than the 32 bits of an instance number can tell apart.
+            // More ranks than the 32 bits of an instance number can distinguish.
             self.dropped.instance_indices += ranks as u64;
             return;
         };
@@ -205,7 +205,7 @@ impl InstanceRun {
         (0..self.ranks).into_par_iter().with_min_len(BLOCK).filter_map(|rank| reader.item(rank)).collect()
     }
 
-    /// The bucket of each rank: those kept by the scan, else, and where `anew` says so, worked out now.
+    /// The bucket of each rank: as kept by the scan, or computed now if it kept none or `anew` is set.
     pub(crate) fn take_buckets(&self, by: &dyn ItemBucketing, anew: bool) -> Vec<u8> {
         let kept = std::mem::take(&mut *self.kept.lock().unwrap_or_else(PoisonError::into_inner));
         if let ScannedRanks::Buckets(buckets) = kept

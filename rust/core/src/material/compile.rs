@@ -86,7 +86,7 @@ const SURFACE: [(&str, NumberShape, [f32; 4]); 10] = [
     ("normal", NumberShape::Color, [0.0, 0.0, 1.0, 1.0]),
 ];
 
-/// Inputs that say nothing. What `UsdPreviewSurface` has no name for keeps them.
+/// Neutral inputs. Inputs that `UsdPreviewSurface` does not have keep these values.
 pub(crate) const NEUTRAL: [InputValue; MaterialInput::COUNT] = {
     let mut inputs = [const { InputValue::Constant([0.0, 0.0, 0.0, 1.0]) }; MaterialInput::COUNT];
     inputs[MaterialInput::Opacity as usize] = InputValue::Constant([1.0; 4]);
@@ -150,7 +150,7 @@ impl<'a> NetworkCompiler<'a> {
         }
         let is_clear = !matches!(opacity, InputValue::Constant([value, ..]) if *value >= 1.0);
         let mut flags = needs(&inputs);
-        // A normal is told about the tangents of a set: of the first one, or of this.
+        // A normal is relative to the tangents of a set: of the first one, or of this.
         if flags.contains(MaterialFlags::NORMAL_MAP) && self.uv_sets.is_empty() {
             self.uv_sets.push(UvSet { name: "st".into(), id: 0, fallback: [0.0; 2] });
         }
@@ -174,7 +174,7 @@ impl<'a> NetworkCompiler<'a> {
         })
     }
 
-    /// One input: what it is connected to, else what is authored, else the default.
+    /// The value of an input: that of its connection, else the authored one, else the default.
     pub(super) fn input(
         &mut self,
         node: &'a NodeDesc,

@@ -55,14 +55,13 @@ pub struct MaterialText {
     pub path: String,
     /// Name of the definition of its surface; empty: there is none.
     pub surface: String,
-    /// The surface is understood; else what shows it looks as if it had no material.
+    /// True if the surface was compiled; else prims are shown as if they had no material.
     pub is_understood: bool,
     /// Nodes of the network.
     pub nodes: Vec<NodeText>,
     /// Values that several inputs read, `v1 = ...`, as formulas: before them.
     pub values: Vec<String>,
-    /// Inputs of the BSDF that differ from what they are where nothing is said: name and constant, texture, primvar or
-    /// formula.
+    /// Inputs of the BSDF that differ from their defaults: name and constant, texture, primvar or formula.
     pub inputs: Vec<(String, String)>,
     /// Description of its displacement; empty if there is none.
     pub displacement: String,
@@ -176,7 +175,7 @@ fn fill(text: &mut MaterialText, material: &Material, compiled: &CompiledMateria
     text.lookups = direct + text.program.lookups + text.opacity_program.lookups;
 }
 
-/// Returns true if it is what it is where nothing is said, as far as its components count.
+/// Returns true if an input has its default value, as far as its components are used.
 fn is_neutral(input: &InputValue, name: MaterialInput) -> bool {
     match (input, &NEUTRAL[name as usize]) {
         (InputValue::Constant(value), InputValue::Constant(neutral)) => {
@@ -238,7 +237,7 @@ impl<'a> MaterialNames<'a> {
         }
     }
 
-    /// Of what displaces surfaces, which has a texture, coordinates or a primvar of its own.
+    /// The names of a displacement, which has a texture, coordinates or a primvar of its own.
     fn displacing(own: &'a PreviewDisplacement) -> Self {
         Self {
             uv_sets: own.uv.iter().map(|set| &*set.name).collect(),

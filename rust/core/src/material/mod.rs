@@ -81,7 +81,7 @@ pub const NORMAL_NAME: &str = oocpt_materialx::uses::MaterialUses::NORMAL;
 /// Names of the map of normals from the mesh's frame to the world.
 pub const FRAME_NAMES: [&str; 2] = oocpt_materialx::uses::MaterialUses::OBJECT_FRAME;
 
-/// Name of where a ribbon is met across its width, from 1 at the left to -1; what is no ribbon does not have it.
+/// Name of the position across the width of a ribbon, from 1 at the left to -1; only ribbons have it.
 pub const ACROSS_NAME: &str = oocpt_materialx::uses::MaterialUses::ACROSS;
 
 /// Number of a name that is built in and no primvar.
@@ -187,7 +187,7 @@ pub enum Wrap {
 /// Encoding of the numbers of a texture.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ColorSpace {
-    /// Told from the file: what it says, else sRGB for 8 bits with 3 or 4 channels, else raw.
+    /// The file decides: its own metadata, else sRGB for 8 bits with 3 or 4 channels, else raw.
     #[default]
     Auto,
     /// Linear values.
@@ -198,7 +198,7 @@ pub enum ColorSpace {
     Named(Arc<str>),
 }
 
-/// A texture that materials read. Two are equal when they read the same the same way, whoever asks.
+/// A texture that materials read. Two are equal if they read the same file in the same way.
 #[derive(Clone, Debug)]
 pub struct TextureRef {
     /// A prim that asks for it: the first one that was seen. For messages.

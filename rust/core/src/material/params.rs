@@ -14,7 +14,7 @@ impl ProblemList {
     /// Most bytes of a problem's text.
     const LONGEST: usize = 512;
 
-    /// Texts of the scene stand in it, which may be long: what exceeds [`Self::LONGEST`] is left out.
+    /// Adds a problem. It may contain long texts of the scene: it is cut to [`Self::LONGEST`].
     pub(super) fn add(&mut self, mut problem: String) {
         if problem.len() > Self::LONGEST {
             problem.truncate(problem.floor_char_boundary(Self::LONGEST));

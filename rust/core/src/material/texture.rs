@@ -94,7 +94,7 @@ impl<'a> NetworkCompiler<'a> {
         }
     }
 
-    /// The set of Ptex coordinates. They come from the topology: what `st` is connected to does not count.
+    /// The set of Ptex coordinates. They come from the topology: the connection of `st` is ignored.
     fn ptex_coordinates(&mut self, node: &'a NodeDesc) -> (Option<u8>, [[f32; 3]; 2]) {
         let known = self.uv_sets.iter().position(|set| &*set.name == PTEX_SET);
         let set = known.unwrap_or(self.uv_sets.len());

@@ -36,7 +36,7 @@ pub const MIN_RELATIVE_DOUBLE_AREA: f64 = 1e-15;
 /// Twice the smallest area that we keep at all: the device computes it in single precision, without denormal numbers.
 pub const MIN_DOUBLE_AREA: f64 = 1e-36;
 
-/// An asset or several, or none if nothing was usable, and what was dropped on the way.
+/// The assets of a mesh: one, several clusters, or none if nothing was usable; and the data that were dropped.
 #[derive(Clone, Debug)]
 pub struct BuiltMesh {
     /// The whole mesh; none where it was split or nothing was usable.
@@ -247,7 +247,7 @@ fn read_triangles(loose: UnsortedMesh<'_>, dropped: &mut DroppedData) -> Option<
         subsets,
         ptex,
         keys,
-        // What is no mesh has no side from which it is not seen.
+        // Prims other than meshes are visible from all sides.
         double_sided: desc.double_sided || !matches!(desc.shape, PrimShape::Mesh),
         left_handed: desc.left_handed && matches!(desc.shape, PrimShape::Mesh),
     })
@@ -318,7 +318,7 @@ fn triangulate(
 }
 
 /// The triangles of some faces. A face that keeps some area has lost nothing: quads that close to a point, as at the
-/// tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped. What moves has an
+/// tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped. A moving face has an
 /// area if it has one at some key.
 fn triangulate_block(
     (topology, poses): (&MeshTopology, &[PointsPose]),

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! BVH2 over the triangles of a mesh or over boxes, of which [`super::bvh4`] makes what the GPU walks: built by `obvhs`
-//! (PLOC, Meister and Bittner 2018; reinsertion, Meister and Bittner 2017). Deterministic and never deeper than
-//! [`MAX_DEPTH`]. Pure; one thread per build.
+//! BVH2 over the triangles of a mesh or over boxes, from which [`super::bvh4`] makes the hierarchy that the GPU walks.
+//! It is built by `obvhs` (PLOC, Meister and Bittner 2018; reinsertion, Meister and Bittner 2017). Deterministic and
+//! never deeper than [`MAX_DEPTH`]. Pure; one thread per build.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3A;
@@ -75,7 +75,7 @@ pub enum BvhError {
     /// A leaf is too large or out of range.
     #[error("node {0} has a leaf out of range")]
     Leaf(usize),
-    /// A box does not hold what is below it, or is larger than that needs.
+    /// A box does not contain its children, or is larger than it needs to be.
     #[error("node {0} has a box that does not fit its child")]
     Bounds(usize),
     /// An item (triangle or box) or node is not reached exactly once.
@@ -160,7 +160,7 @@ impl BvhLayout {
         let indices = (0..).take(boxes.len()).collect();
         let mut ploc = PlocBuilder::with_capacity(boxes.len());
         let mut tree = ploc.build(PlocSearchDistance::Medium, &boxes, indices, SortPrecision::U64, 3);
-        // What follows takes as much again: the builder's arrays and the boxes are not needed any more.
+        // The next steps take as much memory again: the builder's arrays and the boxes are not needed any more.
         drop((ploc, boxes));
         let mut optimizer = ReinsertionOptimizer::default();
         optimizer.run(&mut tree, REINSERTION, None);
@@ -205,7 +205,7 @@ impl BvhLayout {
         }
     }
 
-    /// Adds an empty node, told to its parent's child on the given side.
+    /// Adds an empty node, and links it to its parent as the child of the given side.
     fn open(&mut self, parent: Option<(usize, usize)>, depth: u32) -> usize {
         let slot = self.nodes.len();
         if let (Some((above, side)), Ok(child)) = (parent, u32::try_from(slot)) {

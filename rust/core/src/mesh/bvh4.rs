@@ -3,9 +3,9 @@
 //! own (after Ylitie, Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
 //! BVHs").
 //!
-//! Made from a [`Bvh2`] (`collapse.rs`). Planes are rounded outwards, so a box holds what is in it. Over the
-//! triangles of a mesh ([`Bvh4`]) the children lie one after the other; over boxes ([`LevelNode`]) each is named. Pure;
-//! one thread per build.
+//! Made from a [`Bvh2`] (`collapse.rs`). Planes are rounded outwards, so a box contains its items. Over the triangles
+//! of a mesh ([`Bvh4`]) the children lie one after the other; over boxes ([`LevelNode`]) each is named. Pure; one
+//! thread per build.
 
 use super::bundle::build_bundles;
 use super::bvh::{Bvh2, build_item_bvh};
@@ -15,7 +15,8 @@ use oocpt_abi::{ABSENT, Bvh4Node, LEAF, LevelNode};
 
 /// Children of a node.
 pub const WIDTH: usize = 4;
-/// Cells along an axis of a node's grid: fewer than planes can tell, for the rounding of their number and the margin.
+/// Number of cells along an axis of a node's grid: fewer than planes can address, to leave room for rounding and the
+/// margin.
 const CELLS: f64 = 253.0;
 /// Cells that planes over boxes are further out at least. Walks do not pad these boxes as they do those of meshes, and
 /// the planes' own rounding is 2^-24 of the grid's 255 cells at each of four steps.

@@ -86,9 +86,9 @@ impl Bvh2 {
 }
 
 impl Bvh4 {
-    /// Checks every invariant against the triangles in BVH order: boxes hold what is in them with less than a cell to
+    /// Checks every invariant against the triangles in BVH order: boxes contain their items with less than a cell to
     /// spare, every triangle and node is reached exactly once, parents come before children, the stack is that of the
-    /// longest way down.
+    /// longest path down.
     ///
     /// # Errors
     /// The first broken invariant.
@@ -108,8 +108,8 @@ impl Bvh4 {
         }
     }
 
-    /// The same where leaves are boxes of what is there of the items, which are triangles: no box goes beyond the items
-    /// in it.
+    /// As [`Self::validate`], for leaves whose boxes enclose only the parts of triangles that cutouts keep: no box
+    /// extends beyond its items.
     ///
     /// # Errors
     /// The first broken invariant.
@@ -131,7 +131,7 @@ impl Bvh4 {
         if walk.depth == self.stack { Ok(()) } else { Err(BvhError::Depth) }
     }
 
-    /// Checks what is below node `at`, where `waiting` children wait on the stack; gives its box.
+    /// Checks the subtree at node `at`, where `waiting` children are on the stack; returns its box.
     fn walk(&self, walk: &mut BvhCheck<'_>, at: usize, waiting: u32) -> Result<Aabb, BvhError> {
         let node = self.nodes.get(at).ok_or(BvhError::Child(at))?;
         walk.nodes += 1;

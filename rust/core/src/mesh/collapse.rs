@@ -21,7 +21,7 @@ pub(super) struct CollapsedChild {
     pub(super) count: u32,
 }
 
-/// Of what is below a binary node, as a forest of at most so many trees.
+/// Costs of the subtree of a binary node as a forest, for each largest number of trees.
 #[derive(Clone, Copy, Debug, Default)]
 struct ForestChoice {
     /// Least sums of surface areas with at most one, two and three trees.
@@ -58,8 +58,8 @@ impl<'b> BvhCollapse<'b> {
     /// The children of the wide node that begins at `node`, four at most: nodes first, and of each kind the largest
     /// first. With `in_order` leaves are as in the binary hierarchy.
     ///
-    /// Rays that begin in several children, or that any hit ends, take them about in this order: what is large is hit
-    /// more likely.
+    /// Rays that begin in several children, or that any hit ends, take them in roughly this order, because large ones
+    /// are hit more likely.
     pub(super) fn children(&self, node: u32, in_order: bool) -> Vec<CollapsedChild> {
         let mut parts = Vec::with_capacity(WIDTH);
         let mut open = vec![(node, WIDTH)];

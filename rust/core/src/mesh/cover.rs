@@ -29,10 +29,9 @@ pub struct CutoutCover {
 /// By slot, as [`super::SlotDisplacements`]. Empty where nothing is cut out, or nothing is known of it.
 pub type SlotCovers = Vec<Option<CutoutCover>>;
 
-/// Of coordinates, and of opacities that are interpolated: what rounding may do, as a share of the largest of what is
-/// summed.
+/// Largest rounding error of coordinates, and of opacities that are interpolated, as a share of the largest summand.
 const ROUNDING: f64 = 1.0 / (1 << 19) as f64;
-/// Of the range over the triangle: what the place of a hit may be off.
+/// Largest error of the position of a hit, as a share of the range over the triangle.
 const HIT: f64 = 1.0 / 512.0;
 
 impl CutoutCover {
@@ -195,8 +194,8 @@ impl<'a> CoveredMesh<'a> {
         }
     }
 
-    /// The box of what is there of a triangle while the shutter is open, where that is not all of it; empty where
-    /// nothing is.
+    /// The box of the part of a triangle that its cutout keeps while the shutter is open, if that is not all of it;
+    /// empty if it keeps nothing.
     fn clipped(&self, triangle: usize) -> Option<Aabb> {
         let polygon = self.polygon(triangle);
         let own = self.mesh.triangles.get(triangle).filter(|_| !polygon.is_whole())?;
@@ -266,7 +265,7 @@ fn above(values: [f64; 3], threshold: f64) -> ClippedTriangle {
     }
     let [low, high] =
         [values.iter().fold(f64::INFINITY, |a, b| a.min(*b)), values.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b))];
-    // Weights of a hit may be a little less than 0: only what is 0 at all corners is so everywhere.
+    // Barycentric weights of a hit may be slightly negative: only values that are 0 at all corners are 0 everywhere.
     if threshold <= 0.0 && largest <= 0.0 {
         return ClippedTriangle { count: 0, ..ClippedTriangle::WHOLE };
     }

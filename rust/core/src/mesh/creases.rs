@@ -18,7 +18,7 @@ pub(crate) struct CreaseSharpness {
 }
 
 impl CreaseSharpness {
-    /// Reads what makes sense of `tags`, for a mesh with so many points.
+    /// Reads the usable part of `tags`, for a mesh with this number of points.
     pub(crate) fn read(tags: &SubdivisionTags, point_count: usize, dropped: &mut DroppedData) -> Self {
         let mut sharpness = Self::default();
         dropped.creases += sharpness.read_creases(tags, point_count);

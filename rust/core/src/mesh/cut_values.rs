@@ -52,8 +52,8 @@ impl<'a> CutValues<'a> {
         self.values.vec3(self.position(face, vertex)?)
     }
 
-    /// Whatever it is, as programs read it: one number is in all components, else what is missing is 0, and the last
-    /// one 1.
+    /// A value of any width, as programs read it: a scalar is in all components, else missing components are 0, and the
+    /// last one is 1.
     pub(super) fn four(&self, face: u32, vertex: u32) -> Option<[f64; 4]> {
         let at = self.position(face, vertex)?;
         let values = &self.values;

@@ -190,7 +190,7 @@ fn check_widths(desc: &MeshDesc, samples: &[PointsSample]) -> Result<bool, Strin
     };
     let own = own.values.view();
     let fits = |widths: &ArrayView<'_>| widths.len() == own.len() && widths.scalar(0).is_some();
-    // What has no width at the frame's own time is not seen, whatever it has later.
+    // A prim without widths at the frame's own time is not visible, whatever its later widths are.
     let is_usable =
         |at: usize, width: Option<f64>| width.is_some_and(is_width) || !own.scalar(at).is_some_and(is_width);
     for sample in samples {
@@ -305,7 +305,7 @@ pub(super) fn swept(item: &Triangle, kind: LeafKind, keys: &MeshKeys, at: usize,
     padded(all, &all)
 }
 
-/// A box of what moves. `whole`: of the item of which it is a part.
+/// The box of a moving item or of a part of one. `whole`: the box of the whole item.
 pub(super) fn padded(all: Aabb, whole: &Aabb) -> Aabb {
     // A vertex between its keys, `a + f (b - a)`, rounds three times, by five units of the largest coordinate at most.
     let size = whole.min.iter().chain(&whole.max).fold(0.0_f32, |size, v| size.max(v.abs()));

@@ -135,7 +135,7 @@ impl DicedMesh<'_> {
 
     /// The sums of all positions, and messages about textures that could not be read.
     fn sums(&self, demand: &BuildDemand<'_>) -> (VertexSums, Vec<String>) {
-        // What is wrong with subsets is counted where their materials are.
+        // Unusable subsets are counted where their materials are resolved.
         let subsets = subsets_of_faces(self.desc, self.face_count, &mut DroppedData::default());
         let slot = |face: u32| subsets.get(face as usize).map_or(0, |subset| usize::from(*subset));
         let surface = DicedSurface { positions: self.facets.positions.as_chunks::<3>().0, normals: &self.normals };

@@ -25,13 +25,13 @@ const READ_ITEM: u64 = ITEM + size_of::<TriangleSource>() as u64;
 const NODES: u64 = size_of::<Bvh4Node>() as u64 * 5 / 16;
 /// Bytes of an item while it is sorted into clusters.
 const SORTED: u64 = 16;
-/// Bytes of the box of what is there of a triangle that is cut out, and of its number.
+/// Bytes of the box of a triangle with a cutout, and of its number.
 const COVERED: u64 = 28;
 /// Bytes of a point in any array.
 const POINT: u64 = size_of::<[f32; 3]>() as u64;
 /// Bytes that OpenSubdiv takes for each corner of a control mesh.
 const CONTROL_CORNER: u64 = 640;
-/// Bytes of a vertex of a surface that is cut: positions and normals in blocks and together, and what moves it.
+/// Bytes of a vertex of a surface that is cut: positions and normals in blocks and joined, and its displacement.
 const CUT_VERTEX: u64 = 160;
 /// Bytes of a point of curves that are cut.
 const CURVE_POINT: u64 = 280;
@@ -57,8 +57,8 @@ impl BuildFootprint {
         self.reading.max(self.whole.saturating_add(self.cluster))
     }
 
-    /// How many clusters can be made in parallel within `bytes`, at least one and at most `most`, and the bytes that
-    /// building then takes.
+    /// Number of clusters that can be made in parallel within `bytes`, at least one and at most `most`, and the bytes
+    /// that building then takes.
     pub(crate) fn within(&self, bytes: u64, most: usize) -> (usize, u64) {
         let fit = bytes.saturating_sub(self.whole).checked_div(self.cluster).unwrap_or(1);
         let at_once = fit.min(self.clusters).min(most as u64).max(1);
@@ -95,7 +95,7 @@ struct ReadSize {
     is_of_points: bool,
     /// Bytes besides those of items, until the tree is built.
     beside: u64,
-    /// Bytes of attributes, with what tells which values an item has.
+    /// Bytes of attributes, with the indices of their values.
     attributes: u64,
     /// Bytes of all keys but the first.
     keys: u64,

@@ -31,7 +31,7 @@ impl Default for HostMemory {
 }
 
 impl HostMemory {
-    /// Sets the most bytes of assets that are kept. What is held stays.
+    /// Sets the most bytes of assets that are kept. Assets that are held stay.
     pub fn set_limit(&self, bytes: u64) {
         self.limit.store(bytes, Ordering::Relaxed);
     }
@@ -43,7 +43,7 @@ impl HostMemory {
         self.most_taken.store(self.taken.load(Ordering::Relaxed), Ordering::Relaxed);
     }
 
-    /// Sets what there may be in all, bytes: a prim that needs more by itself is not built.
+    /// Sets the budget of all host memory, bytes: a prim that needs more by itself is not built.
     pub(crate) fn set_budget(&self, bytes: u64) {
         self.budget.store(bytes, Ordering::Relaxed);
     }
@@ -119,7 +119,7 @@ impl HostMemory {
         HeldMemory { memory: self.clone(), bytes }
     }
 
-    /// Has what is taken already held, if `held` stays below `limit`.
+    /// Holds bytes that are already counted in `taken`, if `held` stays below `limit`.
     fn hold_taken(self: &Arc<Self>, bytes: u64, limit: u64) -> Option<HeldMemory> {
         let more = |held: u64| held.checked_add(bytes).filter(|held| *held <= limit);
         self.held.fetch_update(Ordering::Relaxed, Ordering::Relaxed, more).ok()?;
@@ -144,7 +144,7 @@ pub(crate) struct ReservedMemory {
 }
 
 impl ReservedMemory {
-    /// Keeps an asset that is part of what was reserved, if the limit allows it.
+    /// Keeps an asset whose bytes are part of the reservation, if the limit allows it.
     pub(crate) fn keep(&mut self, bytes: u64) -> Option<HeldMemory> {
         if bytes > self.bytes {
             return self.memory.try_hold(bytes);

@@ -77,7 +77,7 @@ fn cluster_key(key: u128, number: usize) -> u128 {
     xxh3_128(bytemuck::cast_slice::<u128, u8>(&[key, number as u128]))
 }
 
-/// The files that a mesh is found in again, and what tells its entry there; none where it is not.
+/// The files in which a mesh can be found again, and the key of its entry there; `None` if it cannot.
 fn lasting<'a>(recipe: &MeshRecipe, shelf: &'a MeshStorage) -> Option<(&'a Arc<dyn MeshFiles>, u128)> {
     let files = shelf.files.as_ref().filter(|files| files.lasts())?;
     Some((files, recipe.entry_key()?))

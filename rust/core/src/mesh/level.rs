@@ -5,7 +5,7 @@
 //! All nodes but one have four children: every split leaves counts that four-wide trees without gaps can hold, so `n`
 //! boxes take `ceil((n - 1) / 3)` nodes, which is known before the tree is built ([`level_node_count`]). A tree over
 //! `n` boxes without gaps exists when `n = 1 (mod 3)`; of the four children of any node three get such counts, and one
-//! gets what is left. Deterministic: depends on the boxes and their order only. Pure; large trees use rayon.
+//! gets the remainder. Deterministic: depends on the boxes and their order only. Pure; large trees use rayon.
 
 use glam::{Vec3A, Vec3Swizzles as _};
 use oocpt_abi::{ABSENT, LEAF, LevelNode};
@@ -151,7 +151,7 @@ fn emit(
 ) -> u32 {
     let Some((root, mut rest)) = nodes.split_first_mut() else { return 0 };
     let mut children = children(items, scratch, sah_levels > 0).map(|part| (GrowingBox::of(part), part));
-    // As in meshes, rays that may take any child first take what is large (`super::collapse`).
+    // As in meshes, rays that may take any child first take the large ones (`super::collapse`).
     let unit = children.iter().fold(GrowingBox::EMPTY, |all, (b, _)| all.with(b.min, b.max)).unit();
     children.sort_by(|(a, _), (b, _)| b.half_area(unit).total_cmp(&a.half_area(unit)));
     let mut child = [ABSENT; WIDTH];
@@ -218,7 +218,7 @@ fn children<'a>(items: &'a mut [LevelBox], scratch: &mut [LevelBox], sah: bool) 
         }
         return parts;
     }
-    // What is left of 3 on the left side, so that both sides can be split again.
+    // The left side gets a remainder modulo 3, so that both sides can be split again.
     let first = match items.len() % 3 {
         1 => [2, 2],
         2 => [2, 0],
@@ -331,8 +331,8 @@ struct BinScale {
 }
 
 impl BinScale {
-    /// `bins` along each axis of what holds all centers; along an axis without extent, or an infinite one, all is in
-    /// the first.
+    /// `bins` along each axis of the box of all centres; along an axis without extent, or an infinite one, every centre
+    /// is in the first bin.
     fn new(centers: &GrowingBox, bins: usize) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "a small number")]
         let bins = bins as f32;

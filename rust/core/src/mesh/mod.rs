@@ -155,7 +155,7 @@ pub struct MeshAsset {
     pub bounds: Aabb,
     /// Box of all triangles.
     pub whole: Aabb,
-    /// Boxes of triangles are those of what is there of them: some is cut out.
+    /// True if boxes of triangles enclose only the parts that cutouts keep.
     pub is_clipped: bool,
     /// Hierarchy over `triangles`.
     pub bvh: Bvh4,
@@ -177,7 +177,7 @@ pub struct MeshAsset {
     pub subsets: Vec<u16>,
     /// Place of each triangle in a Ptex file; empty unless a material reads one.
     pub ptex: Vec<PtexTriangle>,
-    /// Of what moves while the shutter is open: the rest of `triangles` is that of the first key.
+    /// Later keys of a moving mesh; the other fields describe the first key.
     pub keys: MeshKeys,
     /// True if it is seen from both sides, false if from the front only.
     pub double_sided: bool,

@@ -68,7 +68,7 @@ fn bytes_of(attribute: AttributeSummary) -> Option<u64> {
     attribute.values.checked_mul(u64::from(attribute.width))?.checked_mul(size_of::<f32>() as u64)
 }
 
-/// `count` zeros. What is asked for is checked to be no more than the payload before.
+/// `count` zeros. The size was checked before to be at most that of the payload.
 fn zeros<T: Zeroable>(count: u64) -> Result<Vec<T>, PayloadError> {
     let count = usize::try_from(count).ok().ok_or(PayloadError::Damaged)?;
     let mut values = Vec::new();

@@ -8,7 +8,7 @@
 //! corner i - 1, and the mean of all corners is at (1, 1). Holes and faces that cannot be drawn are numbered too.
 //!
 //! An n-gon is drawn as n triangles around the mean of its corners, so no edge gets a vertex that its neighbour lacks.
-//! Each triangle has half of two Ptex faces; the shader tells which from the weights of the corners
+//! Each triangle has half of two Ptex faces; the shader decides which from the weights of the corners
 //! (`shaders/texture/ptex.glsl`).
 
 use glam::{DVec3, Vec3};

@@ -41,13 +41,13 @@ pub(crate) struct RefinedMesh {
     pub(crate) notes: Vec<String>,
 }
 
-/// True where a mesh is refined at all. Ptex is laid out for faces, not for what they are cut into: such meshes stay
-/// as they are ([`DroppedData::unrefined_meshes`] counts them).
+/// True if a mesh is refined at all. Ptex is laid out for authored faces, not for pieces of them: meshes with Ptex are
+/// not refined ([`DroppedData::unrefined_meshes`] counts them).
 pub(super) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
     match (&desc.shape, desc.subdivision) {
         // Lines are as wide as a pixel.
         (PrimShape::Curves(_) | PrimShape::Points, _) if pixels > 0.0 && is_of_lines(desc) => true,
-        // Cubic curves are cut; what nothing is cut of stays the same at any rate.
+        // Cubic curves are cut; linear curves and points are the same at any rate.
         (PrimShape::Curves(curves), _) => curves.basis != CurveBasis::Linear && (pixels > 0.0 || desc.refine_level > 0),
         // Flat where it is seen as flat: only who asks for more gets it.
         (PrimShape::Mesh, Subdivision::Bilinear) => desc.refine_level > 0,
@@ -68,7 +68,7 @@ pub(crate) fn refine(
     if !demand.refines(desc) {
         return None;
     }
-    // What is dropped counts only if the mesh is refined.
+    // Dropped data count only if the mesh is refined.
     let mut own = DroppedData::default();
     let refined = if demand.wanted.iter().any(|wanted| wanted.id == NAME_PTEX) {
         None

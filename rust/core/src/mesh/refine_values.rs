@@ -71,7 +71,7 @@ fn reader(view: &ArrayView<'_>) -> Option<(usize, ElementReader)> {
 }
 
 impl ControlValues {
-    /// Reads the primvars of `desc` that `reads` tells, and `normals`. `corners` are the authored corners that the
+    /// Reads the primvars of `desc` that `reads` selects, and `normals`. `corners` are the authored corners that the
     /// control mesh has.
     pub(crate) fn read(
         desc: &MeshDesc,
@@ -141,7 +141,7 @@ impl ControlValues {
         dropped.long_primvars += u64::from(is_long);
         let mut floats = Vec::with_capacity((view.len() + 1) * width);
         (0..view.len()).for_each(|at| push(&mut floats, width, read(&view, at), dropped));
-        // What has no value of its own has this one.
+        // Corners without a value of their own share this one.
         let (none, mut unused) = (view.len(), DroppedData::default());
         push(&mut floats, width, None, &mut unused);
         let corner = |&corner: &u32| {

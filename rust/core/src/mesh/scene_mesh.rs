@@ -75,7 +75,7 @@ impl StoredAsset {
     }
 }
 
-/// A mesh of a snapshot. Derefs to what is known of it without reading a file.
+/// A mesh of a snapshot. It derefs to its summary, which is known without reading a file.
 #[derive(Debug)]
 pub struct SceneMesh {
     pub(super) summary: MeshSummary,
@@ -94,9 +94,9 @@ impl Deref for SceneMesh {
 }
 
 impl SceneMesh {
-    /// The asset. Reads it from a file where it is not in memory; it is not kept then. Any thread. What cannot be read
-    /// is tried again within two seconds; where that fails, and where a file is damaged, builds the asset again on the
-    /// rayon pool, and keeps it.
+    /// The asset. Reads it from a file where it is not in memory; it is not kept then. Any thread. A failed read is
+    /// tried again within two seconds; if that fails, or if a file is damaged, the asset is built again on the rayon
+    /// pool, and kept.
     ///
     /// # Errors
     /// The file cannot be read, and the asset not be built again.
@@ -108,7 +108,7 @@ impl SceneMesh {
         let error = |cause| StoredError { path: path(self.stored.as_ref()), cause };
         let stored = self.stored.as_ref().ok_or_else(|| error(PayloadError::Damaged))?;
         let read = || payload::read(&self.summary, &*stored.payload);
-        // A disk may be busy or far away. What has failed in spite of that is not waited for with every mesh.
+        // A disk may be busy or far away. After a read has failed in spite of its retries, other meshes do not wait.
         let pauses = if stored.shelf.is_unreadable.load(Ordering::Relaxed) { &[][..] } else { &PAUSES };
         let wait = |pause| {
             if let Some(files) = &stored.shelf.files {

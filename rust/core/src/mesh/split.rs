@@ -45,7 +45,8 @@ struct SplitTriangle {
 #[derive(Clone, Copy)]
 pub(super) struct SplitSource<'a> {
     pub(super) mesh: &'a MeshAsset,
-    /// Boxes of what is there of its triangles, empty where nothing is; none: all of each is.
+    /// Boxes of the parts of its triangles that cutouts keep, empty if nothing is kept; `None`: all triangles are
+    /// whole.
     pub(super) covered: Option<&'a [Aabb]>,
 }
 
@@ -177,7 +178,7 @@ impl MeshSplitter<'_> {
         (members.len() <= 1 || cluster.device_bytes() <= self.max_bytes).then_some(cluster)
     }
 
-    /// True when `items` will fit into a cluster, as far as that can be told without their hierarchy.
+    /// True if `items` will fit into a cluster, as far as that can be estimated without their hierarchy.
     fn fits(&self, items: &[SplitTriangle]) -> bool {
         let count = items.len() as u64;
         let later = self.mesh.keys.times.len().saturating_sub(1) as u64;

@@ -6,7 +6,7 @@ use std::fmt::Debug;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Keeps what meshes were built to, as bytes.
+/// Stores built meshes, as bytes.
 ///
 /// Called by several threads at once; must not wait for work of the rayon pool.
 pub trait MeshFiles: Send + Sync + Debug {
@@ -17,8 +17,9 @@ pub trait MeshFiles: Send + Sync + Debug {
     /// The entry of a key, written by this process or an earlier one.
     fn find(&self, key: u128) -> Option<StoredEntry>;
 
-    /// Writes an entry: what is read at once, and what is read as it is needed, each payload in parts. Without a key it
-    /// is not found again. `None` where it cannot be written; the implementation has said so to the user.
+    /// Writes an entry: `head`, which is read at once, and payloads, which are read when they are needed, each given in
+    /// parts. An entry without a key is not found again. `None` if it cannot be written; the implementation has then
+    /// reported it to the user.
     fn add(&self, key: Option<u128>, head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn PayloadSource>>>;
 
     /// Takes note of an entry that can no longer be read.

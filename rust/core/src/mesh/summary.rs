@@ -64,7 +64,7 @@ pub struct MeshSummary {
     pub subsets: u64,
     /// Number of triangles with a place in a Ptex file: all or none.
     pub ptex: u64,
-    /// Keys of what moves while the shutter is open, two or more; else 0.
+    /// Number of keys of a moving mesh, two or more; else 0.
     pub keys: u64,
     /// Triangles that have normals for each of the later keys: all or none.
     pub key_normals: u64,

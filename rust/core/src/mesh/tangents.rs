@@ -44,11 +44,12 @@ impl TangentField {
         }
     }
 
-    /// The frame of a vertex whose unit normal is known: the tangent is where u grows, less what it has of the normal,
-    /// or anywhere at right angles to it where u grows nowhere; the bitangent is on the side where v grows.
+    /// The frame of a vertex whose unit normal is known. The tangent is the direction in which u grows, made
+    /// perpendicular to the normal, or any perpendicular direction if u grows nowhere; the bitangent is on the side on
+    /// which v grows.
     pub(super) fn frame(&self, vertex: u32, normal: DVec3) -> TangentFrame {
         let UvGradients { u, v } = self.around.get(vertex as usize).copied().unwrap_or_default();
-        // What is left of two that are nearly parallel is rounding.
+        // The difference of two nearly parallel vectors is rounding.
         let lies = u.try_normalize().map(|u| u - normal * normal.dot(u)).filter(|t| t.length_squared() > 1e-12);
         let Some(tangent) = lies.and_then(DVec3::try_normalize) else {
             let (tangent, bitangent) = normal.any_orthonormal_pair();

@@ -84,7 +84,7 @@ impl RecordBlock {
         self.len += 1;
     }
 
-    /// Takes a record out; false when what is left must be measured.
+    /// Removes a record; returns false if the remaining ones must be measured.
     #[must_use]
     pub(crate) fn remove(&mut self, item: RecordPeaks) -> bool {
         let mut known = true;

@@ -167,8 +167,8 @@ impl OrderBuckets {
         }
     }
 
-    /// Ranges of cells that cutting everything would come to: it cuts what has more than `most` items, whatever they
-    /// are. Each has at most `most`, of which `counts` tells the number in each cell, or is one cell. None is empty.
+    /// Ranges of cells into which cutting would divide all items: it cuts every range with more than `most` items. Each
+    /// range has at most `most` items, by the number in each cell in `counts`, or is one cell. None is empty.
     pub(crate) fn cuts(&self, counts: &[u64], most: u64) -> Vec<Range<usize>> {
         let mut cuts = Vec::new();
         let all = 0..self.cells.len().min(counts.len());

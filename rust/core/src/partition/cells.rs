@@ -207,8 +207,8 @@ impl ChunkCutter<'_> {
 }
 
 /// Returns true if sorted items, where they would be cut, fall into parts of which one is far smaller than all of them
-/// together: in one chunk, with a frame of single precision about the middle of all, that part would lose what tells
-/// its points apart. Never of items of equal codes, nor of more than [`SCATTERED`].
+/// together: in one chunk, with a frame of single precision about the middle of all, the points of that part could not
+/// be distinguished. Never true for items of equal codes, nor for more than [`SCATTERED`].
 pub(crate) fn is_scattered(items: &[PlacementItem], lattice: &MortonLattice) -> bool {
     let (Some(first), Some(last)) = (items.first(), items.last()) else { return false };
     let differing = first.code() ^ last.code();

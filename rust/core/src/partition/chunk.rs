@@ -20,7 +20,7 @@ use crate::instancing::placement::{MATRIX_ERROR, round_down, round_up};
 use crate::instancing::reader::RunReader;
 use crate::mesh::Aabb;
 
-/// Cells with more members are not looked at for what is small in a large box: patches may keep them as they are.
+/// Cells with more members are not tested for small parts in a large box: patches may keep them as they are.
 pub(crate) const SCATTERED: usize = 64;
 
 /// Rounding of f64 frames, relative to the distance of the origin.
@@ -262,8 +262,8 @@ impl Chunk {
         }
     }
 
-    /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys,
-    /// at most `most`, as [`Chunk::encode`] and [`Chunk::encode_keys`] compute them; tells whether these were all.
+    /// Calls `visit` with the records whose target and prim id are `wanted`, with member, rank and, if they move, keys;
+    /// at most `most`, as [`Chunk::encode`] and [`Chunk::encode_keys`] compute them. Returns if these were all.
     pub(crate) fn encode_where(
         &self,
         wanted: &dyn Fn(InstanceTarget, i32) -> bool,
@@ -335,7 +335,7 @@ impl Chunk {
             && self.targets == other.targets
     }
 
-    /// Replaces where the records come from by what gives the same records.
+    /// Replaces the members of the records by others that give the same records.
     pub(crate) fn set_members(&self, members: Arc<[AssemblyMember]>) {
         *self.members.write().unwrap_or_else(PoisonError::into_inner) = members;
     }
@@ -392,8 +392,8 @@ fn local(present: &[u32], member: u32) -> u32 {
 }
 
 /// Box of a few records in the assembly's frame, and the largest
-/// [`InstanceFootprint::spread`](crate::instancing::placement::InstanceFootprint), measured exactly: what is much
-/// smaller than a step of the lattice gets a frame about its own middle. `None` for many.
+/// [`InstanceFootprint::spread`](crate::instancing::placement::InstanceFootprint), measured exactly: a chunk that is
+/// much smaller than a step of the lattice gets a frame about its own middle. `None` for many records.
 fn measured_box(members: &[AssemblyMember], ranks: &[u32], which: &IndexSet) -> Option<([DVec3; 2], f64)> {
     if ranks.len() > SCATTERED {
         return None;
@@ -414,8 +414,8 @@ fn measured_box(members: &[AssemblyMember], ranks: &[u32], which: &IndexSet) -> 
 fn frame(([min, max], spread): ([DVec3; 2], f64), keeps_frame: bool) -> (DVec3, Aabb) {
     let origin = if keeps_frame { DVec3::ZERO } else { 0.5 * (min + max) };
     let reach = (min - origin).abs().max((max - origin).abs()).max_element();
-    // The map of a record goes wrong by its spread times what is between the origin and the record, twice: the map's
-    // offset and its evaluation.
+    // The map of a record has an error of its spread times the distance between the origin and the record, twice: for
+    // the map's offset and for its evaluation.
     let error = SLACK * (2.0 * spread * reach * MATRIX_ERROR) + FRAME_ERROR * (origin.abs().max_element() + reach);
     let bounds = Aabb {
         min: (min - origin - error).to_array().map(round_down),

@@ -59,8 +59,8 @@ impl MortonLattice {
         item.set_place(code, member);
     }
 
-    /// The outermost numbers of what a placed item places, seen from the lattice's corner, without the rounding of its
-    /// map in the chunk and of the numbers themselves; see [`MortonLattice::box_of`].
+    /// The extreme values of a placed item's box, relative to the lattice's corner, without the rounding of its map in
+    /// the chunk and of the numbers themselves; see [`MortonLattice::box_of`].
     #[inline]
     #[expect(clippy::cast_precision_loss, reason = "21 bits, and a power of two")]
     pub(crate) fn peaks(&self, item: &PlacementItem) -> RecordPeaks {

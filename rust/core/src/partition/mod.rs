@@ -48,8 +48,8 @@ pub const MIN_CHUNK_BYTES: u64 = 16 << 10;
 /// Assemblies and meshes above this many times the chunk size are opened and split.
 pub(crate) const OPEN_ABOVE: u64 = 4;
 
-/// Bytes of items that a partition holds at once, unless that is less than a sixteenth of all or somebody says
-/// otherwise (`SceneDb::set_partition_memory`).
+/// Bytes of items that a partition holds at once, or a sixteenth of all items if that is more, unless
+/// `SceneDb::set_partition_memory` sets another number.
 pub const ITEM_BYTES: u64 = 1 << 30;
 /// Share of the scene's bytes that items may take, one in so many (see [`ITEM_BYTES`]).
 const ITEM_SHARE: u64 = 16;

@@ -133,7 +133,7 @@ impl AssemblyPart {
         self.next_id = changes.next_id;
     }
 
-    /// All chunks, cut in stretches, if what is new is too much to be items at once.
+    /// All chunks, cut in stretches, if there are too many new items to hold them at once.
     fn cut_anew(
         &self,
         cutter: &ChunkCutter<'_>,
@@ -315,7 +315,7 @@ impl UpdatedChunk {
     }
 }
 
-/// Sorted items in no chunk: what melted, and what was gained and is in no patched chunk.
+/// Sorted items that are in no chunk: those of dissolved chunks, and gained items that are in no patched chunk.
 fn loose(gained: Vec<PlacementItem>, edits: &[ChunkEdits], done: &[UpdatedChunk]) -> Vec<PlacementItem> {
     let adds_none = |done: &UpdatedChunk| match done {
         UpdatedChunk::Kept(_) => true,

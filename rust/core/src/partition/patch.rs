@@ -165,7 +165,7 @@ impl ChunkPatch<'_> {
         let place = self.chunk.place(at);
         let order = place.and_then(|(which, rank)| Some((rank, self.order.get(which as usize)?)));
         order.is_some_and(|(rank, &(number, is_there))| {
-            // What is gone comes directly before the next member.
+            // A removed record comes directly before the next member.
             if is_there { (number, rank) < (gained.member(), gained.rank()) } else { number <= gained.member() }
         })
     }

@@ -29,7 +29,7 @@ pub(crate) struct OpenedPlacement {
     pub(crate) row: u32,
 }
 
-/// Chunks `first ..` of the world, placed at each of `placements`. Gives what is out of range as `None`.
+/// Chunks `first ..` of the world, placed at each of `placements`. A placement out of range gives `None`.
 pub(crate) fn place_chunks(
     placements: &[OpenedPlacement],
     chunks: &[std::sync::Arc<Chunk>],

@@ -15,8 +15,8 @@ pub(crate) struct PlacedValue {
 }
 
 impl PlacedValue {
-    /// The number of its name, and all four components as materials see them: one is in all, else what is missing is 0,
-    /// and alpha 1.
+    /// The number of its name, and all four components as materials read them: a scalar is in all components, else
+    /// missing components are 0, and alpha is 1.
     pub(crate) fn expanded(&self) -> (u32, [f32; 4]) {
         let [x, y, z, w] = self.value;
         let value = match self.column.width {
@@ -62,7 +62,7 @@ impl<'a> PlacedReader<'a> {
 }
 
 impl PlacedValues {
-    /// The table of all placements that have values, which are told their rows.
+    /// Makes the table of all placements that have values, and sets their rows.
     pub(crate) fn new(placements: &mut [Vec<OpenedPlacement>]) -> Self {
         let mut table = Self::default();
         for value in placements.iter().flatten().flat_map(|placement| &placement.values) {

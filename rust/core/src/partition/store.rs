@@ -154,7 +154,7 @@ impl PartitionSource<'_> {
     /// The root, and every assembly above `limit` that is placed.
     fn opened(&self, costs: &AssetCosts, limit: u64) -> Vec<bool> {
         let mut opened = vec![false; self.assemblies.len()];
-        // What moves stays an instance: chunk instances have no keys (decisions/0027).
+        // Moving placements stay instances: chunk instances have no keys (decisions/0027).
         let placed = self.assemblies.iter().flat_map(|assembly| assembly.members());
         let moving: FxHashSet<u32> = placed
             .filter(|member| member.run.key_count() != 0)

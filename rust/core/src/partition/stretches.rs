@@ -52,7 +52,7 @@ struct StretchTask<'a> {
 type BucketSlot<'b> = (u8, std::slice::IterMut<'b, PlacementItem>);
 
 impl RankStretches<'_> {
-    /// Chunks of all placements of `members`, each with its number; `anew`: what scans kept is of other buckets.
+    /// Chunks of all placements of `members`, each with its number; `anew`: the scans kept the ranks of other buckets.
     pub(crate) fn cut(&self, members: &[(u32, &AssemblyMember)], anew: bool) -> Vec<Arc<Chunk>> {
         let (few, many): (Vec<_>, Vec<_>) = members.iter().partition(|(_, member)| member.run.len() < FEW);
         let memos: Vec<Vec<u8>> = many.iter().map(|(_, member)| member.run.take_buckets(self.buckets, anew)).collect();

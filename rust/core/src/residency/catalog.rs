@@ -137,8 +137,8 @@ impl UnitCatalog {
         self.closures.get(unit as usize).copied().unwrap_or(0)
     }
 
-    /// The largest of what rays need at once, a base with another unit or a unit that stands alone, and its bytes; the
-    /// first of equals.
+    /// The largest set of units that rays need at once (a base with another unit, or a unit that stands alone), and its
+    /// bytes; the first of equals.
     pub fn largest(&self) -> ([Option<UnitId>; 2], u64) {
         let largest = |units: Range<usize>| {
             let closures = (0..).zip(&self.closures).skip(units.start).take(units.len());

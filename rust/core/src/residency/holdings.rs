@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Reference counts of assets by the units that are loading or resident, and the sum of their bytes.
 //!
-//! Also keeps, per unit, the bytes that only it holds (what its eviction would free) at constant cost per change: each
-//! asset remembers the exclusive-or of its holders' ids, which is the holder's id when there is one.
+//! Also keeps, per unit, the bytes that only it holds (those that its eviction would free) at constant cost per change:
+//! each asset remembers the exclusive-or of its holders' ids, which is the holder's id when there is one.
 
 use super::{AssetId, UnitCatalog, UnitId};
 
@@ -59,7 +59,8 @@ impl AssetHoldings {
         Some(bytes)
     }
 
-    /// The unit becomes a holder of all its assets; `new` gets those nobody held. Not for a unit that holds them.
+    /// Makes the unit a holder of all its assets; `new` gets those that had no holder. Must not be called for a unit
+    /// that holds them.
     pub(super) fn acquire(&mut self, catalog: &UnitCatalog, unit: UnitId, new: &mut Vec<AssetId>) {
         for &id in catalog.assets(unit) {
             let bytes = catalog.bytes(id);
@@ -78,7 +79,7 @@ impl AssetHoldings {
         }
     }
 
-    /// Undoes [`Self::acquire`]; `freed` gets the assets nobody holds any more.
+    /// Undoes [`Self::acquire`]; `freed` gets the assets without a holder.
     pub(super) fn release(&mut self, catalog: &UnitCatalog, unit: UnitId, freed: &mut Vec<AssetId>) {
         for &id in catalog.assets(unit) {
             let bytes = catalog.bytes(id);

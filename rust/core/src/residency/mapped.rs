@@ -12,10 +12,10 @@ use super::step::DemandPlan;
 const CANDIDATES: usize = 4096;
 
 impl ResidencyPlanner {
-    /// Loads mapped units by the policy's measure of their visits: as far as they are worth more than what goes, and
-    /// where nothing has to go, whatever is visited at all.
+    /// Loads mapped units by the policy's measure of their visits: as long as they are worth more than the units that
+    /// are evicted for them, and without evictions for any visited unit.
     pub(super) fn load_mapped(&mut self, plan: &mut DemandPlan<'_>) {
-        // The bus is for what rays wait for, and the few that still go on read little.
+        // The bus is for units that rays wait for, and the few rays that continue read little.
         if plan.is_idle() || plan.demand.keep_below > 0 {
             return;
         }

@@ -59,8 +59,8 @@ pub struct RayDemand<'a> {
     /// 1 + a unit that rays which wait for this one need at the same time; 0: none. Rays that need two units wait for
     /// both, whether the other one is resident or not.
     pub partners: &'a [u32],
-    /// Rays that visited this unit since the last step because it was resident or `mapped`. May be empty when nobody
-    /// counts; then what stays resident is judged by the demand that was seen before its load.
+    /// Rays that visited this unit since the last step because it was resident or `mapped`. May be empty if visits are
+    /// not counted; then resident units are judged by the demand that was seen before their load.
     pub visits: &'a [u32],
     /// Units that rays can read in host memory while they are absent, so that none waits for them. They are loaded for
     /// their visits alone, where the policy has a measure for it.

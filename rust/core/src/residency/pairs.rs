@@ -99,7 +99,7 @@ impl ResidencyPlanner {
         true
     }
 
-    /// Nobody waits for the two any more, or one cannot be had now.
+    /// Returns true if no ray waits for the two any more, or one cannot be loaded now.
     fn forgive(&mut self, pair: [UnitId; 2]) -> bool {
         self.owed = None;
         pair.into_iter().for_each(|unit| self.let_go(unit));

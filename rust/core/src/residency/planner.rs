@@ -74,7 +74,7 @@ pub struct ResidencyPlanner {
     pub(super) pairs: Vec<[UnitId; 2]>,
     /// Two units that starve together, one of which has no room yet.
     pub(super) owed: Option<[UnitId; 2]>,
-    /// Evictions that the next step has to say first: what failed loads held of what was there.
+    /// Evictions with which the next step begins: assets of failed loads that had been on the device.
     pub(super) dropped: Vec<ResidencyCommand>,
     pub(super) stats: ResidencyStats,
     pub(super) step: u32,
@@ -86,7 +86,7 @@ pub struct ResidencyPlanner {
 }
 
 impl ResidencyPlanner {
-    /// Nothing is resident. An error when what rays need at once does not fit the budget.
+    /// Creates a planner with nothing resident. An error if units that rays need at once do not fit the budget.
     pub fn new(catalog: Arc<UnitCatalog>, budget: u64, kind: PolicyKind) -> Result<Self, PlanError> {
         Self::with_policy(catalog, budget, kind.policy(), PlannerOptions::default())
     }
@@ -122,9 +122,9 @@ impl ResidencyPlanner {
         })
     }
 
-    /// At start, after an edit: the unit's content is on the device already. `false`, and the caller frees it, when it
-    /// is unknown or does not fit the budget beside what is held. Content of which [`Self::holds`] is false once all
-    /// units are kept is the caller's to free.
+    /// Notes, at the start or after an edit, that the unit's content is on the device already. Returns `false`, and the
+    /// caller frees it, if the unit is unknown or does not fit the budget beside what is held. The caller also frees
+    /// content of which [`Self::holds`] is false once all units are kept.
     pub fn keep_resident(&mut self, unit: UnitId) -> bool {
         match self.state(unit) {
             UnitState::Resident => return true,
@@ -163,9 +163,9 @@ impl ResidencyPlanner {
         self.allowance += (self.budget.saturating_sub(self.allowance)).div_ceil(RECOVERY);
     }
 
-    /// A load found no memory. Nothing the load was to bring is on the device; what the unit shared with evicted ones
-    /// is freed by the next step's first commands. The planner fills less until loads succeed again, and tries this
-    /// unit again after some steps. Ignored for a unit that is not loading.
+    /// Notes that a load found no memory. Nothing of the load is on the device; assets that the unit shared with
+    /// evicted ones are freed by the next step's first commands. The planner fills less until loads succeed again, and
+    /// tries this unit again after some steps. Ignored for a unit that is not loading.
     pub fn failed(&mut self, unit: UnitId) {
         let Some(load) = self.take_load(unit) else { return };
         self.holdings.set_in_flight(&load.assets, false);
@@ -186,8 +186,7 @@ impl ResidencyPlanner {
         self.count_bytes();
     }
 
-    /// Sets another budget. What is above it is evicted by the next step. An error, and no change, when a unit does
-    /// not fit.
+    /// Sets another budget. The next step evicts what exceeds it. An error, and no change, if a unit does not fit.
     pub fn set_budget(&mut self, budget: u64) -> Result<(), PlanError> {
         check_budget(&self.catalog, budget)?;
         self.budget = budget;
@@ -313,7 +312,7 @@ impl ResidencyPlanner {
 const DEFAULT_PIN_STEPS: u32 = 2;
 /// Texture tiles stay below one in so many bytes of the budget.
 const TILE_SHARE: u64 = 3;
-/// A load that completes gives back this fraction of what failures took from the allowance.
+/// A completed load restores one in so many bytes that failures took from the allowance.
 const RECOVERY: u64 = 128;
 /// Base-2 logarithm of the longest pause after failures, in steps.
 const MAX_PAUSE_LOG2: u64 = 4;

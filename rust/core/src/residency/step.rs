@@ -16,7 +16,7 @@ const SMALL_CANDIDATES: usize = 4096;
 const SMALL_BYTES: u64 = 256 << 10;
 /// Number of candidates without room after which the step gives up.
 const REFUSALS: usize = 16;
-/// A unit starves when so many loads per demanded unit went before it, or so many steps.
+/// A unit starves when this many loads per demanded unit went before it, or this many steps.
 const PATIENCE: u32 = 4;
 const PATIENCE_MIN: u32 = 64;
 /// The device idles when so many times more rays wait than can be traced.
@@ -24,7 +24,7 @@ const IDLE_RATIO: u64 = 64;
 /// Prefetches have one in so many of the bytes in flight.
 pub(super) const PREFETCH_SHARE: u64 = 4;
 const DEFAULT_IN_FLIGHT_SHARE: u64 = 8;
-/// In the simulation all policies are slower with several hundred MiB in flight: what was chosen is stale by then.
+/// In the simulation all policies are slower with several hundred MiB in flight, because the choices are stale by then.
 const DEFAULT_IN_FLIGHT_MAX: u64 = 128 << 20;
 /// Factor by which more bytes may be in flight when the device idles.
 const IDLE_IN_FLIGHT: u64 = 4;
@@ -122,7 +122,7 @@ impl ResidencyPlanner {
         plan.commands
     }
 
-    /// Ages and heats what is demanded, and lists what could be loaded.
+    /// Ages and heats the demanded units, and lists those that could be loaded.
     fn observe(&mut self, plan: &mut DemandPlan<'_>) {
         let (step, loads) = (self.step, self.loads_begun);
         for_each_nonzero(None, plan.demand.visits, self.entries.len(), |unit, rays| {
@@ -161,8 +161,8 @@ impl ResidencyPlanner {
         }
     }
 
-    /// Loads what waited out of all proportion, oldest first. `false` when one of them has to wait for room: then
-    /// nothing else is loaded, so that the room comes.
+    /// Loads units that waited out of all proportion, oldest first. Returns `false` if one of them has to wait for
+    /// room: then nothing else is loaded, so that room becomes free.
     fn load_starving(&mut self, plan: &mut DemandPlan<'_>) -> bool {
         let demanded = u32::try_from(plan.demanded.len()).unwrap_or(u32::MAX);
         let limit = demanded.saturating_mul(PATIENCE).saturating_add(PATIENCE_MIN);
@@ -209,14 +209,15 @@ impl ResidencyPlanner {
                 }
             }
         }
-        // What was evicted now may have been waited for.
+        // Rays may have waited for a unit that was evicted now.
         let evicted = plan.commands.iter().any(|command| matches!(command, ResidencyCommand::Evict { .. }));
         if refusals == 0 && !evicted && plan.issued == plan.demanded.len() {
             self.prefetch(plan);
         }
     }
 
-    /// Loads units, in this order, where each is worth more than what goes for it; how many found no room.
+    /// Loads units, in this order, as long as each is worth more than the units that are evicted for it; returns how
+    /// many found no room.
     pub(super) fn try_each(&mut self, plan: &mut DemandPlan<'_>, candidates: &[(f64, UnitId)]) -> usize {
         let mut refusals = 0;
         for &(value, unit) in candidates {
@@ -232,8 +233,8 @@ impl ResidencyPlanner {
         refusals
     }
 
-    /// Begins to load a unit, while another one stays. Where loads have failed, all others go at last: what is free is
-    /// in one piece then.
+    /// Begins to load a unit without evicting another one. After failed loads all others may be evicted in the end:
+    /// then the free bytes are contiguous.
     pub(super) fn try_load_beside(
         &mut self,
         plan: &mut DemandPlan<'_>,
@@ -325,7 +326,7 @@ impl ResidencyPlanner {
         loop {
             self.find_victims(plan);
             let first = plan.victims.as_ref().and_then(EvictionHeap::first)?;
-            // Since it was listed, it may have become what is loaded needs, or other tiles may have gone.
+            // Since it was listed, the loaded unit may have come to need it, or other tiles may have been evicted.
             if self.entries[first.unit as usize].holds == 0 && !self.is_tile_to_stay(first.unit) {
                 return Some(first);
             }

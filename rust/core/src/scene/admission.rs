@@ -54,7 +54,7 @@ impl<R: Send, F: Fn(usize, BuildGrant) -> R + Sync> BuildQueue<'_, R, F> {
     fn start<'s>(&'s self, scope: &Scope<'s>) {
         while let Some((at, grant)) = self.next() {
             scope.spawn(move |scope| {
-                // What it has reserved is given back with its end.
+                // The reservation ends with the build.
                 let result = (self.build)(at, grant);
                 let mut state = self.state();
                 state.running -= 1;
@@ -80,7 +80,7 @@ impl<R: Send, F: Fn(usize, BuildGrant) -> R + Sync> BuildQueue<'_, R, F> {
         let (at_once, bytes) = self.footprints.get(at)?.within(left, self.most);
         let reserved = match self.memory.try_reserve(bytes) {
             Some(reserved) => reserved,
-            // Somebody else took it meanwhile: who runs comes back.
+            // Another thread took it meanwhile: a running build comes back here.
             None if state.running > 0 => return None,
             None => self.memory.reserve(bytes),
         };

@@ -50,7 +50,8 @@ pub(crate) struct CommittedAssets {
 }
 
 impl AssemblyStore {
-    /// Makes the assemblies of the plan, root last, and settles the origin. `item_bytes`: what items may take at once.
+    /// Makes the assemblies of the plan, root last, and decides the origin. `item_bytes`: bytes that items may take at
+    /// once.
     pub(crate) fn make(
         &mut self,
         plan: &[PlanGroup],
@@ -115,7 +116,8 @@ impl AssemblyStore {
         let buckets = buckets(&specs, fresh, item_bytes);
         let keep = match &buckets {
             Some(buckets) => ScanOutput::Buckets(buckets),
-            // The root is always opened; others only if large. What is kept for nothing is forgotten soon.
+            // The root is always opened; others only if they are large. Results that were kept for nothing are freed
+            // soon.
             None if group.id == GroupId::Root => ScanOutput::Items,
             None => ScanOutput::Nothing,
         };
@@ -151,7 +153,7 @@ fn buckets(specs: &[(&PlanMember, InstanceTarget, i32, RunSpec)], fresh: u64, it
     Some(OrderBuckets::of_samples(&samples, records, most))
 }
 
-/// Index, prim id and box of what a member places. An empty assembly keeps an empty box, and its run no placement.
+/// Index, prim id and box of a member's target. An empty assembly keeps an empty box, and its run no placement.
 fn target_of(
     plan: &PlanMember,
     assets: &CommittedAssets,
@@ -317,7 +319,7 @@ impl Snapshot {
         }
     }
 
-    /// True when both describe the same scene, told from shared parts.
+    /// True if both describe the same scene, by the identities of shared parts.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         fn shared<T>(a: &[Arc<T>], b: &[Arc<T>]) -> bool {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Arc::ptr_eq(a, b))

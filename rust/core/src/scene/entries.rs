@@ -39,7 +39,7 @@ pub(crate) struct MeshEntry {
 }
 
 impl MeshEntry {
-    /// A new entry, or `old` with what changed. Gives whether anything did.
+    /// A new entry, or `old` with the changed parts. Also returns if anything changed.
     pub(crate) fn update(old: Option<Self>, mut desc: MeshDesc) -> (Self, bool) {
         if let Some(old) = &old {
             desc.keep_form(&old.desc);
@@ -83,7 +83,7 @@ impl MeshEntry {
         BuildDemand { wanted, dicing: Some(dicing), displacements, covers: &[], heights: None }
     }
 
-    /// Notes how materials cut it out; forgets what was made for something else.
+    /// Sets the cutouts of its materials; forgets an asset that was built with others.
     pub(crate) fn cut_out(&mut self, cutouts: SlotCutouts) {
         if self.cutouts != cutouts {
             self.cutouts = cutouts;
@@ -91,7 +91,8 @@ impl MeshEntry {
         }
     }
 
-    /// Notes what materials ask for; forgets what was made for something else. `emits`: something of it is a light.
+    /// Sets the demands of its materials; forgets an asset that was built for others. `emits`: some part of it is a
+    /// light.
     pub(crate) fn ask(&mut self, wanted: Vec<WantedPrimvar>, displacements: SlotDisplacements, emits: bool) {
         let is_new_form = self.desc.take_form(emits || !displacements.is_empty());
         if is_new_form || self.wanted != wanted || self.displacements != displacements {
@@ -131,8 +132,8 @@ pub(crate) struct InstancerEntry {
 }
 
 impl InstancerEntry {
-    /// A new entry; arrays whose contents did not change are taken over from `old`, so that what was made from them
-    /// stays valid. Gives whether anything changed.
+    /// A new entry; arrays whose contents did not change are taken from `old`, so that runs made from them stay valid.
+    /// Also returns if anything changed.
     pub(crate) fn update(old: Option<Self>, mut desc: InstancerDesc) -> (Self, bool) {
         let mut dropped = DroppedData::default();
         let mut arrays = InstanceArrays::of(&desc);

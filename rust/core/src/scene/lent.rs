@@ -25,7 +25,7 @@ type ArrayRange = (usize, usize);
 /// Counts the arrays of prims that come and go.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct LentArrays {
-    /// How many prims have each array.
+    /// Number of prims that have each array.
     users: FxHashMap<ArrayRange, u32>,
     bytes: u64,
     /// Bytes of the arrays of each prim, with its path.
@@ -110,7 +110,7 @@ fn of_primvars(primvars: &[NamedPrimvar]) -> impl Iterator<Item = &TypedArray> {
     primvars.iter().flat_map(|named| of_primvar(&named.primvar))
 }
 
-/// The arrays of a mesh; none of a solid, whose form is made here and changes with what is asked of it.
+/// The arrays of a mesh; none for a solid, whose polygons are made by this crate and change with the demand.
 pub(super) fn of_mesh(desc: &MeshDesc) -> impl Iterator<Item = &TypedArray> {
     let tags = &desc.subdivision_tags;
     let motion = &desc.point_motion;

@@ -2,10 +2,10 @@
 //! Light linking of instances: groups the instances of an instancer by the collections that they are in, and finds
 //! prims that are seen in several sets of collections. Pure.
 //!
-//! A mesh below instancers is in the collections that it is in itself and in those of all instances on the way to it.
+//! A mesh below instancers is in the collections that it is in itself and in those of all instances that contain it.
 //! Instances of one prototype that are in different collections are placed apart, with a copy of the prototype's group
-//! for each set ([`LinkCategories`]); the meshes in it are the same, under prim ids of their own, which are what links
-//! are looked up by ([`LinkedPrims`]). Only collections that some light names count.
+//! for each set ([`LinkCategories`]); the meshes in it are the same, under prim ids of their own, by which links are
+//! looked up ([`LinkedPrims`]). Only collections that some light names count.
 
 use oocpt_abi::MAX_PRIM_ID;
 use std::collections::{BTreeMap, BTreeSet};
@@ -91,7 +91,8 @@ fn classes(desc: &InstancerDesc, named: &BTreeSet<Arc<str>>) -> Vec<LinkClass> {
     let sets: Vec<Vec<Arc<str>>> = links.sets.iter().map(kept).collect();
     let whole = |set: Vec<Arc<str>>| vec![LinkClass { categories: set.into(), chosen: None }];
     let Some(of) = &links.of else { return whole(sets.into_iter().next().unwrap_or_default()) };
-    // Sets that are equal by what lights name are one class; an instance without a set is in the class of none.
+    // Sets that are equal in the collections that lights name are one class; an instance without a set is in the class
+    // of none.
     let mut numbers: BTreeMap<Vec<Arc<str>>, usize> = sets.iter().map(|set| (set.clone(), 0)).collect();
     numbers.insert(Vec::new(), 0);
     numbers.values_mut().enumerate().for_each(|(number, slot)| *slot = number);

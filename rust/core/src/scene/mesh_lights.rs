@@ -5,10 +5,10 @@
 //! With `L` the light's radiance (`UsdLux`, as for other lights; normalised: over the mesh's area in the world):
 //! - [`MaterialSync::NoResponse`], or no material: the surface emits `L` and reflects nothing;
 //! - [`MaterialSync::Independent`]: it reflects as its material does, and emits `L`;
-//! - [`MaterialSync::GlowTintsLight`]: it reflects as its material does and emits `L` times what that emits, or `L` if
-//!   that emits nothing.
+//! - [`MaterialSync::GlowTintsLight`]: it reflects as its material does and emits `L` times the material's emission, or
+//!   `L` if the material emits nothing.
 //!
-//! Camera rays see what the mesh emits as a light, also where `UsdLux` would have them see the material's own emission.
+//! Camera rays see the emission of the light, also where `UsdLux` would have them see the material's own emission.
 
 use oocpt_abi::{MaterialFlags, MaterialInput};
 use std::collections::BTreeMap;

@@ -15,8 +15,8 @@ use crate::instancing::assembly::{AssemblyMember, InstanceRecord, InstanceTarget
 use crate::instancing::motion::{MotionKey, PlacementKeys, norm_of};
 use crate::partition::{PlacedReader, PlacedValue};
 
-/// Roundings of the map of a frame that moves, for one of a frame at rest: it is worked out in single precision, from
-/// keys, and inverted.
+/// Factor of the rounding of a moving frame's map, relative to a frame at rest: the map is computed in single
+/// precision, from keys, and inverted.
 const MOVING_ROUNDINGS: f64 = 4.0;
 
 /// A mesh in the world.
@@ -28,16 +28,16 @@ pub struct MeshPlacement {
     pub prim_id: i32,
     /// Instance id of a hit, wrapping.
     pub instance_id: u32,
-    /// From the mesh's frame to the innermost of `motion`, or, of a mesh at rest, to the world's, minus
-    /// [`Snapshot::origin`]: what the single precision maps that traversal goes through amount to.
+    /// Map from the mesh's frame to the innermost of `motion`, or, for a mesh at rest, to the world's, minus
+    /// [`Snapshot::origin`]: the product of the single-precision maps that traversal applies.
     pub outer_from_object: DAffine3,
     /// Motion of that frame in the world, minus [`Snapshot::origin`].
     pub motion: PlacementMotion,
-    /// Sum of the distances, in the world, from the origins of the frames on that way to the farthest corner of the
-    /// mesh's box: rounding in traversal is in proportion to it. What moves counts as much more as it rounds.
+    /// Sum of the distances, in the world, from the origins of these frames to the farthest corner of the mesh's box:
+    /// rounding in traversal is proportional to it. Moving frames are weighted by their larger rounding.
     pub reach: f64,
-    /// Values that instancers give it, by number of the name: those of the innermost that has one, in single precision.
-    /// What the mesh itself has wins over them, and is not looked at here.
+    /// Values that instancers give it, by number of the name: those of the innermost instancer that has one, in single
+    /// precision. Values of the mesh itself win over them, and are not considered here.
     pub values: Vec<(u32, [f32; 4])>,
 }
 
@@ -59,8 +59,8 @@ impl MeshPlacement {
         (min.to_array(), max.to_array())
     }
 
-    /// The least determinant of the map at any time, without its sign, and no less than the largest length of what has
-    /// the length 1 in the mesh's frame.
+    /// The least magnitude of the map's determinant at any time, and an upper bound of the factor by which it stretches
+    /// lengths.
     #[must_use]
     pub fn extent(&self) -> (f64, f64) {
         let (least, most) = self.motion.extent();

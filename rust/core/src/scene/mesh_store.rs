@@ -137,7 +137,8 @@ impl MeshStore {
         new.iter().zip(made).map(|(new, made)| (new.key, Arc::new(made))).collect()
     }
 
-    /// Builds what was not found, side by side as far as there is room. What needs more than the budget is left out.
+    /// Builds the meshes that were not found, in parallel as far as there is room. A mesh that needs more than the
+    /// budget is left out.
     fn build_within(
         &self,
         budget: u64,

@@ -258,8 +258,8 @@ impl SceneDb {
     }
 
     /// Sets how many bytes of items, 24 for each placement that a commit sorts, a first partition holds at once, unless
-    /// a sixteenth of all is more. What is larger is sorted in parts: slower, with the same result. 1 GiB before the
-    /// first call.
+    /// a sixteenth of all is more. Larger partitions are sorted in parts, which is slower and gives the same result.
+    /// The default is 1 GiB.
     pub fn set_partition_memory(&mut self, bytes: u64) {
         self.partition.set_item_bytes(bytes);
     }
@@ -291,9 +291,9 @@ impl SceneDb {
         self.mesh_store.shelf.files = files;
     }
 
-    /// Sets what host memory there may be in all, bytes, from the next commit on. A mesh that needs more to be built is
-    /// left out, with a warning; all others are built side by side as far as there is room
-    /// ([`HostMemory::set_room`]). No limit before the first call. Changes nothing else of the result.
+    /// Sets the budget of all host memory, bytes, from the next commit on. A mesh that needs more to be built is left
+    /// out, with a warning; all others are built side by side as far as there is room ([`HostMemory::set_room`]). There
+    /// is no limit before the first call. Nothing else of the result changes.
     pub fn set_host_budget(&mut self, bytes: u64) {
         let memory = &self.mesh_store.shelf.memory;
         if memory.budget() != Some(bytes).filter(|bytes| *bytes < u64::MAX) {
@@ -314,7 +314,7 @@ impl SceneDb {
         &self.snapshot
     }
 
-    /// Works out the edits since the last commit. Builds what is new on the rayon pool; everything else is shared with
+    /// Applies the edits since the last commit. New data are built on the rayon pool; everything else is shared with
     /// the snapshot before.
     pub fn commit(&mut self) -> SceneCommit {
         if !std::mem::take(&mut self.edited) {

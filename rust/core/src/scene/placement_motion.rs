@@ -19,8 +19,8 @@ const SAME_STRETCH: f64 = 1e-6;
 /// The motions of the frames that contain a placement, composed as traversal does.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlacementMotion {
-    /// Maps from each frame to the one around it, the outermost first: two keys or more, in the order of time. Empty of
-    /// what is at rest. What is at rest between two that move has two keys that are the same.
+    /// Maps from each frame to the one around it, the outermost first: two keys or more, in the order of time. Empty if
+    /// nothing moves. A frame at rest between two that move has two equal keys.
     pub levels: Vec<Arc<[MotionKey]>>,
 }
 
@@ -106,9 +106,9 @@ impl PlacementMotion {
         })
     }
 
-    /// The least determinant of the map at any time, without its sign, and the largest length of what has the length 1
-    /// inside. Of the sum of two stretches that are definite the root of the determinant is at least the sum of theirs
-    /// (Minkowski), so keys tell.
+    /// The least magnitude of the map's determinant at any time, and an upper bound of the factor by which it stretches
+    /// lengths. For a sum of two definite stretches the root of the determinant is at least the sum of their roots
+    /// (Minkowski), so the keys bound it.
     pub(crate) fn extent(&self) -> (f64, f64) {
         self.levels.iter().fold((1.0, 1.0), |(least, most), keys| {
             let determinants = keys.iter().map(|key| key.stretch.determinant().abs());

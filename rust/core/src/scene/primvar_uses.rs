@@ -66,8 +66,8 @@ impl<'a> PrimvarUses<'a> {
 }
 
 impl SceneDb {
-    /// The authored primvars of meshes that are shown and of instancers, by name: what of them the last commit built,
-    /// and what it left out.
+    /// The authored primvars of the meshes that are shown and of the instancers, by name: the bytes that the last
+    /// commit built, and the bytes that it left out.
     #[must_use]
     pub fn primvar_uses(&self) -> Vec<PrimvarUse> {
         let mut uses = PrimvarUses::default();

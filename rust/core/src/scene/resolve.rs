@@ -51,7 +51,7 @@ pub(crate) struct PlanMember {
     pub(crate) primvars: Vec<MemberPrimvar>,
     /// Numbers of the primvars that are read below, and that nothing from here down has. Sorted.
     pub(crate) lacks: Vec<u32>,
-    /// `before` at times of the shutter, of what is placed once and moves.
+    /// Values of `before` at times of the shutter, for a moving member that is placed once.
     pub(crate) motion: Option<Arc<Vec<TransformKey>>>,
 }
 
@@ -155,8 +155,8 @@ impl PrimHierarchy {
         reached
     }
 
-    /// Peels off the unreached instancers whose parents are all reached, missing or peeled; what remains is on a cycle
-    /// or below one.
+    /// Removes the unreached instancers whose parents are all reached, missing or removed; the remaining ones are on a
+    /// cycle or below one.
     fn report_cycles(&self, prims: ScenePrims<'_>, reached: &FxHashSet<Arc<str>>, reports: &mut CommitReports) {
         let mut waits: BTreeMap<&Arc<str>, usize> = BTreeMap::new();
         let mut children: FxHashMap<&Arc<str>, Vec<&Arc<str>>> = FxHashMap::default();
@@ -268,7 +268,7 @@ impl SceneResolver<'_> {
             let Some(before) = usable_affine(&entry.desc.prim.transform) else {
                 continue;
             };
-            // Its instances are in a frame of their own, which is what moves: their keys are those of one placement.
+            // Its instances are in a frame of their own, which moves as a whole: their keys are those of one placement.
             let motion = self.motion(&entry.desc.prim);
             let moves = motion.is_some();
             let depth = depth + u32::from(moves);
@@ -340,8 +340,8 @@ impl SceneResolver<'_> {
         }
         self.outcomes.insert(id.clone(), GroupOutcome::Open);
         let mut members = self.members(plain, above, depth);
-        // What moves by itself, or turns about a point that is not its own origin, keeps its own record: only so is its
-        // way that of its keys.
+        // A target that moves by itself, or turns about a point other than its own origin, keeps its own record: only
+        // then do its keys describe its path.
         let turns = match plain {
             GroupId::Prototype(by) => {
                 self.prims.instancers.get(&by.instancer).is_some_and(|entry| entry.arrays.motion.is_some())

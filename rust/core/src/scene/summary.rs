@@ -37,7 +37,7 @@ pub fn summary(warnings: &[SceneWarning]) -> Vec<String> {
         group.dropped.add(&warning.dropped);
         group.members.push(warning);
     }
-    // In path order, as they came, those that are told one by one.
+    // Lines in path order, for the prims that are listed one by one.
     let mut lines: Vec<(&str, String)> = groups.iter().flat_map(WarningGroup::lines).collect();
     lines.sort_by_key(|(path, _)| *path);
     let more = lines.len().saturating_sub(MOST_LINES);
@@ -69,7 +69,7 @@ impl<'a> WarningGroup<'a> {
     }
 }
 
-/// The text without what is a prim's own: numbers, paths and what stands in quotes.
+/// The text without the parts that depend on the prim: numbers, paths and quoted text.
 fn kind(text: &str) -> String {
     let mut kind = String::with_capacity(text.len());
     for word in text.split(' ') {

@@ -74,7 +74,7 @@ impl MaterialEntry {
 /// The state that is kept from commit to commit.
 #[derive(Debug)]
 pub(crate) struct SurfaceStore {
-    /// Numbers of primvar names; they never change. Those of what surfaces without a material show come first.
+    /// Numbers of primvar names; they never change. The primvars that surfaces without a material show come first.
     names: FxHashMap<Arc<str>, u32>,
     /// Materials of the last commit by path.
     materials: FxHashMap<Arc<str>, Arc<Material>>,
@@ -135,8 +135,8 @@ fn cutouts(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -> Sl
 }
 
 impl SurfaceStore {
-    /// Compiles the materials of the meshes `shown` and tells every mesh which primvars it has to build and how it is
-    /// displaced; a mesh that was built otherwise forgets its asset. Solids that emit become polygons.
+    /// Compiles the materials of the meshes `shown`, and sets on every mesh the primvars that it has to build and its
+    /// displacement; a mesh that was built with others forgets its asset. Solids that emit become polygons.
     pub(crate) fn prepare(
         &mut self,
         materials: &mut BTreeMap<Arc<str>, MaterialEntry>,
@@ -206,8 +206,8 @@ impl SurfaceStore {
         }
     }
 
-    /// Tells every instancer `shown` which of its primvars some mesh lacks. A `displayOpacity` that is 1 everywhere
-    /// says nothing.
+    /// Sets on every instancer `shown` the primvars that some mesh lacks. A `displayOpacity` that is 1 everywhere is
+    /// left out.
     pub(crate) fn offer(
         &self,
         meshes: &BTreeMap<Arc<str>, MeshEntry>,
@@ -407,14 +407,14 @@ impl SurfaceTables {
         self.materials.iter().map(|material| material.lookups()).max().unwrap_or(0)
     }
 
-    /// Empties what says nothing: without a material there are no prims, unless some is in a collection.
+    /// Clears tables without content: without a material there are no prims, unless some is in a collection.
     pub(crate) fn trim(&mut self) {
         if self.materials.is_empty() && self.category_sets.len() <= 1 {
             *self = Self::default();
         }
     }
 
-    /// True when both are equal, materials told from their addresses.
+    /// True if both are equal; materials are compared by address.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         self.materials.len() == other.materials.len()
             && self.materials.iter().zip(&other.materials).all(|(a, b)| Arc::ptr_eq(a, b))

@@ -70,9 +70,9 @@ pub(super) enum SettingField<'a> {
 /// Largest number of samples per pixel: sample indices stay exact in f32.
 const MAX_SAMPLES: u32 = 1 << 24;
 
-/// A row is all there is to declare of a setting: how it is checked, its field, type, default and what its help leaves
-/// out (a second key of a field has none), whom it is for, who may set it, Hydra's key, the environment's, a name for
-/// people, one line of help.
+/// Declares the settings. A row is the only declaration of a setting: its check, its field, type, default and the parts
+/// that its help leaves out (a second key of a field has none), its audience, who may set it, Hydra's key, the
+/// environment variable, a label for users, one line of help.
 macro_rules! settings {
     ($(
         $kind:ident($field:ident $(, $bound:expr)*)$(: $type:ty = $default:expr $(, $more:literal)?)?;

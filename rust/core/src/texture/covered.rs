@@ -80,8 +80,8 @@ impl CoveredImage {
         }
     }
 
-    /// Bounds of what is there in a rectangle; none where nothing is. `seam`: what is narrower than this beyond the
-    /// edge of an image does not count.
+    /// Bounds of the kept part of a rectangle; `None` if nothing is kept. `seam`: parts narrower than this beyond the
+    /// edge of an image are ignored.
     pub(crate) fn within(&self, region: UvRegion, seam: [f64; 2]) -> Option<UvRegion> {
         let [low, high] = region;
         let is_near = |axis: usize| {
@@ -174,7 +174,7 @@ impl CellBits {
             wrap => wrap,
         });
         let mut maker = OpacityMaskMaker::new(&file.layout(), &image.query(wrap), MOST_SIDE)?;
-        // Whoever looks at its tiles tells what is wrong with it.
+        // The reader of its tiles reports what is wrong with the file.
         file.rows(image.channel, &mut |rows| maker.push(rows)).ok()?;
         Self::new(&maker.finish()?, file.layout().size(), wrap)
     }
@@ -241,7 +241,7 @@ impl CellBits {
         }
     }
 
-    /// Bounds of what is there in the part of a rectangle that lies in a unit square.
+    /// Bounds of the kept part of a rectangle within a unit square.
     fn within(&self, [low, high]: UvRegion, unit: [i64; 2], wrap: [Wrap; 2]) -> Option<UvRegion> {
         let span = |axis: usize| self.span(axis, [low[axis], high[axis]], unit[axis], wrap[axis]);
         let (across, up) = (span(0)?, span(1)?);

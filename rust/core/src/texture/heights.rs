@@ -58,7 +58,7 @@ type FileKey = (Arc<str>, u32, ColorSpace);
 type OpenedHeights = Result<Option<Arc<dyn HeightImage>>, String>;
 type DecodedHeights = Result<Arc<Vec<f32>>, String>;
 
-/// Height textures, decoded as they are needed; what was decoded is kept as long as this is.
+/// Height textures, decoded when they are needed, and kept as long as the cache.
 #[derive(Debug, Default)]
 pub struct HeightCache {
     files: Option<Arc<dyn HeightFiles>>,
@@ -121,7 +121,7 @@ impl HeightCache {
     }
 }
 
-/// The value of a key, made if it is not there. Two threads may make the same one: nobody waits while it is made.
+/// The value of a key, computed if it is absent. Two threads may compute the same value, so that none waits.
 fn once<K: Clone + Eq + std::hash::Hash, V: Clone>(
     known: &Mutex<FxHashMap<K, V>>,
     key: &K,

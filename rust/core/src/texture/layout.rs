@@ -2,7 +2,7 @@
 //! The levels and tiles of an image. The shaders' twin is `texture/texture.glsl`.
 //!
 //! Level `l` has `max(1, size >> l)` texels a side, down to 1 x 1. A tile is up to 128 x 128 texels of one level,
-//! numbered row by row, level by level, the finest first; at the right and upper border it is cut to what there is. All
+//! numbered row by row, level by level, the finest first; at the right and upper border it is cut to the image. All
 //! levels of at most 64 x 64 share the last tile, one after the other, each at a multiple of 4 bytes.
 //!
 //! A layout of rows has one level, 128 texels wide and of any height: tile `i` has its texels `i * 128 * 128` and

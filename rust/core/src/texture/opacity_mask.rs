@@ -24,8 +24,8 @@ use rayon::prelude::*;
 
 /// Largest side of level 0, in texels, for which cells are parts of a texel.
 const FINE_SIDE: u32 = 256;
-/// Of what a lookup can give, on either side, as a share of what the texels around can: the shader may be off by less
-/// than that of a texel when it picks the cell.
+/// Slack on either side of the values that a lookup can give, as a share of the range of the texels around: when the
+/// shader picks the cell, its error is less than that part of a texel.
 const PLACE_SLACK: f64 = 1.0 / 1024.0;
 /// A cell that is kept only within this part of the range of its values counts as empty.
 const RIM: f64 = 1.0 / 1024.0;
@@ -75,7 +75,7 @@ impl OpacityQuery {
         let rounding = 2.0 * ROUNDING * (largest * factor + f64::from(self.bias).abs());
         let is_exact = low == high && rim == 0.0;
         let (a, b) = match is_exact {
-            // The mean of equal texels is that texel, and the rest is worked out as the shaders do.
+            // The mean of equal texels is that texel, and the rest is computed as in the shaders.
             #[expect(clippy::cast_possible_truncation, reason = "a texel")]
             true => [f64::from(low as f32 * self.scale + self.bias); 2].into(),
             false => {
@@ -84,7 +84,7 @@ impl OpacityQuery {
             }
         };
         let off = if is_exact { 0.0 } else { rounding + rim * factor };
-        // As at the edge of a picture that repeats: half of what is there on its other side.
+        // As at the edge of a repeated picture: half of the kept part is on its other side.
         let is_steep = RIM * (b - a) > rounding;
         let is_below = b + rounding < least || (is_steep && b <= least + RIM * (b - a));
         let is_rim = rim > 0.0 && a < least && is_below;
@@ -152,7 +152,7 @@ pub fn mask_bytes(layout: &TileLayout, most_side: u32) -> usize {
         + KeptLevel::new(layout, most_side).cells(layout).map(|side| side as usize).iter().product::<usize>()
 }
 
-/// A mask that is made of the rows of level 0 as they come, from the bottom: what is held of them are four.
+/// Makes a mask of the rows of level 0 in order, from the bottom; it holds four rows.
 #[derive(Debug)]
 pub struct OpacityMaskMaker {
     query: OpacityQuery,
@@ -180,7 +180,7 @@ impl OpacityMaskMaker {
         Some(Self { query: *query, layout: *layout, kept, base, rows: 0, opening: rows.clone(), recent: rows })
     }
 
-    /// Takes the next rows, whole ones of one channel; what is more than the image has is left out.
+    /// Takes the next whole rows of one channel; rows beyond the image are ignored.
     pub fn push(&mut self, values: &[f32]) {
         let [width, height] = self.layout.size();
         let left = height.saturating_sub(self.rows) as usize;

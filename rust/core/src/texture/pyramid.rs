@@ -54,14 +54,14 @@ impl TexturePyramid {
         Self { channels, base: layout.size(), levels: (1..layout.levels()).map(level).collect() }
     }
 
-    /// Takes the next row of level 0, from the bottom; gives (level, row number, row) of what it finishes. Rows of
-    /// another length are taken as far as they reach.
+    /// Takes the next row of level 0, from the bottom; calls `out` with (level, row number, row) of the rows that it
+    /// completes. Rows of another length are used as far as they reach.
     pub fn push(&mut self, row: &[f32], out: &mut impl FnMut(u32, u32, &[f32])) {
         self.push_to(0, row, out);
     }
 
-    /// Takes the next row of level 1 from whoever has halved two rows of level 0 himself; for images whose sides are
-    /// even, in place of two calls of [`Self::push`].
+    /// Takes the next row of level 1 from a caller that has itself halved two rows of level 0; for images whose sides
+    /// are even, in place of two calls of [`Self::push`].
     pub fn push_halved(&mut self, row: &[f32], out: &mut impl FnMut(u32, u32, &[f32])) {
         let Some(level) = self.levels.first_mut() else { return };
         level.taken += 2;

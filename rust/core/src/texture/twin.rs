@@ -33,7 +33,7 @@ pub fn pack_ptex(face: u32, uv: [f64; 2]) -> [f32; 2] {
     [float(face | (u >> 13) << 26), float((u & 0x1fff) | v << 13)]
 }
 
-/// Face, u and v of what [`pack_ptex`] gave: in the middle of a step.
+/// Face, u and v of a position that [`pack_ptex`] packed: in the middle of a step.
 pub fn unpack_ptex(st: [f32; 2]) -> (u32, [f64; 2]) {
     let [x, y] = st.map(|v| (v.to_bits() >> 31) << 29 | (v.to_bits() & 0x1fff_ffff));
     let steps = [(x >> 26) << 13 | (y & 0x1fff), y >> 13];
@@ -122,7 +122,7 @@ fn mix(a: [f64; 4], b: [f64; 4], t: f64) -> [f64; 4] {
     [0, 1, 2, 3].map(|i: usize| a[i] + (b[i] - a[i]) * t)
 }
 
-/// The texel that stands for texel `x` of `size`; `None` is what lies around the image.
+/// The texel that stands for texel `x` of `size`; `None` is the border around the image.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a non-negative integer below size")]
 fn wrapped(x: f64, size: u32, wrap: Wrap) -> Option<u32> {
     let n = f64::from(size);

@@ -44,7 +44,7 @@ impl CommandList {
     }
 
     /// As [`CommandList::dispatch`], with the three counts read by the GPU from `arguments` at `offset` (a multiple of
-    /// 4). The counts must be within the device's limits: nobody checks them.
+    /// 4). The counts must be within the device's limits: they are not checked.
     pub fn dispatch_indirect(&mut self, pipeline: &Pipeline, push: &[u8], arguments: &dyn DeviceRange, offset: u64) {
         let size = size_of::<vk::DispatchIndirectCommand>() as u64;
         let Some((buffer, start)) = self.place(arguments, offset, size) else {

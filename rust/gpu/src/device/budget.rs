@@ -21,7 +21,7 @@ pub(crate) enum MemoryAccount {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct MemoryUse {
-    /// Device memory held now, including what is retired but still in use by the GPU.
+    /// Device memory held now, including retired memory that the GPU still uses.
     pub used: u64,
     /// Maximum of device memory held so far.
     pub peak: u64,
@@ -64,7 +64,7 @@ impl MemoryBudget {
         self.lock().counts
     }
 
-    /// Sets the bound for later reservations; what is held stays held.
+    /// Sets the bound for later reservations; memory that is held stays held.
     pub(crate) fn set_budget(&self, budget: u64) {
         self.lock().counts.budget = budget;
     }
@@ -117,7 +117,7 @@ fn out_of_memory(name: &str, bytes: u64, counts: &MemoryUse) -> GpuError {
     GpuError::OutOfMemory { name: name.to_owned(), bytes, used: counts.used, budget: counts.budget }
 }
 
-/// Nine tenths of what is free: the rest is for the driver, the display and other programs.
+/// Nine tenths of the free bytes: the rest is for the driver, the display and other programs.
 pub(crate) fn automatic_budget(free_bytes: u64) -> u64 {
     free_bytes - free_bytes / 10
 }

@@ -33,7 +33,8 @@ impl HostMemory {
         }
     }
 
-    /// Takes what may go once the lanes have come as far as `completed`, and forgets it: nothing while there are views.
+    /// Takes the buffers that may be destroyed once the lanes have reached `completed`, and forgets them: none while
+    /// there are views.
     pub(crate) fn take_ready(
         &self,
         retired: &RetireQueue<RetiredBuffer>,

@@ -6,7 +6,7 @@ use std::ptr::NonNull;
 
 use crate::device::mapped::MappedPointer;
 
-/// Pages, as plain parts: whoever holds the last copy gives them back exactly once.
+/// Pages, as plain parts: the owner of the last copy frees them exactly once.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HostPages {
     pub(crate) at: MappedPointer,
@@ -102,7 +102,7 @@ impl HostPages {
         system::touch(self.at.as_ptr().wrapping_add(start).cast(), bytes);
     }
 
-    /// Gives the pages back. Nobody uses them, the device included, and no other copy is used later.
+    /// Frees the pages. No user is left, including the device, and no other copy is used later.
     pub(crate) fn free(self) {
         system::unmap(self.at.as_ptr().cast(), self.bytes);
     }

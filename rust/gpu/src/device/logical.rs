@@ -108,7 +108,7 @@ impl LogicalDevice {
         Ok(device)
     }
 
-    /// Nine tenths of what is free on the largest device-local heap now.
+    /// Nine tenths of the free bytes on the largest device-local heap now.
     pub(crate) fn automatic_budget(&self) -> u64 {
         let heaps = read_heaps(&self.instance, self.physical, self.report.capabilities.memory_budget);
         let largest = heaps.iter().filter(|heap| heap.device_local).max_by_key(|heap| heap.bytes);
@@ -221,7 +221,7 @@ impl LogicalDevice {
         self.release(self.completed());
     }
 
-    /// Destroys what is retired and waits for nothing after `completed`.
+    /// Destroys retired objects that wait for nothing after `completed`.
     pub(crate) fn release(&self, completed: TimelinePoints) {
         for RetiredBuffer { raw, held } in self.host_memory.take_ready(&self.retired, completed) {
             self.destroy(raw);

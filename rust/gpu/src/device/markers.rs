@@ -3,7 +3,8 @@
 //! names the last pass.
 //!
 //! Before each operation, behind the barrier that waits for the one before, a 4-byte fill writes the operation's
-//! number; the fill overlaps the operation itself. After a loss the word tells how far the GPU came.
+//! number; the fill overlaps the operation itself. After a loss the word has the number of the last operation that
+//! began.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 

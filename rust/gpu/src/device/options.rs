@@ -13,8 +13,8 @@ pub struct OpenOptions {
     pub validation: bool,
     /// With `validation`: also look for hazards between operations. Slow.
     pub sync_validation: bool,
-    /// Hard budget for device memory in bytes. None = nine tenths of what the driver says is free when the device is
-    /// opened.
+    /// Hard budget for device memory in bytes. `None` = nine tenths of the bytes that the driver reports as free when
+    /// the device is opened.
     pub budget_bytes: Option<u64>,
     /// Take timestamps around every operation of every command list, if the device can.
     pub profile: bool,

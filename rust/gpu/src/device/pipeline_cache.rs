@@ -4,7 +4,7 @@
 //!
 //! A file that is damaged, cut, too large or another device's is ignored and replaced; errors of the disk are only
 //! logged. Files are written under another name and renamed, so that readers see a whole one, old or new. The checksum
-//! finds accidents, not malice: what is in the folder is as trusted as the program itself. Any thread.
+//! finds accidents, not malice: the contents of the folder are as trusted as the program itself. Any thread.
 
 use std::fs::File;
 use std::io;
@@ -44,7 +44,7 @@ pub(crate) struct CacheFile {
     path: PathBuf,
     /// Beginning of the payload for this device and driver.
     vulkan_header: Vec<u8>,
-    /// Checksum of what is on the disk, as far as we know; 0 = nothing of use.
+    /// Checksum of the file on the disk, as far as it is known; 0 = there is no usable one.
     stored: AtomicU64,
 }
 
@@ -113,7 +113,7 @@ impl CacheFile {
         tracing::trace!(?marked, "used");
     }
 
-    /// Removes what was not used for longest until the bounds of the folder hold, but not its own file.
+    /// Removes the files that were not used for longest, but not its own, until the bounds of the folder hold.
     fn clean(&self, folder: &Path) {
         let now = SystemTime::now();
         let mut files = Vec::new();

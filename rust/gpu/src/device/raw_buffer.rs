@@ -8,7 +8,7 @@ use crate::device::heap_counters::HeldBytes;
 use crate::device::host_pages::HostPages;
 use crate::device::mapped::MappedPointer;
 
-/// Raw parts of a buffer. Plain handles: whoever holds the last copy destroys it exactly once.
+/// Raw parts of a buffer, as plain handles: the owner of the last copy destroys it exactly once.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RawBuffer {
     pub(crate) buffer: vk::Buffer,
@@ -43,7 +43,7 @@ impl RawBuffer {
     }
 }
 
-/// A buffer that nobody holds any more but the GPU may still use.
+/// A buffer without an owner that the GPU may still use.
 #[derive(Debug)]
 pub(crate) struct RetiredBuffer {
     pub(crate) raw: RawBuffer,

@@ -2,8 +2,8 @@
 //! Objects that have no owner any more but that the GPU may still use, each with the submissions after which it can be
 //! destroyed.
 //!
-//! Bookkeeping only: [`RetireQueue::take_ready`] hands out what is ready, the caller destroys it outside the lock
-//! (destroying may retire more). Any thread.
+//! Bookkeeping only: [`RetireQueue::take_ready`] hands out the items that are ready, the caller destroys it outside the
+//! lock (destroying may retire more). Any thread.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -33,7 +33,7 @@ impl<T> RetireQueue<T> {
     /// Everything whose points are at or below `completed` in both lanes, in the order of the main lane.
     pub(crate) fn take_ready(&self, completed: TimelinePoints) -> Vec<T> {
         let mut waiting = self.lock();
-        // The map is sorted by the main lane first: what lies behind this range cannot be ready.
+        // The map is sorted by the main lane first: items behind this range cannot be ready.
         let last = TimelinePoints([completed.of(QueueLane::Main), u64::MAX]);
         let keys = waiting.range(..=last).map(|(&points, _)| points);
         let ready: Vec<_> = keys.filter(|points| points.reached_by(completed)).collect();

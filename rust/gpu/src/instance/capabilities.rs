@@ -129,7 +129,7 @@ thread_local! {
     static HIDDEN: std::cell::Cell<Option<fn(&mut DeviceCapabilities)>> = const { std::cell::Cell::new(None) };
 }
 
-/// For tests: devices that this thread looks for or opens from now on lack what `hide` takes away.
+/// For tests: devices that this thread looks for or opens from now on lack the capabilities that `hide` removes.
 #[cfg(feature = "faults")]
 pub fn hide_capabilities(hide: Option<fn(&mut DeviceCapabilities)>) {
     HIDDEN.set(hide);

@@ -44,7 +44,7 @@ pub struct HeapReport {
 /// Everything that `doctor` reports about one device.
 #[derive(Clone, Debug)]
 pub struct DeviceReport {
-    /// Position in the driver's list; what a selector's number means.
+    /// Position in the driver's list, which a numeric selector means.
     pub index: usize,
     /// Name as the driver gives it.
     pub name: String,

@@ -59,7 +59,7 @@ fn shortcomings(reports: &[DeviceReport]) -> String {
     lines.join("; ")
 }
 
-/// Writes `chosen` and `why` into every report. `chosen` is what [`choose`] returned for the same selector.
+/// Writes `chosen` and `why` into every report. `chosen` is the result of [`choose`] for the same selector.
 pub(crate) fn explain(reports: &mut [DeviceReport], chosen: usize, selector: Option<&str>) {
     let selector = selector.map(str::trim).filter(|text| !text.is_empty());
     let matched = selector.map(|text| matching(reports, text));

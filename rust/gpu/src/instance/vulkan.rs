@@ -151,7 +151,7 @@ impl InstanceRequest {
             .application_info(&application)
             .enabled_layer_names(&layers)
             .enabled_extension_names(&extensions);
-        // Reports what happens inside vkCreateInstance and vkDestroyInstance, where the messenger itself does not
+        // Reports messages from inside vkCreateInstance and vkDestroyInstance, where the messenger itself does not
         // exist.
         let mut messenger = log.messenger_info();
         if !layers.is_empty() && self.extensions.contains(&ash::ext::debug_utils::NAME) {

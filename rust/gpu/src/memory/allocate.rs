@@ -18,8 +18,8 @@ use crate::error::GpuError;
 use crate::instance::memory_type::{BufferUsage, HOST_FLAGS, choose_type};
 use crate::instance::probe::read_heaps;
 
-/// Smallest buffer, and what sizes are rounded up to: Vulkan has no empty buffers, and addresses stay aligned for
-/// vectors.
+/// Smallest size of a buffer, and the multiple to which sizes are rounded up: Vulkan has no empty buffers, and
+/// addresses stay aligned for vectors.
 const SIZE_STEP: u64 = 16;
 
 /// A buffer that is being made: first without memory, then with it, then mapped. It is destroyed if dropped before.
@@ -59,9 +59,9 @@ impl<'a> NewBuffer<'a> {
                 | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
         );
         if families[0] != families[1] {
-            // Shaders reach memory by address, so no command list knows all that it touches, and what it would have to
-            // hand over from family to family. Sharing changes how images are laid out; for buffers drivers do nothing
-            // with it.
+            // Shaders reach memory by address, so no command list knows all buffers that it touches, nor those whose
+            // ownership it would have to transfer between families. Sharing changes the layout of images; for buffers
+            // drivers do nothing with it.
             info = info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(&families);
         }
         let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(lending::KIND);

@@ -53,7 +53,7 @@ pub(crate) struct ArenaPlace {
 pub(crate) struct HeapArenas {
     device: Arc<LogicalDevice>,
     list: Mutex<Vec<Arc<MemoryArena>>>,
-    /// Ranges that nobody holds any more; freed when the GPU is done with them.
+    /// Retired ranges, which are freed when the GPU has finished with them.
     retired: RetireQueue<ArenaPlace>,
     pub(crate) counters: Arc<HeapCounters>,
     /// True if empty arenas are kept.
@@ -157,7 +157,7 @@ impl HeapArenas {
         self.release(self.device.completed());
     }
 
-    /// Frees what is retired and waits for nothing after `completed`: nothing while the host looks at memory.
+    /// Frees retired ranges that wait for nothing after `completed`; none while the host has a view.
     pub(crate) fn release(&self, completed: TimelinePoints) {
         if self.retired.is_empty() || self.device.host_memory.has_views() {
             return;
@@ -208,7 +208,7 @@ impl ArenaPlace {
         self.arena.skew + u64::from(self.allocation.offset) * GRANULE
     }
 
-    /// Gives the place back after these submissions. Each is retired once, by the drop of what is in it.
+    /// Frees the place after these submissions. Each place is retired once, by the drop of its range.
     pub(crate) fn retire(self, points: TimelinePoints) {
         match self.arena.siblings.upgrade() {
             Some(arenas) => arenas.retire(points, self),

@@ -43,7 +43,8 @@ impl RingMemory {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes space if it is free and nobody asked before: the number and the start of the part, or the lock again.
+    /// Takes space if it is free and no other thread asked before: the number and the start of the part, or the lock
+    /// again.
     pub(crate) fn take<'a>(
         &self,
         mut state: MutexGuard<'a, RingState>,

@@ -19,7 +19,7 @@ use crate::submit::queue::{InFlight, Queue};
 /// Decides if an allocation may wait while the budget is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum BudgetWait {
-    /// Take back what is free already, but do not wait for the GPU.
+    /// Takes back memory that is free already, but does not wait for the GPU.
     Now,
     /// Wait for the GPU to release retired memory before giving up.
     WaitForRetired,
@@ -62,7 +62,7 @@ impl OpenDevice {
             let queue = self.queue(lane);
             for InFlight { slot, kept, timer, .. } in queue.take_finished(&self.device, completed.of(lane)) {
                 queue.recycle(&self.device, slot);
-                // What the submission kept alive may be retired by this.
+                // Objects that the submission kept alive may be retired by this drop.
                 drop((kept, timer));
             }
         }
@@ -72,7 +72,7 @@ impl OpenDevice {
         }
     }
 
-    /// Makes room: collects, empties heaps of unused arenas and, if allowed, waits for what is retired.
+    /// Makes room: collects, empties heaps of unused arenas and, if allowed, waits for retired memory.
     pub(crate) fn reclaim(&self, patience: BudgetWait) -> Result<(), GpuError> {
         self.collect();
         self.trim_heaps();
@@ -99,7 +99,7 @@ impl OpenDevice {
     }
 
     /// Makes a buffer of at least `bytes` with its own memory, mapped unless `usage` is `LogicalDevice`. On a shortage
-    /// takes back what is retired, and tries once more.
+    /// it takes back retired memory, and tries once more.
     ///
     /// # Errors
     /// `TooLarge`, `OutOfMemory` (nothing is held then), `DeviceLost`, or another failed call.
@@ -111,7 +111,7 @@ impl OpenDevice {
         patience: BudgetWait,
     ) -> Result<RawBuffer, GpuError> {
         let usage = match usage {
-            // What the driver is not lent it makes.
+            // Memory that cannot be lent is made by the driver.
             BufferUsage::Shared => match self.lent(name, bytes)? {
                 Some(lent) => return Ok(lent),
                 None => BufferUsage::Readback,

@@ -169,7 +169,8 @@ impl Queue {
         unsafe { device.raw.queue_submit(*queue, &info, vk::Fence::null()) }
     }
 
-    /// Takes what submissions up to `completed` kept alive. The caller drops it without this queue's lock.
+    /// Takes the objects that submissions up to `completed` kept alive. The caller drops them without this queue's
+    /// lock.
     pub(crate) fn take_finished(&self, device: &LogicalDevice, completed: u64) -> Vec<InFlight> {
         let mut in_flight = self.lock();
         let count = in_flight.iter().take_while(|work| work.value <= completed).count();

@@ -15,7 +15,7 @@ use crate::error::GpuError;
 use crate::instance::lane::QueueLane;
 use crate::submit::timer::QueryTimer;
 
-/// Stages in which operations run, and what they write and read there.
+/// Stages in which operations run, and the accesses of operations there.
 #[derive(Clone, Copy, Debug)]
 struct SyncScope {
     stages: vk::PipelineStageFlags,
@@ -95,7 +95,7 @@ impl CommandRecorder {
         }
     }
 
-    /// Switches timestamps for what follows; without timestamps on the queue this does nothing.
+    /// Switches timestamps for later operations; without timestamps on the queue this does nothing.
     pub(crate) fn set_timing(&mut self, on: bool) {
         let bits = self.device.choice(self.lane).timestamp_bits;
         self.timing = on && bits > 0 && self.device.report.capabilities.timestamps;
@@ -140,7 +140,7 @@ impl CommandRecorder {
         }
     }
 
-    /// Starts a named span; pass what this returns to `leave_span`.
+    /// Starts a named span; the result is passed to `leave_span`.
     pub(crate) fn enter_span(&mut self, name: &str) -> Result<Option<u32>, GpuError> {
         self.begin_label(name);
         self.stamp()

@@ -19,7 +19,7 @@ struct TimerEntry {
     end: u32,
 }
 
-/// Query pools in use by one command list, and what they measure.
+/// Query pools in use by one command list, and the operations that they measure.
 #[derive(Debug)]
 pub(crate) struct QueryTimer {
     device: Arc<LogicalDevice>,

@@ -19,8 +19,8 @@ use crate::{BorderMode, DataType, MAX_BYTES, MAX_CHANNELS, MAX_FACES, MAX_LOG2, 
 /// Faces of more bytes are cut into tiles of at most this.
 const TILE_BYTES: usize = 1 << 16;
 
-/// Writes a file face by face. The compressed texels stay in memory until [`Self::finish`], since what comes before
-/// them in the file is known only then.
+/// Writes a file face by face. The compressed texels stay in memory until [`Self::finish`], because the parts before
+/// them in the file are known only then.
 pub struct PtexWriter<W: Write> {
     sink: W,
     header: PtexHeader,
@@ -86,7 +86,7 @@ impl<W: Write> PtexWriter<W> {
         })
     }
 
-    /// Says what filters take beyond edges without neighbours, along u and v.
+    /// Sets the continuation beyond edges without neighbours, along u and v.
     pub fn set_border_modes(&mut self, border_modes: [BorderMode; 2]) {
         self.border_modes = border_modes;
     }

@@ -26,7 +26,7 @@ impl RoundHit {
     pub(super) fn meet_ball(&mut self, c: V3, radius: f32, d: V3, dd: f32, u: f32) {
         let b = dot3(c, d) / dd;
         let across = c - b * d;
-        // Without roots; what is left out has a negative `rest`.
+        // This test needs no roots; rays that it keeps by mistake have a negative `rest`.
         if dot3(across, across) > 1.0001 * radius * radius {
             return;
         }
@@ -50,7 +50,7 @@ impl RoundHit {
         }
     }
 
-    /// The same for where the line leaves what it enters in front of the origin.
+    /// The hit where the line leaves an item that it enters in front of the origin.
     pub(super) fn second(&self, nearest: f32) -> Option<(f32, f32)> {
         (self.entry <= self.exit && nearest + self.entry > 0.0).then_some((nearest + self.exit, self.exit_u))
     }

@@ -11,7 +11,8 @@ use std::ops::Range;
 
 /// The steps of a pass for an entry of its queue, before and after the walk.
 pub(super) trait QueuedRays<'s, 'v, const ANY_HIT: bool>: Sync {
-    /// Begins the walk of entry `at` of the queue; what [`QueuedRays::end`] has to know of it. None: no such ray.
+    /// Begins the walk of entry `at` of the queue; returns the state that [`QueuedRays::end`] needs. `None`: there is
+    /// no such ray.
     fn begin(&self, simd: impl Simd, walk: &mut RayTraversal<'s, 'v, ANY_HIT>, at: u32) -> Option<BegunRay>;
 
     /// Prefetches the ray of entry `at`, if there is one.

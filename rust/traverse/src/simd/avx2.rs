@@ -51,7 +51,7 @@ impl Simd for Avx2Simd {
         let pulp::x86::V3 { sse, sse2, sse4_1, ssse3, avx, avx2, .. } = self.0;
         let [head, lower, rest]: [__m128i; 3] = cast(*grid);
         let [o, reciprocal, around]: [__m128; 3] = [cast(ray.o), cast(ray.reciprocal), cast(ray.around)];
-        // What is behind the three numbers of the origin must not be computed with: it might be slow.
+        // The value behind the three numbers of the origin must not take part: computing with it might be slow.
         let origin = sse._mm_and_ps(cast(head), cast(THREE));
         let from = sse._mm_mul_ps(sse._mm_sub_ps(origin, o), reciprocal);
         let exponents = sse4_1._mm_cvtepu8_epi32(sse2._mm_srli_si128::<12>(head));

@@ -72,7 +72,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
             let number = self.surface_number(kind, index);
             let first = CandidateSurface { item: index, number, subset_and_sides };
             let mut taken = self.take(first, t, uv);
-            // What is closed has a second surface, where the first one is not there.
+            // A closed item has a second surface behind the first one, if that one does not exist.
             if taken == CandidateOutcome::Absent
                 && let Some((exit, uv)) = leaf::exit(kind, vertices, o, d)
             {

@@ -81,7 +81,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         true
     }
 
-    /// The chunk of a chunk instance is absent. What of it is done stays done.
+    /// Notes that the chunk of a chunk instance is absent. Parts that were visited are not visited again.
     #[inline(never)]
     fn remember_chunk(&mut self, key: (f32, u32), is_listed: bool) {
         if is_listed {

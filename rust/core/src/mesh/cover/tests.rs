@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Whatever a ray can meet of a triangle lies in its box, worked out as the shaders do.
+//! Checks that every part of a triangle that a ray can meet lies in its box, with the arithmetic of the shaders.
 
 #![expect(clippy::cast_possible_truncation, reason = "single precision, as the shaders")]
 

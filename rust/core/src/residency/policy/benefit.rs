@@ -23,15 +23,15 @@ const NEXT_WEIGHT: f64 = 0.125;
 const HYSTERESIS: f64 = 1.25;
 /// Number of steps of waiting that doubles a unit's value.
 const AGE_STEPS: f64 = 512.0;
-/// Loads stop at this fraction of the best value: what is worth less now gathers rays until it is worth more, and the
-/// link moves fewer bytes for the same rays.
+/// Loads stop at this fraction of the best value: units that are worth less now gather rays until they are worth more,
+/// and the link moves fewer bytes for the same rays.
 const DROP: f64 = 0.5;
 /// Weight of recent rays when nothing can be traced: it only orders evictions.
 const IDLE_HEAT: f64 = 1e-9;
 /// Units whose assets are looked at in a step, the best by their whole closures.
 const LOOKED_AT: usize = 1024;
-/// Bytes that a visit reads in host memory, some nodes and triangles: a unit is worth what goes for it when its recent
-/// visits have read as much there as the load moves.
+/// Bytes that a visit reads in host memory, some nodes and triangles: a unit is worth loading when its recent visits
+/// have read as many bytes there as the load moves.
 const VISIT_BYTES: f64 = 1024.0;
 /// Fixed cost of a load, as bytes.
 const LOAD_BYTES: f64 = 65536.0;

@@ -24,7 +24,7 @@ pub trait LoadPolicy: std::fmt::Debug + Send {
     /// Cost of evicting a resident unit; the unit with the least is evicted first.
     fn loss(&self, view: &PolicyView<'_>, unit: UnitId) -> f64;
 
-    /// May a load of this value displace a unit of this loss? A margin here is what keeps equals from swapping.
+    /// Returns true if a load of this value may displace a unit of this loss. A margin here keeps equals from swapping.
     fn displaces(&self, value: f64, loss: f64) -> bool;
 
     /// The value of a load ahead of demand, `None` if this policy makes none.

@@ -13,7 +13,7 @@ pub struct SweepPolicy {
     cursor: UnitId,
     /// Partner that rays need with that unit.
     next: Option<UnitId>,
-    /// Units that could be loaded in this step, with what rays need with each.
+    /// Units that could be loaded in this step, with the partner of each.
     partners: Vec<(UnitId, Option<UnitId>)>,
 }
 

@@ -160,7 +160,8 @@ impl ResidencySimulation<'_> {
         self.segment.push_back(segment);
     }
 
-    /// A round: every ray visits what it can, rays that know their hit go on to the path's next. Returns the visits.
+    /// One round: every ray visits the units that it can, and rays that know their hit continue with the path's next
+    /// ray. Returns the visits.
     fn trace(&mut self) -> u64 {
         let (counts, resident, weight) = (&mut self.counts, &self.resident, self.device.weight);
         counts.visits.fill(0);

@@ -104,7 +104,7 @@ impl SimulatedRay {
         ray
     }
 
-    /// Visits all it needs that is resident, calls `visit` for each, and remembers what is absent.
+    /// Visits all needed units that are resident, calls `visit` for each, and remembers the absent ones.
     pub(super) fn trace(&mut self, resident: &[bool], mut visit: impl FnMut(UnitId)) {
         for index in 0..self.needed() {
             let unit = self.units[usize::from(index)];

@@ -69,7 +69,7 @@ impl NumberTokens<'_> {
     }
 
     fn list(&mut self, count: usize, what: &'static str) -> Result<Vec<f32>, IesError> {
-        // Grows with what is there, not with what the file says.
+        // The list grows with the numbers that are read, not with the count in the file.
         let mut list = Vec::new();
         for _ in 0..count {
             let value = super::narrow(self.next(what)?);
@@ -151,11 +151,11 @@ impl IesProfile {
         column(h) * (1.0 - dh) + column(h + 1) * dh
     }
 
-    /// Mean candelas over the sphere, or over a half of it where the profile says no more than that: what `UsdLux`'s
-    /// `ies:normalize` divides by (as `hdEmbree`, Karma and RIS do).
+    /// Mean candelas over the sphere, or over half of it if the profile covers no more: the divisor of `UsdLux`'s
+    /// `ies:normalize` (as in `hdEmbree`, Karma and RIS).
     #[must_use]
     pub fn mean(&self) -> f64 {
-        // What hdEmbree allows a half to have.
+        // hdEmbree accepts a half up to this angle.
         const HALF: f64 = 0.5 * PI + 0.1;
         let extent = |ends: (&f32, &f32)| (f64::from(*ends.1) - f64::from(*ends.0)).to_radians();
         let is_half = self.vertical.first().zip(self.vertical.last()).map_or(0.0, extent) <= HALF;

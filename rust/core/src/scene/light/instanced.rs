@@ -36,8 +36,8 @@ pub(crate) struct PlacedLight {
 }
 
 /// World transforms of a prim: one, or one for each instance of the prototypes that it is in, in the order of the
-/// instancers' arrays. Hidden instancers, unusable matrices and instancers inside themselves give none. Not more than
-/// `most`; the flag tells that there would be.
+/// instancers' arrays. Hidden instancers, unusable matrices and instancers inside themselves give none. At most `most`;
+/// the flag is true if there are more.
 pub(crate) fn placements(
     prim: &PrimDesc,
     instancers: &BTreeMap<Arc<str>, InstancerEntry>,
@@ -121,7 +121,7 @@ struct LightInstances<'a> {
     instancers: &'a BTreeMap<Arc<str>, InstancerEntry>,
     times: &'a [f64],
     most: usize,
-    /// Prims looked at: bounds what instancers that meet themselves cost.
+    /// Number of prims visited: it bounds the cost of instancers that contain themselves.
     steps: usize,
     is_cut: bool,
 }
@@ -130,8 +130,8 @@ struct LightInstances<'a> {
 const MAX_STEPS: usize = 1 << 16;
 
 impl LightInstances<'_> {
-    /// Appends the world transforms of `prim`. Depth is bounded, so the recursion is; so is what an instancer inside
-    /// itself gives.
+    /// Appends the world transforms of `prim`. The depth is bounded, so the recursion is, and so are the results of an
+    /// instancer inside itself.
     fn of(&mut self, prim: &PrimDesc, depth: u32, out: &mut Vec<TimedTransforms>) {
         let Some(local) = self.local(prim) else { return };
         if prim.instanced_by.is_empty() {
@@ -156,7 +156,7 @@ impl LightInstances<'_> {
                     let placer =
                         InstancePlacer::new(DAffine3::IDENTITY, DAffine3::IDENTITY, Some(&entry.arrays), &unit);
                     let moving = entry.arrays.motion.as_ref().map(|motion| {
-                        // As records have it: what a prim that is at rest is placed by goes along with the instances.
+                        // As in records: the placement of a prim at rest moves with the instances.
                         let after = if local.moves { DAffine3::IDENTITY } else { local.ways[0] };
                         let placer = InstancePlacer::new(DAffine3::IDENTITY, after, Some(&entry.arrays), &unit);
                         placer.clone().moving(motion.placers(&entry.arrays, &placer))

@@ -75,7 +75,7 @@ impl LightShaping {
 }
 
 impl LocalLight {
-    /// The light and what its radiance is multiplied by; not finite when it has no extent that could shine.
+    /// The light, and the factor of its radiance; the factor is not finite if the light has no extent that could emit.
     pub(super) fn new(desc: &LightDesc, transform: &DAffine3) -> Option<(Self, f64)> {
         let (shape, size, texture) = shape_of(&desc.kind)?;
         if !size.is_finite() {
@@ -90,7 +90,7 @@ impl LocalLight {
         let unit = DMat3::from_cols(linear.x_axis * size.x, linear.y_axis * size.y, linear.z_axis * size.z);
         let area = shape.area(&unit);
         let (shape, scale) = finished(shape, area, &unit, desc);
-        // What has no extent keeps a regular matrix: it is only asked for its place.
+        // A light without extent keeps a regular matrix: only its position is used.
         let unit = if scale.is_finite() && is_regular(&unit) { unit } else { thin(&unit, &frame) };
         let shaping = match &desc.shaping {
             Some(shaping) => LightShaping::new(shaping, shape.is_flat())?,

@@ -45,7 +45,7 @@ pub struct Light {
     pub specular: f32,
     /// True if prims shadow it.
     pub has_shadows: bool,
-    /// Share of its light, by colour, that reaches what is in shadow.
+    /// Share of its light, by colour, that reaches points in shadow.
     pub shadow_color: [f32; 3],
     /// Length that its shadows reach; `None`: without end. Its numbers are usable: no stretch is longer than the
     /// distance, and the exponent is above 0.
@@ -145,7 +145,8 @@ impl Light {
     }
 }
 
-/// Least exponent of what is left of a stretch over which shadows fade out: less is none to single precision.
+/// Least exponent of the remaining part of the stretch over which shadows fade out: smaller ones vanish in single
+/// precision.
 const LEAST_GAMMA: f32 = 1e-3;
 
 /// The usable part of a reach of shadows. Values that are not numbers limit nothing.
@@ -203,7 +204,7 @@ fn distant(angle_degrees: f32, normalize: bool, transform: &DAffine3) -> Option<
     Some((LightEmitter::Distant { direction: direction.as_vec3().to_array(), one_minus_cos }, scale))
 }
 
-/// Half angle in radians below which a cone cannot be told from a single direction: a fifth of an arc second.
+/// Half angle in radians below which a cone cannot be distinguished from a single direction: a fifth of an arc second.
 const MIN_HALF_ANGLE: f64 = 1e-6;
 
 /// `UsdLux`'s size of a distant light of half angle `t` (radians).

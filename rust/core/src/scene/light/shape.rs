@@ -86,8 +86,8 @@ impl LocalShape {
         }
     }
 
-    /// Area of the shape after the linear map `m`; 0 for what has none. Exact for plane shapes; curved ones are summed
-    /// over their surface (error below 1e-6 of the result unless one axis is some fifty times another).
+    /// Area of the shape after the linear map `m`; 0 for points and lines. Exact for plane shapes; curved ones are
+    /// summed over their surface (error below 1e-6 of the result unless one axis is some fifty times another).
     #[must_use]
     pub fn area(self, m: &DMat3) -> f64 {
         // The area element of a map: |cofactor(m) n| for the unit normal n.

@@ -90,7 +90,7 @@ fn disc([s, t]: [f64; 2]) -> f64 {
     ((0.3 - (s - 0.4).hypot(t - 0.6)) * 40.0 + 0.5).clamp(0.0, 1.0)
 }
 
-/// Any wrap mode, factor, summand, threshold and what is around.
+/// A cutout with any wrap mode, factor, summand, threshold and border.
 pub(crate) fn any_cut(random: &mut Random, file: &str) -> CutoutImage {
     const WRAPS: [Wrap; 5] = [Wrap::UseMetadata, Wrap::Black, Wrap::Clamp, Wrap::Repeat, Wrap::Mirror];
     let numbers = [

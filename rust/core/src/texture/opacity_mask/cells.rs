@@ -138,11 +138,11 @@ fn bilinear(around: &[[f64; 3]; 3], (column, right): (usize, f64), (row, upper):
     mix(across(row), across(row + 1), upper)
 }
 
-/// In what share of a rectangle a bilinear function with these values at its corners meets the surface.
+/// Share of a rectangle in which a bilinear function with these values at its corners meets the surface.
 fn share_of(query: &OpacityQuery, corners: [[f64; 2]; 2], samples: usize) -> f64 {
     let shares = corners.map(|row| row.map(|value| query.share(value)));
     let [low, high] = hull(shares.as_flattened().iter().copied());
-    // A patch has its extremes at the corners, and what is inside of 0 and 1 is its own mean.
+    // A patch has its extremes at the corners, and values strictly between 0 and 1 have their own mean.
     let is_linear = query.is_chance() && low > 0.0 && high < 1.0;
     if low == high || is_linear {
         return shares.as_flattened().iter().sum::<f64>() / 4.0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Masks against lookups in f64: what is sure holds everywhere, and shares are those of the area.
+//! Compares masks with lookups in f64: certain cells hold everywhere, and shares are those of the area.
 
 #![expect(clippy::cast_possible_truncation, reason = "levels, cells and numbers of choices are small")]
 
@@ -119,7 +119,7 @@ fn coverage_of_a_disc_is_the_same_whatever_the_size_of_its_cells() {
     }
 }
 
-/// What lookups of level 0 give in the mean over a cell.
+/// Mean result of lookups of level 0 over a cell.
 fn share_by_lookups(
     sampler: &TextureSampler<impl Fn(u32, u32, u32) -> [f64; 4]>,
     query: &OpacityQuery,
@@ -142,7 +142,7 @@ fn query(random: &mut Random) -> OpacityQuery {
     }
 }
 
-/// Random queries of random images: what is sure is so at every place of the cell, and shares are those of its area.
+/// Random queries of random images: certain cells hold at every position, and shares are those of the area.
 fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) {
     let mut random = Random(seed);
     for size in [[1, 1], [2, 1], [7, 3], [16, 16], [33, 64], [200, 130], [1025, 40]] {
@@ -167,7 +167,7 @@ fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) {
                 let most = if level.size[0] > size[0] { 0.4 } else { 0.1 };
                 assert!((f64::from(byte) / 255.0 - share).abs() < most, "{}", text());
                 let at = |i: usize, part: f64| ends[0][i] + part * (ends[1][i] - ends[0][i]);
-                // A rim of what is not there may be there.
+                // The rim of an empty cell may be kept.
                 let parts = if byte == 0 { [4.0e-3, 1.0 - 4.0e-3, 1.0 / 3.0] } else { [0.0, 1.0, 0.5] };
                 let st = [0, 1].map(|i| at(i, random.one_of(parts)));
                 let opacity = query.share(sampler.bilinear(st, 0)[0]);
@@ -201,7 +201,7 @@ fn most_cells_of_a_disc_are_sure() {
     }
 }
 
-/// Texels that are there, there, not there and not there, and what the first and the last mix with beside the image.
+/// Texels kept, kept, empty and empty, with the texels that the first and the last mix with beside the image.
 #[test]
 fn cells_at_image_borders_follow_the_wrap_mode() {
     let layout = TileLayout::new([4, 1], 1).expect("a layout");

@@ -57,7 +57,7 @@ pub(super) struct CutCurves {
     pub(super) stencils: Vec<CurveStencil>,
     /// Unit directions of the curves, for ribbons.
     pub(super) tangents: Vec<DVec3>,
-    /// Weights of the stencils' points in these directions, of what moves.
+    /// Weights of the stencils' points in these directions, for moving prims.
     pub(super) slopes: Vec<[f64; 4]>,
     moves: bool,
     /// Number of values that a varying primvar must have.
@@ -328,8 +328,8 @@ impl<'a> CurveRadii<'a> {
         (0.5 * width).max(0.0)
     }
 
-    /// Radius at a vertex, or so many segments along a curve. What is missing is as wide as the first, what makes no
-    /// sense has no width.
+    /// Radius at a vertex, or at a number of segments along a curve. A missing width is that of the first vertex; an
+    /// unusable width counts as 0.
     fn at(&self, point: usize, along: f64, curve: &ControlCurve<'_>) -> f64 {
         let width = |at: usize| self.width(at);
         0.5 * match self.interpolation {

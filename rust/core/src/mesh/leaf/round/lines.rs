@@ -11,7 +11,7 @@ use glam::DVec3;
 use crate::desc::{Interpolation, MeshDesc, PrimShape, Primvar};
 use crate::mesh::dicing::DicingRate;
 
-/// Width where nobody knows how large a pixel is, in diagonals of the box of the points.
+/// Width if the size of a pixel is not known, in diagonals of the box of the points.
 const UNSEEN_WIDTH: f64 = 1e-3;
 
 /// Widths of lines and dots.

@@ -36,7 +36,7 @@ impl RibbonSource<'_> {
             let side = tangent.cross(normal).normalize_or_zero() * f64::from(*radius);
             let center = DVec3::from(point.map(f64::from));
             points.extend([center - side, center + side].map(|p| p.as_vec3().to_array()));
-            // What is seen is perpendicular to the ribbon.
+            // The visible width is perpendicular to the ribbon.
             let across = side.cross(*tangent).normalize_or(normal.normalize_or(DVec3::Z));
             out.extend([across.as_vec3().to_array(); 2]);
         }
@@ -87,7 +87,7 @@ impl CutCurves {
     pub(super) fn ribbon_at(&self, desc: &MeshDesc, pose: &PointsPose) -> Option<PointsPose> {
         let own = desc.normals.as_ref()?;
         let values = pose.normals.clone().unwrap_or_else(|| own.values.clone());
-        // What cannot be used is counted where the frame's own are read.
+        // Unusable values are counted when those of the frame's own time are read.
         let normals = self.normals(&Primvar { values, ..own.clone() }, desc, &mut DroppedData::default())?;
         let slope =
             |(stencil, weights): (&CurveStencil, &[f64; 4])| sum(stencil, *weights, &pose.points).normalize_or_zero();
