@@ -110,64 +110,62 @@ pub struct RenderUsage {
     pub host_peak_bytes: u64,
     /// True if all of the scene was on the device and nothing was streamed.
     pub in_core: bool,
-    /// Bytes that all of the scene would take on the device, of these bytes of textures, and bytes of tiles of
-    /// textures that are there.
+    /// Bytes that all of the scene would take on the device.
     pub scene_bytes: u64,
-    /// Bytes of all textures of the scene, as [`StreamingStats::texture_scene_bytes`].
+    /// Part of `scene_bytes` that is textures.
     pub texture_scene_bytes: u64,
-    /// Bytes of textures on the device, as [`StreamingStats::texture_bytes`].
+    /// Bytes of texture tiles on the device.
     pub texture_bytes: u64,
-    /// Tiles of textures that were loaded while rendering, and their bytes; 0 where all were loaded before.
+    /// Texture tiles that were loaded while rendering; 0 if all were loaded before.
     pub texture_loads: u64,
-    /// Bytes of texture tiles copied to the device, as [`StreamingStats::texture_bytes_paged`].
+    /// Bytes of these texture tiles.
     pub texture_bytes_paged: u64,
     /// Rays traced, all kinds.
     #[serde(default)]
     pub rays_traced: u64,
-    /// Number of chunks of the scene; loads of chunks and tiles, and loads of units that had been resident before,
-    /// follow.
+    /// Number of chunks of the scene.
     #[serde(default)]
     pub chunks: u64,
-    /// Completed loads, as [`StreamingStats::loads`].
+    /// Completed loads of chunks and tiles.
     #[serde(default)]
     pub loads: u64,
-    /// Loads of units that had been resident before, as [`StreamingStats::reloads`].
+    /// Part of `loads` that had been on the device before.
     #[serde(default)]
     pub reloads: u64,
-    /// Bytes copied to the device for them.
+    /// Bytes copied to the device for these loads.
     #[serde(default)]
     pub bytes_paged: u64,
-    /// The most bytes of geometry and textures that were on the device, and their limit; 0 where nothing was streamed.
+    /// Maximum of the bytes of geometry and textures on the device; 0 if nothing was streamed.
     #[serde(default)]
     pub geometry_peak_bytes: u64,
-    /// Hard limit of device memory for geometry, as [`StreamingStats::geometry_budget_bytes`].
+    /// Hard limit of these bytes; 0 if nothing was streamed.
     #[serde(default)]
     pub geometry_budget_bytes: u64,
-    /// Bytes of geometry and of tiles of textures that rays read in host memory.
+    /// Bytes of geometry and of texture tiles that rays read in host memory.
     #[serde(default)]
     pub mapped_bytes: u64,
-    /// The last paths were traced by passes without streaming ([`StreamingStats::is_split`]).
+    /// True if the last paths were traced by passes without streaming ([`StreamingStats::is_split`]).
     #[serde(default)]
     pub is_split: bool,
-    /// Seconds during which a load was in flight, and during which the device only waited for loads.
+    /// Seconds during which a load was in flight.
     #[serde(default)]
     pub seconds_loading: f64,
-    /// Seconds, as [`StreamingStats::seconds_waiting`].
+    /// Seconds during which the device only waited for loads.
     #[serde(default)]
     pub seconds_waiting: f64,
-    /// Seconds before the first ray: reading geometry and sending it to the device, and compiling passes for the scene.
+    /// Seconds before the first ray in which geometry was read and sent to the device.
     #[serde(default)]
     pub seconds_uploading: f64,
-    /// Seconds, as [`StreamingStats::seconds_compiling`].
+    /// Seconds before the first ray in which passes were compiled for the scene.
     #[serde(default)]
     pub seconds_compiling: f64,
-    /// Seconds in which a scene in core waited for tiles of textures; waves traced, and waves traced again for tiles.
+    /// Seconds in which a scene in core waited for texture tiles.
     #[serde(default)]
     pub seconds_texture_tiles: f64,
-    /// Number of waves, as [`StreamingStats::waves`].
+    /// Number of waves traced.
     #[serde(default)]
     pub waves: u64,
-    /// Number of waves, as [`StreamingStats::waves_retraced`].
+    /// Number of waves traced again for texture tiles.
     #[serde(default)]
     pub waves_retraced: u64,
 }
@@ -269,15 +267,15 @@ pub struct StreamingStats {
     pub geometry_peak_bytes: u64,
     /// Bytes of geometry in host memory where rays read it across the bus.
     pub mapped_bytes: u64,
-    /// All of the scene is on the device or in host memory that rays read, and the last paths were traced by passes
-    /// that have no streaming in them.
+    /// True if all of the scene is on the device or in host memory that rays read, and the last paths were traced by
+    /// passes that have no streaming in them.
     pub is_split: bool,
-    /// Of these passes, how many were compiled while others traced.
+    /// Number of these passes that were compiled while others traced.
     pub compiled_ahead: u32,
     /// Number of times that passes were compiled anew because a walk needed a deeper stack than foreseen.
     pub recompilations: u32,
-    /// The most that the driver said, after a wave or a step, this process uses of device memory, its own share
-    /// included; 0 = a driver that does not say, or a software renderer.
+    /// Maximum of the device memory that this process uses according to the driver, read after a wave or a step, bytes;
+    /// 0 = the driver does not report it, or is a software renderer.
     pub driver_peak_bytes: u64,
     /// Bytes that the whole scene would take on the device.
     pub scene_bytes: u64,

@@ -210,8 +210,9 @@ impl CommandList {
 
     /// Hands the list to the GPU and returns at once.
     ///
-    /// # Errors The first mistake made while recording ([`GpuError::Usage`]), [`GpuError::DeviceLost`], or a failed
-    /// call. Nothing runs then.
+    /// # Errors
+    /// The first mistake made while recording ([`GpuError::Usage`]), [`GpuError::DeviceLost`], or a failed call.
+    /// Nothing runs then.
     pub fn submit(self) -> Result<Submission, GpuError> {
         let opened = Arc::clone(self.gpu.opened());
         let submission = self.enqueue()?;

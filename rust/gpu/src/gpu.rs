@@ -34,8 +34,9 @@ pub struct Gpu {
 impl Gpu {
     /// Opens the device that `options.selector` names, or the best one.
     ///
-    /// # Errors [`GpuError::NoDevice`] when there is no loader, driver, or match; [`GpuError::MissingCapability`] when
-    /// the named device lacks something; [`GpuError::Vulkan`] when the driver refuses.
+    /// # Errors
+    /// [`GpuError::NoDevice`] when there is no loader, driver, or match; [`GpuError::MissingCapability`] when the named
+    /// device lacks something; [`GpuError::Vulkan`] when the driver refuses.
     pub fn open(options: &OpenOptions) -> Result<Arc<Self>, GpuError> {
         let validation = match (options.validation, options.sync_validation) {
             (false, _) => ValidationLevel::Off,

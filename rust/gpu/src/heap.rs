@@ -120,8 +120,9 @@ impl Heap {
 
     /// Takes `bytes` at an address that is a multiple of `align` (a power of two). The bytes are arbitrary.
     ///
-    /// # Errors [`GpuError::OutOfMemory`] when neither the arenas nor the budget (or the heap's own limit) have room
-    /// even after waiting for what is retired, [`GpuError::TooLarge`], [`GpuError::Usage`] for a bad alignment,
+    /// # Errors
+    /// [`GpuError::OutOfMemory`] when neither the arenas nor the budget (or the heap's own limit) have room even after
+    /// waiting for what is retired, [`GpuError::TooLarge`], [`GpuError::Usage`] for a bad alignment,
     /// [`GpuError::DeviceLost`].
     pub fn alloc(&self, name: &str, bytes: u64, align: u64) -> Result<HeapRange, GpuError> {
         self.alloc_with(name, bytes, align, BudgetWait::WaitForRetired)

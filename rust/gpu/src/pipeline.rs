@@ -29,8 +29,9 @@ impl Pipeline {
     /// Compiles `words` for its compute entry point `main`, with 32-bit specialisation constants `(id, value)` and
     /// `push_bytes` of push constants. May take seconds on a software renderer.
     ///
-    /// # Errors [`GpuError::Usage`] for words that are no compute shader or a push size that is no multiple of 4 or
-    /// above the limit; [`GpuError::Vulkan`] when the driver refuses; [`GpuError::DeviceLost`].
+    /// # Errors
+    /// [`GpuError::Usage`] for words that are no compute shader or a push size that is no multiple of 4 or above the
+    /// limit; [`GpuError::Vulkan`] when the driver refuses; [`GpuError::DeviceLost`].
     pub fn new(
         gpu: &Arc<Gpu>,
         name: &str,

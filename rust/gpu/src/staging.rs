@@ -74,8 +74,9 @@ impl StagingRing {
     /// Reserves `bytes` at an offset that is a multiple of `align` (a power of two), and waits until they are free. The
     /// bytes are arbitrary.
     ///
-    /// # Errors [`GpuError::Usage`] for more bytes than the ring has or a bad alignment, [`GpuError::DeviceLost`], or a
-    /// failed call.
+    /// # Errors
+    /// [`GpuError::Usage`] for more bytes than the ring has or a bad alignment, [`GpuError::DeviceLost`], or a failed
+    /// call.
     pub fn reserve(&self, bytes: u64, align: u64) -> Result<StagingSlice, GpuError> {
         let length = self.check(bytes, align)?;
         let turn = RingTurn::take(&self.memory);

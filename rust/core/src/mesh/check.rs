@@ -108,7 +108,7 @@ impl Bvh4 {
         }
     }
 
-    /// As [`Self::validate`], for leaves whose boxes enclose only the parts of triangles that cutouts keep: no box
+    /// As [`Self::validate_items`], for leaves whose boxes enclose only the parts of triangles that cutouts keep: no box
     /// extends beyond its items.
     ///
     /// # Errors

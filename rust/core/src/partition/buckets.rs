@@ -74,7 +74,7 @@ impl OrderBuckets {
         Self::on(MortonLattice::around(&bounds), samples, records, at_once)
     }
 
-    /// As [`Self::new`], on a given lattice.
+    /// As [`Self::of_samples`], on a given lattice.
     pub(crate) fn on(lattice: MortonLattice, samples: &[(Aabb, PlacementItem)], records: u64, at_once: u64) -> Self {
         let code = |(_, mut item): (Aabb, PlacementItem)| {
             lattice.place(&mut item, 0);

@@ -14,7 +14,7 @@ pub struct UnitCatalog {
     closures: Vec<u64>,
     total: u64,
     bases: usize,
-    /// Number of units that have a partner; units from here on stand alone.
+    /// First of the units that stand alone: those before are bases, or need a base, if there are bases.
     in_pairs: usize,
 }
 
@@ -154,7 +154,7 @@ impl UnitCatalog {
         if alone.1 > pair { ([alone.0, None], alone.1) } else { ([base.0, other.0], pair) }
     }
 
-    /// Bytes of the largest such closure: with a smaller budget, some ray could never continue.
+    /// Bytes of [`Self::largest`]: with a smaller budget, some ray could never continue.
     pub fn least_budget(&self) -> u64 {
         self.largest().1
     }

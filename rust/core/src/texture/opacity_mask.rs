@@ -62,9 +62,9 @@ impl OpacityQuery {
         }
     }
 
-    /// Returns if lookups that give `low` to `high` may meet the surface, and if they may miss it. `largest`: the
-    /// largest magnitude of the texels around. `rim`: the error that is accepted if the position is in one patch; 0 if
-    /// there may be several.
+    /// Returns true if lookups that give `low` to `high` may meet the surface, and true if they may miss it. `largest`:
+    /// the largest magnitude of the texels around. `rim`: the error of these values that an error of the position
+    /// causes, if it is in one patch; 0 if there may be several.
     fn may(&self, [low, high]: [f64; 2], rim: f64, largest: f64) -> [bool; 2] {
         if !largest.is_finite() || !self.scale.is_finite() || !self.bias.is_finite() || self.threshold.is_nan() {
             return [true; 2];
@@ -84,7 +84,7 @@ impl OpacityQuery {
             }
         };
         let off = if is_exact { 0.0 } else { rounding + rim * factor };
-        // As at the edge of a repeated picture: half of the kept part is on its other side.
+        // As at the edge of a picture that repeats: half of what is there on its other side.
         let is_steep = RIM * (b - a) > rounding;
         let is_below = b + rounding < least || (is_steep && b <= least + RIM * (b - a));
         let is_rim = rim > 0.0 && a < least && is_below;

@@ -9,8 +9,9 @@ use crate::instance::report::DeviceReport;
 
 /// The index into `reports` of the device to use.
 ///
-/// # Errors [`GpuError::NoDevice`] when nothing matches or nothing is usable, [`GpuError::MissingCapability`] when the
-/// user named a device and every match lacks something.
+/// # Errors
+/// [`GpuError::NoDevice`] when nothing matches or nothing is usable, [`GpuError::MissingCapability`] when the user
+/// named a device and every match lacks something.
 pub(crate) fn choose(reports: &[DeviceReport], selector: Option<&str>) -> Result<usize, GpuError> {
     if reports.is_empty() {
         return Err(GpuError::NoDevice {

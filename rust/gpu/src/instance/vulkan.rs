@@ -53,8 +53,9 @@ struct InstanceRequest {
 impl Instance {
     /// An instance with this much validation; the shared one without.
     ///
-    /// # Errors [`GpuError::NoDevice`] when there is no loader, it is older than Vulkan 1.2, or no driver is installed.
-    /// Tried anew by the next call.
+    /// # Errors
+    /// [`GpuError::NoDevice`] when there is no loader, it is older than Vulkan 1.2, or no driver is installed. Tried
+    /// anew by the next call.
     pub(crate) fn get(validation: ValidationLevel) -> Result<Arc<Self>, GpuError> {
         let mut plain = PLAIN.lock().unwrap_or_else(PoisonError::into_inner);
         let shared = match &*plain {

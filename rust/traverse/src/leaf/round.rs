@@ -26,7 +26,7 @@ impl RoundHit {
     pub(super) fn meet_ball(&mut self, c: V3, radius: f32, d: V3, dd: f32, u: f32) {
         let b = dot3(c, d) / dd;
         let across = c - b * d;
-        // This test needs no roots; rays that it keeps by mistake have a negative `rest`.
+        // This test needs no square root; for every ray that it rejects, `rest` would be negative.
         if dot3(across, across) > 1.0001 * radius * radius {
             return;
         }
