@@ -36,7 +36,7 @@ pub const FIRST: u32 = FIRST_LEVEL as u32;
 const FIRST_LEVEL: u8 = 3;
 /// Octaves between the fewest and the most samples of a stream.
 pub const SPAN: u32 = 6;
-/// Octaves of estimates that are kept: `SPAN + 1` and one to spare.
+/// Number of octaves of estimates that are kept: `SPAN + 1` and one spare.
 pub const RING: u32 = 8;
 /// Highest octave of a stream.
 const HIGHEST: u32 = 23;
@@ -44,15 +44,16 @@ const HIGHEST: u32 = 23;
 const SHRINK: f64 = 0.25;
 /// Steps of an octave in which counts are compared.
 const STEPS: i32 = 32;
-/// Octaves below the largest standard deviation that are told apart.
+/// Number of octaves below the largest standard deviation that are distinguished.
 const DEPTH: i32 = 24;
 /// Number of consecutive pixels that one thread processes.
 const PART: usize = 1 << 15;
 /// Bit at which the row of a band begins in `SampleBand::first_sample`.
 pub const BAND_SHIFT: u32 = 26;
 
-/// Estimates by the first `2^octave` samples of a stream, as `measured` by the film: variance of the mean by that of
-/// its samples, and square of the mean's change since half as many, both relative to the pixel and times the samples.
+/// Estimates from the first `2^octave` samples of a stream, as the film's `measured` has them: the variance of the mean
+/// by that of its samples, and the square of the mean's change since half as many samples, both relative to the pixel
+/// and multiplied by the number of samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VarianceEstimate {
     /// Error as estimated from the variance of the samples.
@@ -74,18 +75,18 @@ impl VarianceEstimate {
     }
 }
 
-/// One pixel of one stream in an epoch: its number in trace order, with the stream in the highest bit; and its first
+/// One pixel of one stream in an epoch: its number in trace order, with the stream in the highest bit; then its first
 /// sample.
 pub type PixelStart = [u32; 2];
 
-/// Samples of an epoch that the same pixels get: `rows` for each of the first `width` entries.
+/// Samples of an epoch that the same pixels get: `rows` samples for each of the first `width` entries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleBand {
     /// First path of the band, as a path number of the render.
     pub first: u64,
     /// Number of entries in a row.
     pub width: u32,
-    /// The first row: samples that these entries have had before in this epoch.
+    /// First row: number of samples that these entries have had before in this epoch.
     pub row: u32,
     /// Number of samples of each entry.
     pub rows: u32,
@@ -108,7 +109,7 @@ pub struct AdaptiveEpoch {
     pub bands: Vec<SampleBand>,
     /// One past the last path of the epoch.
     pub end: u64,
-    /// Octave of the mean number of samples of a pixel, both streams together, that it ends with, about.
+    /// Octave of the mean number of samples of a pixel at the end of the epoch, both streams together, approximately.
     pub octave: u32,
 }
 
@@ -121,7 +122,7 @@ pub struct AdaptiveUsage {
     pub fewest: u32,
     /// Most samples of a pixel, both streams together.
     pub most: u32,
-    /// Share of the samples that the decisions gave, 0 to 1; the rest every pixel has.
+    /// Share of the samples that the decisions distributed, 0 to 1; every pixel has the rest.
     pub decided: f64,
 }
 
@@ -154,7 +155,7 @@ pub fn pixel_position(index: u32, [width, height]: [u32; 2]) -> [u32; 2] {
 }
 
 impl AdaptiveSchedule {
-    /// A render of so many pixels with so many samples each, on average; its first epoch.
+    /// Begins a render of this size with this mean number of samples per pixel, at its first epoch.
     #[must_use]
     pub fn new(size: [u32; 2], samples: u32) -> Self {
         let pixels = size[0].saturating_mul(size[1]);
@@ -181,7 +182,7 @@ impl AdaptiveSchedule {
         self.budget(self.number + 1) <= self.budget(self.number)
     }
 
-    /// Octave of the samples of each stream whose word decides the next epoch.
+    /// Octave of the samples of each stream whose estimates decide the next epoch.
     #[must_use]
     pub fn decisive(&self) -> u32 {
         self.least(self.number)
@@ -193,23 +194,23 @@ impl AdaptiveSchedule {
         FIRST.max(mean.checked_ilog2().unwrap_or(0).saturating_sub(2))
     }
 
-    /// Paths that each stream may have by the end of epoch `number`.
+    /// Largest number of paths of each stream by the end of epoch `number`.
     fn budget(&self, number: u32) -> u64 {
         let pixels = self.trace.len() as u64;
         let half = pixels * u64::from(self.samples) / 2;
         half.min(pixels << (FIRST + number).min(HIGHEST))
     }
 
-    /// Goes on to the next epoch, once all paths of this one are done; `estimates` are those by the first `2^decisive`
-    /// samples of each stream, by pixel. False when there are no more samples to spend.
+    /// Advances to the next epoch, once all paths of this one are done; `estimates` are those of the first `2^decisive`
+    /// samples of each stream, by pixel. Returns false if there are no more samples to spend.
     pub fn advance(&mut self, estimates: [&[VarianceEstimate]; STREAMS]) -> bool {
         let [one, other] = estimates;
-        // Each is decided by the other.
+        // Each stream is decided by the other.
         self.advance_by([other, one])
     }
 
-    /// As [`AdaptiveSchedule::advance`], where `deciding[s]` decides about stream `s`: biased if it shares samples with
-    /// it.
+    /// As [`AdaptiveSchedule::advance`], where `deciding[s]` decides stream `s`: the result is biased if it shares
+    /// samples with it.
     pub fn advance_by(&mut self, deciding: [&[VarianceEstimate]; STREAMS]) -> bool {
         let number = self.number + 1;
         let budget = self.budget(number);
@@ -255,7 +256,8 @@ impl AdaptiveSchedule {
         AdaptiveEpoch { entries, bands, end: first, octave }
     }
 
-    /// Those of a part of the pixels, in trace order from `begin` on, that get samples of a stream, by how many more.
+    /// The pixels of a part, in trace order from `begin` on, that get samples of a stream, grouped by the number of new
+    /// samples.
     fn classes(&self, next: &[u8], stream: usize, begin: usize) -> BTreeMap<u32, Vec<PixelStart>> {
         let had = &self.levels[stream];
         let mark = if stream == 0 { 0 } else { 1 << 31 };
@@ -289,8 +291,8 @@ impl AdaptiveSchedule {
     }
 }
 
-/// Relative variance of a sample at each pixel, as far as the mean of many such is concerned, of its own estimates
-/// and those of its neighbours.
+/// Relative variance of a sample at each pixel, as it affects the mean of many samples, from its own estimates and
+/// those of its neighbours.
 fn weights(estimates: &[VarianceEstimate], size: [u32; 2]) -> Vec<f64> {
     let spread = blurred(estimates, |estimate| estimate.spread, size);
     let change = blurred(estimates, |estimate| estimate.change, size);
@@ -299,7 +301,7 @@ fn weights(estimates: &[VarianceEstimate], size: [u32; 2]) -> Vec<f64> {
     spread.par_iter().zip(&change).map(|(s, d)| (d + SHRINK * ratio * s) / (1.0 + SHRINK)).collect()
 }
 
-/// Means over 5 x 5 pixels, weighted 1 2 3 2 1 each way, of those that there are.
+/// Means over the existing pixels of a 5 x 5 neighbourhood, weighted 1 2 3 2 1 along each axis.
 fn blurred(estimates: &[VarianceEstimate], value: fn(&VarianceEstimate) -> f32, [width, height]: [u32; 2]) -> Vec<f64> {
     let finite = |value: f32| if value.is_finite() { f64::from(value.max(0.0)) } else { 0.0 };
     let values: Vec<f64> = estimates.par_iter().map(|estimate| finite(value(estimate))).collect();
@@ -308,7 +310,7 @@ fn blurred(estimates: &[VarianceEstimate], value: fn(&VarianceEstimate) -> f32, 
     blurred_along(&across, |at| at / width.max(1), width, height)
 }
 
-/// `place(at)` is that of `values[at]` among `length` values, `stride` apart.
+/// Blurs along one axis: `place(at)` is the position of `values[at]` among `length` values, `stride` apart.
 fn blurred_along(values: &[f64], place: impl Fn(usize) -> usize + Sync, stride: usize, length: usize) -> Vec<f64> {
     let of = |at: usize| {
         let (along, mut sum, mut weight) = (place(at), 0.0, 0.0);
@@ -339,7 +341,7 @@ fn wanted(weights: &[f64]) -> Vec<i32> {
     weights.par_iter().map(|weight| of(*weight)).collect()
 }
 
-/// The octave of a pixel that stands `wanted` below the largest when the largest would get `scale` steps of an octave.
+/// The octave of a pixel that is `wanted` steps below the largest, if the largest got `scale` steps of an octave.
 fn level(wanted: i32, scale: i32, old: u8, least: u32) -> u8 {
     let octave = (wanted + scale + STEPS / 2).div_euclid(STEPS);
     let most = (least + SPAN).min(HIGHEST);
@@ -348,8 +350,8 @@ fn level(wanted: i32, scale: i32, old: u8, least: u32) -> u8 {
     u8::try_from(bounded).unwrap_or(old)
 }
 
-/// Octaves of samples for all pixels, none below `old` or `least`, of `budget` samples in all, at most, unless the
-/// least is more.
+/// Octaves of samples for all pixels, none below `old` or `least`, with at most `budget` samples in all, unless the
+/// minimum is more.
 fn allocate(wanted: &[i32], old: &[u8], least: u32, budget: u64, stream: usize) -> Vec<u8> {
     // Pixels counted by their samples and their wishes.
     let count = |wanted: &[i32], old: &[u8]| {
@@ -377,7 +379,7 @@ fn allocate(wanted: &[i32], old: &[u8], least: u32, budget: u64, stream: usize) 
         };
         (0..).zip(&groups).map(of).sum()
     };
-    // All get the least below, all the most above.
+    // At the lower bound all pixels get the least, at the upper bound all get the most.
     let (mut low, mut high) = (-STEPS, STEPS * (DEPTH + i32::try_from(HIGHEST).unwrap_or(0) + 1));
     while high - low > 1 {
         let middle = low + (high - low) / 2;

@@ -4,11 +4,11 @@
 
 use std::time::Duration;
 
-/// Calls `read` until it succeeds, once more after each of `pauses` at most, which `wait` waits for, and only after
-/// errors that `may_pass`.
+/// Calls `read` until it succeeds, at most once more after each of `pauses`, and only after errors that `may_pass`
+/// accepts; `wait` waits for a pause.
 ///
 /// # Errors
-/// The last one.
+/// The error of the last call.
 pub fn again<T, E>(
     pauses: &[Duration],
     may_pass: impl Fn(&E) -> bool,

@@ -25,7 +25,7 @@ pub struct Camera {
     /// Planes in view space, a x + b y + c z + d: directly visible points are those at which no plane is below 0 (see
     /// [`crate::MAX_CLIP_PLANES`]).
     pub clip_planes: Vec<DVec4>,
-    /// `world_from_view` at times about the shutter; empty where it does not move.
+    /// Values of `world_from_view` at times around the shutter; empty if the camera does not move.
     pub motion: Vec<TransformSample>,
     /// Factor that multiplies the colour of the finished picture (`UsdGeomCamera::ComputeLinearExposureScale`). A
     /// factor that is negative or not finite counts as 1. Other outputs are not multiplied.
@@ -63,8 +63,9 @@ pub struct CameraRays {
     pub lens_v: [f32; 3],
     /// Ray parameter of the plane in focus; 1 without a lens.
     pub focus: f32,
-    /// Clip z of a point = dot of this with (v, 1), v in view space. Window depth is `0.5 * z / w + 0.5`. In view space
-    /// and not in the world's directions: there a wide angle's z and w would each cancel, and not by the same amount.
+    /// Clip z of a point = dot of this with (v, 1), v in view space. Window depth is `0.5 * z / w + 0.5`. It is in view
+    /// space and not along the world's axes: there a wide angle's z and w would each cancel, and not by the same
+    /// amount.
     pub clip_z: [f32; 4],
     /// Row that gives the clip w of a point.
     pub clip_w: [f32; 4],
@@ -112,7 +113,7 @@ impl PixelAffine {
         Self { constant: f(self.constant), per_x: f(self.per_x), per_y: f(self.per_y) }
     }
 
-    /// The same function of `q`, where `x = at.x + scale.x * q.x` and likewise y.
+    /// The same function of `q`, with `x = at.x + scale.x * q.x`, and y alike.
     fn substitute(self, at: DVec2, scale: DVec2) -> Self {
         Self {
             constant: self.constant + self.per_x * at.x + self.per_y * at.y,
@@ -137,8 +138,7 @@ impl Camera {
         let d = view.direction.map(vector).substitute(at, scale);
         let high = o.constant.as_vec3();
         let (radius, focus) = self.lens()?;
-        // As seen from where rays begin: offsets of a camera far from the origin would not be exact in single
-        // precision.
+        // Relative to the origin of the rays: offsets of a camera far from it would not be exact in single precision.
         let start = o.constant - world.translation;
         let from_start = DAffine3 { matrix3: world.matrix3, translation: -start };
         let view_from_world = from_start.inverse();

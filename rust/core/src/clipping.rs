@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Clipping planes of a camera, as functions of the image point that a ray goes through. Pure; any thread.
+//! Clipping planes of a camera, as functions of the image point that a ray passes. Pure; any thread.
 
 use crate::camera::{Camera, CameraError};
 use glam::{DMat4, DVec3, DVec4};
@@ -20,7 +20,7 @@ impl Camera {
         if planes.is_empty() {
             return Ok(Vec::new());
         }
-        // As a camera that looks from the origin of the world: its rays are those of the view.
+        // The camera looks from the origin of the world, so its rays are those of the view.
         let view = Self { world_from_view: DMat4::IDENTITY, motion: Vec::new(), ..self.clone() }.rays(DVec3::ZERO)?;
         let along = |plane: DVec4| {
             let dot = |v: [f32; 3]| narrow(plane.truncate().dot(DVec3::from_array(v.map(f64::from))));

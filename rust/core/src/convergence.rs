@@ -30,12 +30,12 @@ use serde::{Deserialize, Serialize};
 const ROUNDING: f64 = 1e-14;
 /// Slope of `ln R` downwards a priori, per octave in units of `ln 2`, and its standard deviation.
 const SLOPE: (f64, f64) = (0.3, 0.4);
-/// The steepest that is believed: smooth integrands, variance falling as the cube of the samples.
+/// Steepest slope that is accepted: that of smooth integrands, whose variance falls as the cube of the samples.
 const STEEPEST: f64 = 2.0;
-/// Slopes of parts of an integrand: noise in many dimensions, edges, edges met by one dimension, smooth. Counted
+/// Slopes of parts of an integrand: noise in many dimensions, edges, edges met by one dimension, smooth. Measured
 /// (decisions/0009): with one part of any slope the estimate is a fifth low.
 const PARTS: [f64; 4] = [0.0, 0.7, 1.0, STEEPEST];
-/// By how much `ln R` and its slope may change from octave to octave besides.
+/// Standard deviations by which `ln R` and its slope may change besides, per octave.
 const DRIFT: (f64, f64) = (0.1, 0.15);
 /// Variance of the logarithm of the estimate that effects outside of the model add.
 const MODEL: f64 = 0.02;
@@ -90,8 +90,8 @@ pub struct ConvergenceEstimator {
     last: Option<(u32, FilterState)>,
 }
 
-/// Part of the expected `s` that is there because samples which cover the domain evenly spread wider than independent
-/// ones: `E s = sigma^2 / n (n - G) / (n - 1)`, `G` the ratio of the variances of the two kinds of means.
+/// The part of the expected `s` that exists because samples that cover the domain evenly spread wider than independent
+/// ones: `E s = sigma^2 / n (n - G) / (n - 1)`, with `G` the ratio of the variances of the two kinds of means.
 fn spread_wide(samples: f64, gain: f64) -> f64 {
     (samples - gain.clamp(0.0, 1.0)) / (samples - 1.0).max(1.0)
 }
@@ -102,7 +102,7 @@ fn parts(slope: f64) -> (f64, f64) {
     let above = PARTS.iter().skip(1).position(|part| slope <= *part).unwrap_or(PARTS.len() - 2);
     let (flat, steep) = (PARTS[above], PARTS[above + 1]);
     let [slow, fast, fell] = [flat, steep, slope].map(|slope| (-slope).exp2());
-    // Share of the steep part in the last change: it had more of the one before.
+    // Share of the steep part in the last change: it was larger in the change before.
     let share = (slow - fell) / (slow - fast) * fast / fell;
     let next = -((1.0 - share) * slow + share * fast).log2();
     let to_come = |part: f64| 1.0 / ((1.0 + part).exp2() - 1.0);
@@ -138,7 +138,7 @@ impl FilterState {
         let ln2 = std::f64::consts::LN_2;
         let [ratio, both, slope] = self.covariance;
         let (next, _) = parts(self.slope);
-        // At most 1: where a steep part is all there was, how fast it dies is not known better than that.
+        // At most 1: if there is only a steep part, its slope is not known better than that.
         let kept = derivative(self.slope, |slope| parts(slope).0).min(1.0);
         let step = kept * ln2;
         let covariance = [
@@ -149,14 +149,14 @@ impl FilterState {
         Self { log_ratio: self.log_ratio - ln2 * next, slope: next, covariance }
     }
 
-    /// Having seen `log_ratio` with the given variance at an octave.
+    /// The state after an observation of `log_ratio` with the given variance at an octave.
     fn updated(self, log_ratio: f64, variance: f64, octave: u32) -> Self {
         let [ratio, both, slope] = self.covariance;
         let surprise = log_ratio - self.log_ratio;
         let expected = ratio + variance;
         if surprise > 0.0 && surprise * surprise > 9.0 * expected {
-            // Something new, such as the first firefly: the past says nothing about it, the way from independent
-            // samples a little.
+            // A new effect, such as the first firefly: the past has no information about it, and the step from
+            // independent samples has little.
             let slope = (-log_ratio / (f64::from(octave) * std::f64::consts::LN_2)).clamp(0.0, SLOPE.0);
             return Self { log_ratio, slope, covariance: [variance, 0.0, SLOPE.1 * SLOPE.1 / 4.0] };
         }

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Most primvars that are listed by name: names come from scenes of strangers.
+/// Largest number of primvars that are listed by name: names come from scenes of strangers.
 pub const MOST_PRIMVARS: usize = 64;
 /// Longest name of a primvar that is listed, characters.
 const LONGEST_NAME: usize = 80;
@@ -15,7 +15,7 @@ const LONGEST_NAME: usize = 80;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct RenderInventory {
-    /// Parts of the passes that are there only for scenes that need them.
+    /// Parts of the passes that are compiled only for scenes that need them.
     pub features: Vec<FeatureUse>,
     /// Passes of the renderer; each one that was made is one pipeline.
     pub passes: Vec<PassUse>,
@@ -26,7 +26,7 @@ pub struct RenderInventory {
     /// Further names of primvars, not listed.
     #[serde(default)]
     pub more_primvars: u64,
-    /// Levels of instance records that the passes are compiled for.
+    /// Number of levels of instance records that the passes are compiled for.
     pub max_levels: u32,
     /// Number of entries of a ray's stack that the passes are compiled for.
     pub stack_size: u32,
@@ -57,7 +57,7 @@ pub struct FeatureUse {
     pub what: String,
     /// True if the feature is compiled in.
     pub present: bool,
-    /// Compiled in although the scene does not need it: `oocpt:carry`.
+    /// True if it is compiled in although the scene does not need it (`oocpt:carry`).
     #[serde(default)]
     pub carried: bool,
 }
@@ -70,7 +70,7 @@ pub struct PassUse {
     pub name: String,
     /// True if there is a pipeline of it for this render.
     pub made: bool,
-    /// Seconds that compiling its pipeline took when this process first needed it; 0 when left out.
+    /// Seconds that compiling its pipeline took when this process first needed it; 0 if it was left out.
     pub compile_secs: f64,
 }
 
@@ -82,7 +82,7 @@ pub struct BufferUse {
     pub name: String,
     /// Bytes; 0 when left out.
     pub bytes: u64,
-    /// Bytes that are not there because the scene needs less: all of it where it was left out.
+    /// Bytes saved because the scene needs less: all of them if it was left out.
     pub saved: u64,
 }
 
@@ -94,9 +94,9 @@ pub struct PrimvarUse {
     pub name: String,
     /// Number of meshes and instancers whose values are used.
     pub made: u64,
-    /// Meshes and instancers that have it and whose values nothing reads.
+    /// Number of meshes and instancers that have it and whose values nothing reads.
     pub left_out: u64,
-    /// Bytes of the values used, as floats, each mesh that is shared counted for each prim.
+    /// Bytes of the values used, as floats; a shared mesh counts once for each prim.
     pub bytes: u64,
     /// Bytes that the authored values which nothing reads would take as floats.
     pub saved: u64,
@@ -109,7 +109,7 @@ impl RenderInventory {
         self.buffers.iter().map(|buffer| buffer.bytes).fold(0, u64::saturating_add)
     }
 
-    /// Bytes that are not there because the scene does not need them, primvars included.
+    /// Bytes saved because the scene does not need them, primvars included.
     #[must_use]
     pub fn saved(&self) -> u64 {
         let buffers = self.buffers.iter().map(|buffer| buffer.saved);
@@ -127,7 +127,7 @@ impl RenderInventory {
         self.note(name, bytes, 0);
     }
 
-    /// Notes a buffer that would have so many bytes if something needed it.
+    /// Notes a buffer that would have this many bytes if something needed it.
     pub fn leave_out(&mut self, name: &str, bytes: u64) {
         self.note(name, 0, bytes);
     }
@@ -142,7 +142,7 @@ impl RenderInventory {
         }
     }
 
-    /// Takes primvars over: those with most bytes first, no more than [`MOST_PRIMVARS`], names cut short.
+    /// Sets the primvars: those with most bytes first, at most [`MOST_PRIMVARS`], names cut short.
     pub fn set_primvars(&mut self, mut primvars: Vec<PrimvarUse>) {
         let weight = |primvar: &PrimvarUse| primvar.bytes.saturating_add(primvar.saved);
         primvars.sort_by(|a, b| weight(b).cmp(&weight(a)).then_with(|| a.name.cmp(&b.name)));

@@ -45,7 +45,7 @@ pub struct SettingInfo {
 }
 
 impl Settings {
-    /// Sets one value by its Hydra key. Gives whether it changed.
+    /// Sets one value by its Hydra key. Returns true if it changed.
     ///
     /// # Errors
     /// See [`SettingError`]; the setting keeps its value.
@@ -98,7 +98,7 @@ impl Settings {
         })
     }
 
-    /// All settings with their defaults, in the order in which hosts show those that are for users.
+    /// All settings with their defaults, in the order in which hosts show those for users.
     #[must_use]
     pub fn descriptors() -> Vec<SettingInfo> {
         let defaults = Self::default();
@@ -112,7 +112,7 @@ impl Settings {
             .collect()
     }
 
-    /// The key of the setting that a person means by `name`: the key itself, or without `oocpt:` in front.
+    /// The key of the setting that a user means by `name`: the key itself, or the key without `oocpt:`.
     ///
     /// # Errors
     /// [`SettingError::Misspelt`] with the nearest key.

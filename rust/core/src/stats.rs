@@ -25,9 +25,9 @@ pub struct RenderStats {
     pub gpu_peak_bytes: u64,
     /// Its hard limit, bytes.
     pub gpu_budget_bytes: u64,
-    /// Host memory of scene data that we hold (not the host's own arrays), bytes.
+    /// Host memory of scene data that the renderer holds (not the host's own arrays), bytes.
     pub host_bytes: u64,
-    /// The most memory that the process has held so far, the host's own data included, bytes; 0: unknown.
+    /// Maximum of the memory that the process has held so far, including the host's own data, bytes; 0: unknown.
     #[serde(default)]
     pub host_peak_bytes: u64,
     /// Rays traced, all kinds.
@@ -42,7 +42,7 @@ pub struct RenderStats {
     pub annotation: String,
     /// Parts of the pipeline that this scene does not need and that were left out.
     pub features_left_out: Vec<String>,
-    /// Passes, their seconds on the device in this render and how often they ran; only when profiled.
+    /// Passes with their seconds on the device in this render and the number of their runs; only when profiled.
     #[serde(default)]
     pub passes: Vec<(String, f64, u64)>,
     /// Parts of the render, and those that were left out; empty until the passes are compiled.
@@ -73,15 +73,15 @@ pub struct RenderStats {
 pub struct ErrorRow {
     /// Least number of samples of a pixel.
     pub samples: u32,
-    /// Since the render began, seconds; comparing with a reference is not counted.
+    /// Seconds since the render began, without comparisons with a reference.
     pub seconds: f64,
     /// Part of these seconds in which the device traced.
     pub seconds_tracing: f64,
     /// Rays traced, all kinds.
     pub rays: u64,
-    /// Estimated relMSE with its interval (see [`crate::convergence`]); none while nothing can be said.
+    /// Estimated relMSE with its interval (see [`crate::convergence`]); `None` while there is no estimate.
     pub estimate: Option<ErrorEstimate>,
-    /// The pixels that are worst, by the same estimate: at most one of every workgroup that measured, worst first.
+    /// The worst pixels, by the same estimate: at most one of every workgroup that measured, worst first.
     pub worst: Vec<WorstPixel>,
     /// Bytes of geometry and textures sent to the device so far while rendering.
     pub bytes_paged: u64,
@@ -101,11 +101,11 @@ pub struct RenderUsage {
     pub seconds_total: f64,
     /// The most device memory that was in use, bytes.
     pub gpu_peak_bytes: u64,
-    /// The most that the driver said, bytes ([`StreamingStats::driver_peak_bytes`]).
+    /// Device memory of this process according to the driver, maximum in bytes ([`StreamingStats::driver_peak_bytes`]).
     pub driver_peak_bytes: u64,
     /// Host memory of scene data that the renderer holds, bytes.
     pub host_bytes: u64,
-    /// The most memory that the process has held, bytes ([`RenderStats::host_peak_bytes`]).
+    /// Maximum of the memory that the process has held, bytes ([`RenderStats::host_peak_bytes`]).
     #[serde(default)]
     pub host_peak_bytes: u64,
     /// True if all of the scene was on the device and nothing was streamed.
@@ -253,19 +253,19 @@ pub struct StreamingStats {
     pub bytes_paged: u64,
     /// Of these, bytes that had been on the device before.
     pub reloaded_bytes: u64,
-    /// Visits of rays to chunks that found the chunk resident, divided by all that wanted one; 0 to 1.
+    /// Visits of rays to resident chunks, divided by all visits; 0 to 1.
     pub hit_rate: f64,
     /// Rays that wait for a chunk now.
     pub waiting_rays: u64,
     /// Paths still alive in the oldest unfinished segment now.
     pub stragglers: u64,
-    /// Bytes of geometry and textures (chunks, meshes, assemblies, tiles) on the device or on their way now.
+    /// Bytes of geometry and textures (chunks, meshes, assemblies, tiles) that are resident or loading now.
     pub geometry_bytes: u64,
     /// Hard limit of `geometry_bytes`, bytes.
     pub geometry_budget_bytes: u64,
     /// Maximum of `geometry_bytes` so far.
     pub geometry_peak_bytes: u64,
-    /// Bytes of geometry in host memory where rays read it across the bus.
+    /// Bytes of geometry in host memory that rays read across the bus.
     pub mapped_bytes: u64,
     /// True if all of the scene is on the device or in host memory that rays read, and the last paths were traced by
     /// passes that have no streaming in them.
@@ -279,7 +279,7 @@ pub struct StreamingStats {
     pub driver_peak_bytes: u64,
     /// Bytes that the whole scene would take on the device.
     pub scene_bytes: u64,
-    /// Share of the free device memory that no largest chunk fits into, 0 to 1, now.
+    /// Share of the free device memory that is in pieces too small for the largest chunk, 0 to 1, now.
     pub fragmentation: f64,
     /// Seconds during which the device traced or shaded.
     pub seconds_tracing: f64,

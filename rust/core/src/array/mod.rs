@@ -15,7 +15,7 @@ use half::f16;
 
 pub use view::{ArrayView, column_matrix};
 
-/// Bytes that stay where they are and as they are for as long as the source lives.
+/// Bytes that do not move or change as long as the source lives.
 pub trait ArraySource: Send + Sync + fmt::Debug {
     /// The whole array, tightly packed, in native byte order. Must give the same slice on every call.
     fn bytes(&self) -> &[u8];
@@ -127,8 +127,8 @@ impl ElementType {
     }
 }
 
-/// Rust types that know their [`ElementType`]. Quaternions share memory with four-vectors: use
-/// [`TypedArray::from_vec`] for them.
+/// Rust types with a known [`ElementType`]. Quaternions share memory with four-vectors: use [`TypedArray::from_vec`]
+/// for them.
 pub trait ArrayElement: Pod + Send + Sync {
     /// The element type of a `Vec<Self>`.
     const TYPE: ElementType;
@@ -255,7 +255,7 @@ impl TypedArray {
         (bytes.as_ptr() as usize, bytes.len())
     }
 
-    /// Same element type and same bytes; O(1) when the identity is the same.
+    /// True if both have the same element type and the same bytes; O(1) if the identity is the same.
     #[must_use]
     pub fn same_contents(&self, other: &Self) -> bool {
         self.element == other.element

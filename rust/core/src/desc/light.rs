@@ -33,12 +33,12 @@ pub enum LightKind {
         /// Layout of the texture.
         format: DomeFormat,
     },
-    /// Light from a cone of directions around the local +z axis (it shines along -z).
+    /// Light from a cone of directions around the local +z axis (it emits along -z).
     Distant {
         /// Full angle of the cone, degrees; 0 = exactly one direction.
         angle_degrees: f32,
     },
-    /// A rectangle in the local xy plane around the origin; it shines along -z.
+    /// A rectangle in the local xy plane around the origin; it emits along -z.
     Rect {
         /// Size along x.
         width: f32,
@@ -54,7 +54,7 @@ pub enum LightKind {
         /// True if it is a point.
         treat_as_point: bool,
     },
-    /// A disk in the local xy plane around the origin; it shines along -z.
+    /// A disk in the local xy plane around the origin; it emits along -z.
     Disk {
         /// Radius in object space.
         radius: f32,
@@ -74,8 +74,8 @@ pub enum LightKind {
         /// Combination of the light with the mesh's material.
         sync: MaterialSync,
     },
-    /// Half of a square in the local xy plane, its right angle at (-side / 2, -side / 2); it shines along -z. Tests
-    /// alone have it.
+    /// Half of a square in the local xy plane, with its right angle at (-side / 2, -side / 2); it emits along -z. Only
+    /// tests have it.
     #[cfg(feature = "faults")]
     ToyLight {
         /// Side of the square.
@@ -114,7 +114,7 @@ pub struct ShapingCone {
     pub ies: Option<AssetRef>,
     /// Scale of the profile's angles.
     pub ies_angle_scale: f32,
-    /// Divides the profile by its mean, so that the light keeps its power.
+    /// True if the profile is divided by its mean, so that the light keeps its power.
     pub ies_normalize: bool,
 }
 
@@ -122,9 +122,9 @@ pub struct ShapingCone {
 /// of `UsdLuxShadowAPI`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShadowReach {
-    /// Distance, in units of the scene, from which on there is none; 0: no shadow at all.
+    /// Distance, in units of the scene, beyond which there is no shadow; 0: no shadow at all.
     pub distance: f32,
-    /// Length of the stretch before that over which it fades out; 0 and less: none.
+    /// Length of the stretch before that over which the shadow fades out; 0 and less: none.
     pub falloff: f32,
     /// Exponent of the share of that stretch that is left.
     pub gamma: f32,

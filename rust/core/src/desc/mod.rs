@@ -41,7 +41,7 @@ pub enum Interpolation {
     Instance,
 }
 
-/// A primvar: values, how they are spread, and optional indices into the values.
+/// A primvar: values, their rate, and optional indices into the values.
 #[derive(Clone, Debug)]
 pub struct Primvar {
     /// The rate of its elements.
@@ -81,7 +81,7 @@ pub struct SubsetDesc {
     pub faces: TypedArray,
 }
 
-/// "This prim is part of the prototype `prototype_root` of `instancer`".
+/// An instancing relation: "this prim is part of the prototype `prototype_root` of `instancer`".
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct InstancedBy {
     /// Path of the instancer.
@@ -95,15 +95,17 @@ pub struct InstancedBy {
 pub struct PrimDesc {
     /// Unique path.
     pub path: Arc<str>,
-    /// Local to world; relative to the prototype root when the prim is instanced.
+    /// Local to world; relative to the prototype root if the prim is instanced.
     pub transform: DMat4,
-    /// The same at times about the shutter; empty where it does not move.
+    /// Values of `transform` at times around the shutter; empty if the prim does not move.
     pub motion: Vec<TransformSample>,
     /// An invisible prim contributes nothing.
     pub visible: bool,
-    /// "default" (also "" and "geometry"), "render", "proxy", "guide". Only looked at for meshes, as Hydra does.
+    /// Purpose: "default" (also "" and "geometry"), "render", "proxy" or "guide". It is used for meshes only, as in
+    /// Hydra.
     pub purpose: Arc<str>,
-    /// Empty: the prim is in the world. Otherwise it appears in each of these prototypes, and not in the world.
+    /// Prototypes that contain the prim; it appears in each of them, and not in the world. Empty: the prim is in the
+    /// world.
     pub instanced_by: Vec<InstancedBy>,
 }
 
@@ -136,9 +138,9 @@ pub struct MeshDesc {
     pub point_motion: PointsMotion,
     /// Kind of primitive that the points make.
     pub shape: PrimShape,
-    /// The solid that shape, points, faces, widths and normals are made of ([`MeshDesc::take_form`]).
+    /// Solid from which shape, points, faces, widths and normals are made ([`MeshDesc::take_form`]).
     pub solid: Option<SolidDesc>,
-    /// Diameters of curves and points; a pixel where there are none.
+    /// Diameters of curves and points; `None`: one pixel.
     pub widths: Option<Primvar>,
     /// Authored normals, object space.
     pub normals: Option<Primvar>,
@@ -146,13 +148,13 @@ pub struct MeshDesc {
     pub display_color: Option<Primvar>,
     /// `displayOpacity`, in [0, 1].
     pub display_opacity: Option<Primvar>,
-    /// All other primvars. Built only where a bound material asks for them.
+    /// All other primvars. They are built only if a bound material reads them.
     pub primvars: Vec<NamedPrimvar>,
     /// Path of the bound material.
     pub material: Option<Arc<str>>,
-    /// Faces with other materials. A face in none has `material`, a face in several belongs to the first.
+    /// Faces with other materials. A face in no subset has `material`, a face in several belongs to the first.
     pub subsets: Vec<SubsetDesc>,
-    /// Collections of lights' links that the prim is in (`categories` of Hydra).
+    /// Collections of light linking that the prim is in (`categories` of Hydra).
     pub categories: Vec<Arc<str>>,
 }
 
@@ -190,7 +192,8 @@ pub struct InstancerDesc {
     pub mask: Option<TypedArray>,
     /// Translation of each instance (three-vectors).
     pub translations: Option<TypedArray>,
-    /// Quaternions (normalised on use; a zero one is the identity), or four-vectors meaning (i, j, k, real).
+    /// Rotation of each instance: quaternions (normalised on use; a zero one is the identity), or four-vectors as (i,
+    /// j, k, real).
     pub rotations: Option<TypedArray>,
     /// Scale of each instance (three-vectors).
     pub scales: Option<TypedArray>,
@@ -247,7 +250,7 @@ pub struct NodeDesc {
     pub kind: Arc<str>,
     /// Authored inputs.
     pub params: Vec<ParamDesc>,
-    /// Inputs that come from other nodes; they win over params of the same name.
+    /// Connections to other nodes; they win over params of the same name.
     pub connections: Vec<ConnectionDesc>,
 }
 

@@ -22,9 +22,9 @@ pub struct PointsSample {
     pub time: f64,
     /// Points, as [`super::MeshDesc::points`].
     pub points: TypedArray,
-    /// Values of [`super::MeshDesc::normals`]; none: those that the frame has.
+    /// Values of [`super::MeshDesc::normals`]; `None`: those of the frame.
     pub normals: Option<TypedArray>,
-    /// Values of [`super::MeshDesc::widths`]; none: those that the frame has.
+    /// Values of [`super::MeshDesc::widths`]; `None`: those of the frame.
     pub widths: Option<TypedArray>,
 }
 
@@ -32,11 +32,11 @@ pub struct PointsSample {
 /// `UsdGeomPointBased` has it.
 #[derive(Clone, Debug, Default)]
 pub struct PointsMotion {
-    /// In the order of time; fewer than two where nothing is sampled.
+    /// Samples in the order of time; fewer than two if nothing is sampled.
     pub samples: Vec<PointsSample>,
     /// Velocities (three-vectors), units per second.
     pub velocities: Option<TypedArray>,
-    /// Three-vectors, units per second squared; count with velocities only.
+    /// Accelerations (three-vectors), units per second squared; used with velocities only.
     pub accelerations: Option<TypedArray>,
     /// Opening and closing of the shutter, seconds from the time of the points themselves.
     pub seconds: [f64; 2],
@@ -72,9 +72,9 @@ pub struct InstancerMotion {
     pub samples: Vec<InstancerSample>,
     /// Velocities (three-vectors), units per second.
     pub velocities: Option<TypedArray>,
-    /// Three-vectors, units per second squared; count with velocities only.
+    /// Accelerations (three-vectors), units per second squared; used with velocities only.
     pub accelerations: Option<TypedArray>,
-    /// Three-vectors along the axes of rotation, degrees per second.
+    /// Angular velocities: three-vectors along the axes of rotation, degrees per second.
     pub angular_velocities: Option<TypedArray>,
     /// Opening and closing of the shutter, seconds from the time of the arrays themselves.
     pub seconds: [f64; 2],

@@ -10,11 +10,11 @@ pub enum PrimShape {
     /// Corners of polygons, or of the control mesh of a subdivision surface.
     #[default]
     Mesh,
-    /// Control points of curves: tubes, or ribbons where the prim has normals.
+    /// Control points of curves: tubes, or ribbons if the prim has normals.
     Curves(CurvesDesc),
     /// The points are centres of balls.
     Points,
-    /// Opposite corners of boxes along the axes of the prim's frame, two for each box. Tests alone have it.
+    /// Opposite corners of axis-aligned boxes in the prim's frame, two for each box. Only tests have it.
     #[cfg(feature = "faults")]
     ToyBoxes,
 }
@@ -37,7 +37,7 @@ impl PrimShape {
 pub enum CurveBasis {
     /// Straight lines from point to point.
     Linear,
-    /// Cubic, four points a segment, each last one the first of the next.
+    /// Cubic Bezier curve with four points per segment; the last is the first of the next segment.
     #[default]
     Bezier,
     /// Uniform cubic B-spline.
@@ -54,7 +54,7 @@ pub enum CurveWrap {
     Nonperiodic,
     /// The curve is closed.
     Periodic,
-    /// From the first point to the last one, also where the basis would stop short of them.
+    /// The curve runs from the first point to the last one, also if the basis would stop short of them.
     Pinned,
     /// Each pair of points is a line of its own (Hydra's `segmented`, linear only).
     Segmented,
@@ -69,6 +69,6 @@ pub struct CurvesDesc {
     pub wrap: CurveWrap,
     /// Number of points of each curve (ints).
     pub counts: TypedArray,
-    /// Point of each vertex of the curves (ints); none: the points in their order.
+    /// Point of each vertex of the curves (ints); `None`: the points in their order.
     pub indices: Option<TypedArray>,
 }

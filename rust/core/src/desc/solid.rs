@@ -22,12 +22,12 @@ pub const AROUND: u32 = 96;
 /// Number of rows of faces from the equator of a ball to its pole.
 const ROWS: u32 = AROUND / 4;
 
-/// A solid at a time. Lengths in object space; signs do not count.
+/// The size of a solid at a time. Lengths are in object space; signs are ignored.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolidSize {
     /// Radii at the lower and the upper end of the axis.
     pub radii: [f64; 2],
-    /// From one end of the axis to the other one, which is not where a capsule ends.
+    /// Distance between the ends of the axis; the half balls of a capsule extend beyond them.
     pub height: f64,
 }
 
@@ -36,7 +36,7 @@ pub struct SolidSize {
 pub struct SolidDesc {
     /// Size at the frame's own time.
     pub size: SolidSize,
-    /// Parts of the shutter, in the order of time; fewer than two where it keeps its size.
+    /// Sizes at parts of the shutter, in the order of time; fewer than two if it keeps its size.
     pub samples: Vec<(f64, SolidSize)>,
     /// Axis of revolution: 0, 1, 2 = x, y, z.
     pub axis: usize,
@@ -168,7 +168,7 @@ impl SolidDesc {
         std::iter::once(self.size).chain(self.samples.iter().map(|(_, size)| *size))
     }
 
-    /// A place or a direction, given along the axis, and across it.
+    /// A position or a direction, given along the axis and across it.
     #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
     fn turned(&self, along: f64, across: [f64; 2]) -> [f32; 3] {
         let mut out = [0.0; 3];
@@ -229,7 +229,7 @@ impl SolidDesc {
                     let column = column.cast_signed();
                     out.corners.push(first[station] + if is_pole(station) { 0 } else { column });
                     let [along, away] = band.normals[end];
-                    // The tip of a cone has none: that of the middle of the face.
+                    // The tip of a cone has no normal: it gets that of the middle of the face.
                     let place = if is_pole(station) { f64::from(at) + 0.5 } else { f64::from(column) };
                     let [x, y] = direction(place);
                     out.normals.push(self.turned(along, [away * x, away * y]));
@@ -257,7 +257,7 @@ impl MeshDesc {
         !is_formed
     }
 
-    /// Takes over the arrays of an earlier description of the same solid, so that it is seen to be the same.
+    /// Takes the arrays of an earlier description of the same solid, so that it is recognised as the same.
     pub(crate) fn keep_form(&mut self, old: &Self) {
         if self.solid.is_some() && self.solid == old.solid {
             self.shape = old.shape.clone();

@@ -5,7 +5,7 @@ pub use oocpt_subdiv::{BoundaryRule, CreaseRule, FaceVaryingLinear, TriangleRule
 
 use crate::array::TypedArray;
 
-/// Subdivision scheme. Where a mesh is not refined, the scheme decides the normals: `CatmullClark` and `Loop` without
+/// Subdivision scheme. If a mesh is not refined, the scheme decides the normals: `CatmullClark` and `Loop` without
 /// authored normals get smooth area-weighted vertex normals, the others are flat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Subdivision {
@@ -34,7 +34,7 @@ pub struct SubdivisionTags {
     pub crease_indices: Option<TypedArray>,
     /// Points of each crease (ints).
     pub crease_lengths: Option<TypedArray>,
-    /// Sharpness of each crease, or of each of their edges (floats).
+    /// Sharpness of each crease, or of each edge of the creases (floats).
     pub crease_sharpnesses: Option<TypedArray>,
     /// Sharp points (ints).
     pub corner_indices: Option<TypedArray>,

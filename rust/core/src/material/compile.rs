@@ -19,7 +19,7 @@ pub const MAX_NODES: usize = 4096;
 /// The result of compiling a network.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CompiledMaterial {
-    /// The material; none where the surface cannot be understood: its meshes look as if they had none.
+    /// The material; `None` if the surface is not supported: its meshes are shown as if they had none.
     pub material: Option<Material>,
     /// Textures, indexed by the numbers in the inputs.
     pub textures: Vec<TextureRef>,
@@ -100,8 +100,8 @@ pub(crate) const NEUTRAL: [InputValue; MaterialInput::COUNT] = {
 };
 
 impl<'a> NetworkCompiler<'a> {
-    /// Notes that nodes of this kind are not understood. Hosts hand over no kind for nodes that they have no definition
-    /// of, such as shaders in a language of a renderer.
+    /// Notes that nodes of this kind are not supported. Hosts give no kind for nodes without a definition, such as
+    /// shaders in a renderer's own language.
     pub(super) fn unsupported(&mut self, node: &NodeDesc) {
         let (kind, path) = (&node.kind, &node.path);
         self.problems.add(if kind.is_empty() {

@@ -17,10 +17,10 @@ pub enum Cutout {
         image: CutoutImage,
         /// Name of the texture coordinates.
         set: Arc<str>,
-        /// Rows of the affine map from the set to the place in the texture.
+        /// Rows of the affine map from the set to the position in the texture.
         transform: [[f32; 3]; 2],
     },
-    /// As a primvar says: where it is at or above the threshold, or above 0 where that is 0.
+    /// A primvar decides: the surface exists where it is at or above the threshold, or above 0 if the threshold is 0.
     Primvar {
         /// Name of the primvar.
         name: Arc<str>,

@@ -59,7 +59,7 @@ pub struct MaterialText {
     pub is_understood: bool,
     /// Nodes of the network.
     pub nodes: Vec<NodeText>,
-    /// Values that several inputs read, `v1 = ...`, as formulas: before them.
+    /// Values that several inputs read, `v1 = ...`, as formulas; listed before the inputs.
     pub values: Vec<String>,
     /// Inputs of the BSDF that differ from their defaults: name and constant, texture, primvar or formula.
     pub inputs: Vec<(String, String)>,
@@ -71,9 +71,9 @@ pub struct MaterialText {
     pub needs: Vec<String>,
     /// Program that computes the inputs that are formulas.
     pub program: ProgramText,
-    /// Works out an opacity that is one; run for each candidate of a hit.
+    /// Program that computes the opacity, if that is a formula; it runs for each candidate of a hit.
     pub opacity_program: ProgramText,
-    /// Works out an emission that is one, for points of its meshes that light is asked for.
+    /// Program that computes the emission, if that is a formula, for points on its meshes that are sampled as lights.
     pub emission_program: ProgramText,
     /// Program that computes the displacement of each vertex, if the displacement is one.
     pub displacement_program: ProgramText,
@@ -155,7 +155,7 @@ fn fill(text: &mut MaterialText, material: &Material, compiled: &CompiledMateria
     let (values, mut roots) = by_program(&material.program, &|name| name != MaterialInput::Opacity);
     let (opacity_values, opacity_roots) = by_program(&material.opacity_program, &|name| name == MaterialInput::Opacity);
     text.values = values;
-    // Of another program: their numbers are their own.
+    // Names of another program: its numbers are its own.
     let own = |line: &String| format!("opacity: {line}");
     text.values.extend(opacity_values.iter().map(own));
     roots.extend(opacity_roots);
@@ -210,7 +210,7 @@ fn label(name: MaterialInput, is_hair: bool) -> Option<String> {
         };
         return Some(label.to_owned());
     }
-    // `DiffuseColor` is "diffuse color".
+    // Turns `DiffuseColor` into "diffuse color".
     let mut label = String::new();
     for letter in format!("{name:?}").chars() {
         if letter.is_ascii_uppercase() && !label.is_empty() {
@@ -266,7 +266,7 @@ impl ListingNames for MaterialNames<'_> {
     }
 
     fn texture(&self, texture: u32) -> String {
-        // The name alone: where it is stands with the textures.
+        // Only the name: the path is listed with the textures.
         let file = self.textures.get(texture as usize).map_or("?", |texture| &*texture.asset.authored);
         format!("\"{}\"", clean(file.rsplit('/').next().unwrap_or(file)))
     }
@@ -331,7 +331,7 @@ fn value_text(value: &ParamValue) -> String {
         ParamValue::Bool(flag) => flag.to_string(),
         ParamValue::Int(number) => number.to_string(),
         ParamValue::Float(number) => numbers(&[*number; 4], 1),
-        // Each component, also where they are the same: the type is seen.
+        // Every component is written, also equal ones, so that the type can be seen.
         ParamValue::Vec2(v) => components(v),
         ParamValue::Vec3(v) => components(v),
         ParamValue::Vec4(v) => components(v),

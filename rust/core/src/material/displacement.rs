@@ -29,7 +29,8 @@ pub enum Displacement {
 /// Amount by which surfaces are moved along their normals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PreviewDisplacement {
-    /// The first of its components counts. Numbers of textures, sets and primvars are 0. Never a register.
+    /// Amount: the first of its components counts. Numbers of textures, sets and primvars are 0. It is never a
+    /// register.
     pub(crate) amount: InputValue,
     /// Texture of `amount`.
     pub(crate) texture: Option<TextureRef>,

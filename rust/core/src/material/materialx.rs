@@ -30,7 +30,7 @@ const PREFIX: &str = "ND_";
 pub(super) fn is_materialx(desc: &MaterialDesc, terminal: Option<usize>) -> bool {
     let Some(node) = terminal.and_then(|at| desc.nodes.get(at)) else { return false };
     let name = node.kind.rsplit(':').next().unwrap_or_default();
-    // Who defines a node of one's own may call it otherwise.
+    // The author of a custom node definition may use another name.
     name.starts_with(PREFIX)
         || definitions::of_node(node).is_some()
         || !node.kind.is_empty() && !node.kind.starts_with("Usd") && standard().definition(&node.kind).is_some()
@@ -154,7 +154,7 @@ fn texture(texture: &MaterialTexture) -> TextureRef {
         AddressMode::Mirror => Wrap::Mirror,
         AddressMode::UseMetadata => Wrap::UseMetadata,
     });
-    // A file that says nothing is linear: the working space of a document is.
+    // A file without a colour space is linear, as the working space of a document is.
     let default = if *auto_color_space { ColorSpace::Auto } else { ColorSpace::Raw };
     let color_space = match file.color_space.as_deref().map(named) {
         None | Some(ColorSpace::Auto) => default,
@@ -183,7 +183,7 @@ fn inside(
         _ => None,
     };
     let is_even = constant(MaterialInput::Anisotropy).is_some_and(|[a, _, b, _]| a >= 1.0 && b >= 1.0);
-    // Without a weight or a thickness there is none.
+    // Without a weight or a thickness there is no film.
     let is_bare =
         constant(MaterialInput::ThinFilm).is_some_and(|[weight, thickness, ..]| weight <= 0.0 || thickness <= 0.0);
     let is_clear = constant(MaterialInput::Absorption).is_some_and(|value| value.iter().take(3).all(|a| *a <= 0.0));
@@ -245,7 +245,7 @@ fn material(translation: &TranslatedNetwork) -> Option<Material> {
     flags.set(MaterialFlags::ROUGH_DIFFUSE, is_more(MaterialInput::DiffuseRoughness, 0.0));
     flags.set(MaterialFlags::FRAMED_NORMAL, translation.framed_normal);
     if translation.hair {
-        // Its inputs of these names mean something else.
+        // Inputs of these names have another meaning for hair.
         flags -= MaterialFlags::ANISOTROPIC | MaterialFlags::THIN_FILM | MaterialFlags::NORMAL_MAP;
         flags |= MaterialFlags::HAIR;
     }

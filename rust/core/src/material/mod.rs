@@ -55,9 +55,10 @@ pub enum InputValue {
         scale: [f32; 4],
         /// Summand after the factor.
         bias: [f32; 4],
-        /// Texture coordinate set of the material; `None`: (0, 0), the last column of `transform` is the place.
+        /// Texture coordinate set of the material; `None`: (0, 0), so that the last column of `transform` is the
+        /// position.
         uv: Option<u8>,
-        /// Rows of the affine map from the set to the place in the texture.
+        /// Rows of the affine map from the set to the position in the texture.
         transform: [[f32; 3]; 2],
     },
     /// A primvar of the mesh.
@@ -67,14 +68,14 @@ pub enum InputValue {
         /// Value if the mesh does not have it.
         fallback: [f32; 4],
     },
-    /// A register of the material's program; of the opacity, of its own program.
+    /// A register of the material's program; for the opacity, of its own program.
     Register(u8),
 }
 
-/// Name of the set of Ptex coordinates: face and place in it, made of the topology and not of a primvar.
+/// Name of the set of Ptex coordinates: face and position in it, computed from the topology and not from a primvar.
 pub const PTEX_SET: &str = "Ptex face";
 
-/// Name of the point in the mesh's frame, which is made of the hit and not of a primvar.
+/// Name of the point in the mesh's frame, which is computed from the hit and not from a primvar.
 pub const POSITION_NAME: &str = oocpt_materialx::uses::MaterialUses::POSITION;
 /// Name of the shading normal in the mesh's frame.
 pub const NORMAL_NAME: &str = oocpt_materialx::uses::MaterialUses::NORMAL;
@@ -117,7 +118,7 @@ pub struct PrimvarSlot {
     pub name: Arc<str>,
     /// Number of the name; 0 before a commit.
     pub id: u32,
-    /// Value where the mesh does not have it, for programs; an [`InputValue::Primvar`] has its own.
+    /// Value for programs if the mesh does not have it; an [`InputValue::Primvar`] has its own.
     pub fallback: [f32; 4],
 }
 
@@ -128,17 +129,19 @@ pub struct Material {
     pub flags: MaterialFlags,
     /// Inputs, indexed by [`MaterialInput`].
     pub inputs: [InputValue; MaterialInput::COUNT],
-    /// With [`MaterialFlags::PRESENCE`]: 0 = the opacity is a probability, else a surface of less opacity is not there.
+    /// Threshold with [`MaterialFlags::PRESENCE`]: 0 = the opacity is a probability, else a surface of less opacity
+    /// does not exist.
     pub opacity_threshold: f32,
     /// Texture coordinate sets, at most [`MAX_UV_SETS`].
     pub uv_sets: Vec<UvSet>,
     /// Primvars, at most [`MAX_PRIMVARS`].
     pub primvars: Vec<PrimvarSlot>,
-    /// Works out the inputs that are registers; its lookups have textures as [`InputValue::Texture`] has.
+    /// Program that computes the inputs that are registers; its lookups refer to textures as [`InputValue::Texture`]
+    /// does.
     pub program: Program,
-    /// Works out the opacity where that is a register: a program of its own, which traversal runs.
+    /// Program that computes the opacity if that is a register, which traversal runs.
     pub opacity_program: Program,
-    /// Works out the emission alone, where light can be asked for it: its lookups are textures as the others.
+    /// Program that computes the emission alone, for points sampled as lights: its lookups refer to the same textures.
     pub emission: Option<MaterialEmission>,
 }
 
@@ -194,14 +197,14 @@ pub enum ColorSpace {
     Raw,
     /// Values with the sRGB curve; alpha is linear.
     Srgb,
-    /// The colour space of that name, which `OpenColorIO` knows or not; none of the names that mean one of the above.
+    /// The colour space of that name, which `OpenColorIO` may know; never one of the names of the spaces above.
     Named(Arc<str>),
 }
 
 /// A texture that materials read. Two are equal if they read the same file in the same way.
 #[derive(Clone, Debug)]
 pub struct TextureRef {
-    /// A prim that asks for it: the first one that was seen. For messages.
+    /// The first prim that uses it, for messages.
     pub prim: Arc<str>,
     /// The file. `<UDIM>` in its resolved name stands for the tiles 1001 to 1100.
     pub asset: AssetRef,
@@ -211,8 +214,8 @@ pub struct TextureRef {
     pub color_space: ColorSpace,
     /// Value if the file cannot be read. Neither scale nor bias apply, unless [`Self::has_border`].
     pub fallback: [f32; 4],
-    /// The fallback is a texel as others are: it lies where [`Wrap::Black`] has black, and scale and bias apply to it
-    /// (`MaterialX`'s `image`).
+    /// True if the fallback is a texel as others are: it lies where [`Wrap::Black`] has black, and scale and bias apply
+    /// to it (`MaterialX`'s `image`).
     pub has_border: bool,
     /// True if the file is Ptex, which is looked up by face and not by st.
     pub is_ptex: bool,

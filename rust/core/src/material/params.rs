@@ -62,7 +62,7 @@ pub(super) fn text<'a>(node: &'a NodeDesc, name: &str, problems: &mut ProblemLis
     }
 }
 
-/// The file of an input; text is taken for a path that was not resolved.
+/// The file of an input; text counts as a path that was not resolved.
 pub(super) fn asset(node: &NodeDesc, name: &str, problems: &mut ProblemList) -> Option<AssetRef> {
     match param(node, name)? {
         ParamValue::Asset(asset) => Some(asset.clone()),
@@ -74,8 +74,8 @@ pub(super) fn asset(node: &NodeDesc, name: &str, problems: &mut ProblemList) -> 
     }
 }
 
-/// The number or numbers of an input, or `default`. A number in place of a bool or of an integer, and the other way
-/// round, is taken; so are four in place of three.
+/// The number or numbers of an input, or `default`. A number in place of a bool or of an integer is accepted, and vice
+/// versa; so are four in place of three.
 pub(super) fn numbers(
     node: &NodeDesc,
     name: &str,

@@ -49,7 +49,7 @@ impl<'a> NetworkCompiler<'a> {
         Some(InputValue::Primvar { slot: u8::try_from(slot).unwrap_or_default(), fallback })
     }
 
-    /// The texture coordinate set of a reader, or else the coordinates that it gives.
+    /// The texture coordinate set of a reader, or else its constant coordinates.
     pub(super) fn coordinate_reader(&mut self, node: &'a NodeDesc) -> Result<u8, [f32; 2]> {
         let [s, t, ..] = numbers(node, "fallback", NumberShape::Pair, [0.0; 4], &mut self.problems);
         let fallback = [s, t];

@@ -12,8 +12,8 @@ use super::compile::NetworkCompiler;
 use super::params::text;
 use crate::desc::NodeDesc;
 
-/// The sRGB curve with the primaries of Rec. 709: of `UsdUVTexture`, `GfColorSpaceNames`, the Color Interop Forum, and
-/// the configurations of ACES.
+/// Names of the sRGB curve with the primaries of Rec. 709: of `UsdUVTexture`, `GfColorSpaceNames`, the Color Interop
+/// Forum, and the configurations of ACES.
 const SRGB: &[&str] = &[
     "srgb",
     "srgb_texture",
@@ -52,7 +52,7 @@ const RAW: &[&str] = &[
 /// Names that leave the choice to the file.
 const AUTO: &[&str] = &["", "auto", "unknown"];
 
-/// The colour space of a name. Case does not count, as it does not in `OpenColorIO`.
+/// The colour space of a name. Case is ignored, as in `OpenColorIO`.
 pub(super) fn named(name: &str) -> ColorSpace {
     let lower = name.trim().to_ascii_lowercase();
     let is_in = |list: &[&str]| list.contains(&&*lower);
@@ -78,7 +78,7 @@ impl<'a> NetworkCompiler<'a> {
     pub(super) fn color_space(&mut self, node: &'a NodeDesc) -> ColorSpace {
         let mut said = |name: &str| text(node, name, &mut self.problems).map_or(ColorSpace::Auto, named);
         match said("sourceColorSpace") {
-            // Both front ends hand the metadata of an input on as a parameter of this name.
+            // Both front ends pass the metadata of an input as a parameter of this name.
             ColorSpace::Auto => said("colorSpace:file"),
             space => space,
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Surface attributes in the order the GPU reads them.
+//! Surface attributes in the order in which the GPU reads them.
 
 use oocpt_abi::AttributeRate;
 

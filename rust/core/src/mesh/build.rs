@@ -30,18 +30,18 @@ use crate::desc::{DroppedData, MeshDesc, PrimShape, Subdivision};
 /// Faces that a thread triangulates at a time.
 const FACE_BLOCK: usize = 1 << 14;
 
-/// Twice the smallest area of a triangle we keep, in squares of its longest edge: three times the rounding of the
-/// products in double precision, so that the normal's direction means something. The same at every scale.
+/// Twice the smallest area of a triangle that is kept, in squares of its longest edge: three times the rounding of the
+/// products in double precision, so that the direction of the normal is meaningful. The same at every scale.
 pub const MIN_RELATIVE_DOUBLE_AREA: f64 = 1e-15;
-/// Twice the smallest area that we keep at all: the device computes it in single precision, without denormal numbers.
+/// Twice the smallest area that is kept at all: the device computes it in single precision, without denormal numbers.
 pub const MIN_DOUBLE_AREA: f64 = 1e-36;
 
 /// The assets of a mesh: one, several clusters, or none if nothing was usable; and the data that were dropped.
 #[derive(Clone, Debug)]
 pub struct BuiltMesh {
-    /// The whole mesh; none where it was split or nothing was usable.
+    /// The whole mesh; `None` if it was split or nothing was usable.
     pub asset: Option<Arc<MeshAsset>>,
-    /// The mesh in pieces, where it was split; otherwise empty. See [`super::split_mesh`].
+    /// Clusters of the mesh, if it was split; otherwise empty. See [`super::split_mesh`].
     pub clusters: Vec<Arc<MeshAsset>>,
     /// Data dropped because it was bad.
     pub dropped: DroppedData,
@@ -59,7 +59,8 @@ pub fn build_mesh(desc: &MeshDesc, key: u128) -> BuiltMesh {
 /// most `cluster_bytes` each. A split mesh never gets a hierarchy of its own. `key` is its [`super::mesh_key`].
 ///
 /// Whether to split is decided by the numbers of triangles and attribute values, hence the same everywhere. Clusters
-/// are the same bits for any number of threads, but not the ones that [`super::split_mesh`] makes of the whole asset.
+/// are the same bits for any number of threads, but differ from those that [`super::split_mesh`] makes of the whole
+/// asset.
 #[must_use]
 pub fn build_mesh_split(desc: &MeshDesc, key: u128, limit_bytes: u64, cluster_bytes: u64) -> BuiltMesh {
     build_mesh_with(desc, &BuildDemand::default(), key, limit_bytes, cluster_bytes)
@@ -84,7 +85,7 @@ pub fn build_mesh_with(
 /// Limits by which a large mesh is cut into clusters.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ClusterLimits {
-    /// A mesh that would take more than about so many bytes on the device is cut.
+    /// Bytes on the device above which, approximately, a mesh is cut.
     pub(crate) limit_bytes: u64,
     /// Most bytes of a cluster on the device.
     pub(crate) cluster_bytes: u64,
@@ -100,7 +101,7 @@ pub(crate) struct BuiltAsset {
     pub(crate) notes: Vec<String>,
 }
 
-/// [`build_mesh_with`] that gives each cluster to `put` as soon as it is made.
+/// As [`build_mesh_with`], but gives each cluster to `put` as soon as it is made.
 pub(crate) fn build_mesh_into(
     desc: &MeshDesc,
     demand: &BuildDemand<'_>,
@@ -135,7 +136,7 @@ pub(crate) fn build_mesh_into(
             return read_triangles(loose, dropped);
         };
         notes.extend_from_slice(&refined.notes);
-        // A limit surface may close to a point, as at a pole: that is no bad data.
+        // A limit surface may close to a point, as at a pole, without bad data.
         let zero_area_triangles = dropped.zero_area_triangles;
         let RefinedMesh { topology, desc, poses, .. } = &refined;
         let loose = read_triangles(UnsortedMesh { desc, wanted, key, topology, kind, radii: &[], poses }, dropped);
@@ -150,8 +151,8 @@ pub(crate) fn build_mesh_into(
     built
 }
 
-/// `loose` with its hierarchy, or none if it would take more than about the limit: its clusters go to `put` then.
-/// `covered`: as of [`covered_boxes`].
+/// Returns `loose` with its hierarchy, or `None` if it would exceed the limit: then its clusters go to `put`.
+/// `covered`: result of [`covered_boxes`].
 fn arrange_or_split(
     loose: MeshAsset,
     covered: Option<Vec<Aabb>>,
@@ -289,8 +290,8 @@ struct AuthoredTriangles {
     ptex: Vec<PtexTriangle>,
 }
 
-/// All triangles with area, in authored order: blocks of faces side by side, unless faces have Ptex numbers, which go
-/// on from face to face.
+/// All triangles with area, in authored order. Blocks of faces are processed in parallel, unless faces have Ptex
+/// numbers, which continue from face to face.
 fn triangulate(
     topology: &MeshTopology,
     poses: &[PointsPose],
@@ -330,7 +331,7 @@ fn triangulate_block(
     let (mut points, mut ears) = (Vec::new(), Vec::new());
     let AuthoredTriangles { mut triangles, mut sources, mut ptex } = AuthoredTriangles::default();
     if numbers.is_none() {
-        // A face has three corners at least.
+        // A face has at least three corners.
         let most = faces.iter().filter(|face| !face.is_hole).map(|face| face.count as usize - 2).sum();
         triangles.reserve_exact(most);
         sources.reserve_exact(most);
@@ -420,7 +421,7 @@ pub(super) fn build_normals(
     let smoothed = || Attribute { rate: AttributeRate::Vertex, values: extend_points(layout, smooth().clone()) };
     let mut normals = authored.or_else(|| is_smooth.then(smoothed));
     if !layout.centers.is_empty() {
-        // The mean of unit vectors is none.
+        // The mean of unit vectors is not a unit vector.
         for normal in normals.iter_mut().flat_map(|normals| &mut normals.values) {
             *normal = Vec3::from(*normal).try_normalize().unwrap_or(Vec3::Z).to_array();
         }

@@ -11,7 +11,7 @@ use super::bvh4::{Bvh4, compress};
 /// Points of a bundle.
 pub const POINT_BUNDLE: usize = oocpt_abi::POINT_BUNDLE as usize;
 
-/// The boxes of the bundles of points in BVH order, given their own.
+/// The boxes of the bundles of points in BVH order, from the boxes of the points.
 pub(super) fn bundle_boxes(boxes: &[Aabb]) -> Vec<Aabb> {
     let (short, full) = boxes.split_at(boxes.len() % POINT_BUNDLE);
     let short = (!short.is_empty()).then_some(short);
@@ -77,7 +77,7 @@ fn with_leaf_first(bvh: &Bvh2, mut order: Vec<u32>, bounds: &Aabb) -> (Bvh2, Vec
     }
     let depth = bvh.depth + 1;
     if let [root, only] = nodes.as_mut_slice() {
-        // A single leaf is no node of its own.
+        // A single leaf has no node of its own.
         if only.bounds(1).is_empty() {
             root.set(1, &only.bounds(0), only.child[0], only.count[0]);
             nodes.pop();

@@ -15,11 +15,11 @@ use super::{Aabb, LeafKind, Triangle};
 
 /// Most triangles in a leaf.
 pub const MAX_LEAF_TRIANGLES: u32 = 3;
-/// Deepest hierarchy that is given out; deeper ones (adversarial meshes) are built again, balanced.
+/// Largest depth of a hierarchy; deeper ones (adversarial meshes) are built again, balanced.
 pub const MAX_DEPTH: u32 = 64;
 /// Cost of a node step in triangle tests, for collapsing leaves.
 const TRAVERSAL_COST: f32 = 1.0;
-/// Share of the nodes that reinsertion looks at, with single items in leaves and once more with several.
+/// Share of the nodes that reinsertion considers, once with single items in leaves and once with several.
 const REINSERTION: f32 = 0.1;
 
 /// An inner node with the boxes of both children, 64 bytes.
@@ -59,7 +59,8 @@ impl BvhNode {
 pub struct Bvh2 {
     /// Nodes, parents before children.
     pub nodes: Vec<BvhNode>,
-    /// Nodes on the longest way down, at most [`MAX_DEPTH`]; a traversal stack of this many entries suffices.
+    /// Number of nodes on the longest path down, at most [`MAX_DEPTH`]; a traversal stack of this many entries
+    /// suffices.
     pub depth: u32,
 }
 
@@ -87,7 +88,7 @@ pub enum BvhError {
 }
 
 /// Builds the hierarchy over `triangles` (at least one, finite) and the BVH order: `order[k]` is the number of the
-/// triangle at place k.
+/// triangle at position k.
 #[must_use]
 pub fn build_bvh(triangles: &[Triangle], kind: LeafKind) -> (Bvh2, Vec<u32>) {
     let boxes: Vec<Aabb> = triangles.iter().map(|triangle| triangle.bounds(kind)).collect();

@@ -18,10 +18,10 @@ pub const WIDTH: usize = 4;
 /// Number of cells along an axis of a node's grid: fewer than planes can address, to leave room for rounding and the
 /// margin.
 const CELLS: f64 = 253.0;
-/// Cells that planes over boxes are further out at least. Walks do not pad these boxes as they do those of meshes, and
-/// the planes' own rounding is 2^-24 of the grid's 255 cells at each of four steps.
+/// Number of cells by which planes over boxes are moved outwards at least. Walks do not pad these boxes as they do
+/// those of meshes, and the planes' own rounding is 2^-24 of the grid's 255 cells at each of four steps.
 const MARGIN: f64 = 1.0 / 8192.0;
-/// A node of children in `boxes`, at most four, which `child` names.
+/// A node of at most four children with the boxes `boxes` and the references `child`.
 pub(super) fn level_node<'a>(boxes: impl Iterator<Item = &'a Aabb> + Clone, child: [u32; WIDTH]) -> LevelNode {
     let BoxGrid { origin, cell, lower, upper } = BoxGrid::new(boxes, MARGIN);
     LevelNode { origin, cell, lower, upper, child, pad: [0; 2] }
@@ -32,12 +32,12 @@ pub(super) fn level_node<'a>(boxes: impl Iterator<Item = &'a Aabb> + Clone, chil
 pub struct Bvh4 {
     /// Nodes, parents before children.
     pub nodes: Vec<Bvh4Node>,
-    /// Stack entries that suffice for a walk: on the longest way down, the children that wait.
+    /// Number of stack entries that suffice for a walk: the children that wait on the longest path down.
     pub stack: u32,
 }
 
 /// Builds the hierarchy over `triangles` (at least one, finite, fewer than 2^28) and the BVH order: `order[k]` is the
-/// number of the triangle at place k.
+/// number of the triangle at position k.
 #[must_use]
 pub fn build_bvh4(triangles: &[Triangle], kind: LeafKind) -> (Bvh4, Vec<u32>) {
     let boxes: Vec<Aabb> = triangles.iter().map(|triangle| triangle.bounds(kind)).collect();
@@ -53,8 +53,8 @@ pub(super) fn build_bvh4_over(boxes: &[Aabb], kind: LeafKind) -> (Bvh4, Vec<u32>
     compress(&bvh, &order, false)
 }
 
-/// The hierarchy of `bvh`, whose leaves are of the items `order`, and these in its own order. With `in_order` the first
-/// leaf of the root remains the first one of all.
+/// The wide hierarchy of `bvh`, whose leaves contain the items `order`, with these items in its own order. With
+/// `in_order` the first leaf of the root remains the first one of all.
 pub(super) fn compress(bvh: &Bvh2, order: &[u32], in_order: bool) -> (Bvh4, Vec<u32>) {
     let mut places = Vec::with_capacity(order.len());
     let (nodes, stack) = widen(bvh, in_order, |parts, inner, first_child| {
@@ -75,8 +75,8 @@ pub(super) fn compress(bvh: &Bvh2, order: &[u32], in_order: bool) -> (Bvh4, Vec<
     (Bvh4 { nodes, stack }, ordered)
 }
 
-/// The hierarchy of `bvh`, which is one over boxes ([`super::build_box_bvh`]), and the stack entries that suffice for a
-/// walk. Without boxes one node without children.
+/// The wide hierarchy of `bvh`, which is over boxes ([`super::build_box_bvh`]), and the number of stack entries that
+/// suffice for a walk. Without boxes it is one node without children.
 #[must_use]
 pub fn level_nodes(bvh: &Bvh2) -> (Vec<LevelNode>, u32) {
     widen(bvh, false, |parts, inner, first_child| {
@@ -88,8 +88,8 @@ pub fn level_nodes(bvh: &Bvh2) -> (Vec<LevelNode>, u32) {
     })
 }
 
-/// The nodes that `emit` makes of the parts of a node, how many of them are inner and where these will be; and the
-/// stack entries that suffice for a walk.
+/// Makes wide nodes with `emit`, which gets the parts of a node, the number of inner ones, and their index; returns the
+/// nodes and the number of stack entries that suffice for a walk.
 fn widen<N: Copy + Default>(
     bvh: &Bvh2,
     in_order: bool,
@@ -117,7 +117,7 @@ fn index(of: usize) -> u32 {
     u32::try_from(of).unwrap_or(u32::MAX)
 }
 
-/// Half the surface of a box, which single precision may not hold.
+/// Half the surface of a box, in double precision, because single precision may overflow.
 pub(super) fn half_area(b: &Aabb) -> f64 {
     let [x, y, z] = [0, 1, 2].map(|k| f64::from(b.max[k]) - f64::from(b.min[k]));
     x * y + y * z + z * x
@@ -133,7 +133,7 @@ struct BoxGrid {
 }
 
 impl BoxGrid {
-    /// The planes of at most four `boxes`, further out by `margin` cells at least.
+    /// The planes of at most four `boxes`, moved outwards by `margin` cells at least.
     fn new<'a>(boxes: impl Iterator<Item = &'a Aabb> + Clone, margin: f64) -> Self {
         let all = boxes.clone().fold(Aabb::EMPTY, |all, b| all.union(b));
         let mut grid = Self::default();

@@ -22,14 +22,14 @@ pub(crate) struct SubdivisionCage {
 }
 
 impl SubdivisionCage {
-    /// Points that follow themselves, as at the poles of many spheres, count once; faces that come back to a point are
-    /// left out.
+    /// Repeated consecutive points, as at the poles of many spheres, count once; faces that return to a point are left
+    /// out.
     pub(crate) fn new(topology: &MeshTopology, dropped: &mut DroppedData) -> Result<Self, Error> {
         Self::of(topology, false, dropped)
     }
 
-    /// As [`Self::new`], of faces that are flat: those of more than four corners and those that are not convex are cut
-    /// into triangles, since a bilinear patch would not cover them.
+    /// As [`Self::new`], for flat faces: those of more than four corners and those that are not convex are cut into
+    /// triangles, since a bilinear patch would not cover them.
     pub(crate) fn flat(topology: &MeshTopology, dropped: &mut DroppedData) -> Result<Self, Error> {
         Self::of(topology, true, dropped)
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Checks every invariant of a [`Bvh2`] and of a [`Bvh4`]. For tests and for snapshots that are validated; pure.
+//! Checks every invariant of a [`Bvh2`] and of a [`Bvh4`], for tests and for snapshots that are validated; pure.
 
 use super::bundle::bundle_boxes;
 use super::bvh::{Bvh2, BvhError, MAX_LEAF_TRIANGLES};
@@ -22,7 +22,7 @@ struct BvhCheck<'a> {
 
 impl Bvh2 {
     /// Checks every invariant against the triangles in BVH order: boxes are exact, every triangle and node is reached
-    /// exactly once, parents come before children, the depth is right.
+    /// exactly once, parents come before children, the depth is correct.
     ///
     /// # Errors
     /// The first broken invariant.
@@ -31,7 +31,8 @@ impl Bvh2 {
         if boxes.is_empty() { Err(BvhError::Empty) } else { self.check(&boxes, MAX_LEAF_TRIANGLES) }
     }
 
-    /// The same for a hierarchy over boxes ([`super::build_box_bvh`]): `boxes` as they were given, leaves of one item.
+    /// As [`Self::validate`], for a hierarchy over boxes ([`super::build_box_bvh`]): `boxes` as they were given, leaves
+    /// of one item.
     ///
     /// # Errors
     /// The first broken invariant.
@@ -66,7 +67,7 @@ impl Bvh2 {
                 let inside = if node.count[side] > 0 {
                     walk.leaf(at, child, node.count[side])?
                 } else if node.bounds(side).is_empty() {
-                    // Absent: only beside the one leaf of a tiny hierarchy, or where there is nothing at all.
+                    // Absent children exist only beside the single leaf of a tiny hierarchy, or in an empty one.
                     if self.nodes.len() > 1 || (side == 0 && !walk.boxes.is_empty()) {
                         return Err(BvhError::Child(at));
                     }
@@ -97,7 +98,7 @@ impl Bvh4 {
         self.validate_items(&boxes, kind)
     }
 
-    /// The same against the boxes of the items in BVH order: those of the whole shutter where points move.
+    /// As [`Self::validate`], with the boxes of the items in BVH order: those of the whole shutter where points move.
     ///
     /// # Errors
     /// The first broken invariant.

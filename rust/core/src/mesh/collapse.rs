@@ -8,7 +8,7 @@ use super::Aabb;
 use super::bvh::{Bvh2, BvhNode};
 use super::bvh4::{WIDTH, half_area};
 
-/// Most trees that a side of a binary node may bring into a wide one.
+/// Largest number of trees that a side of a binary node contributes to a wide one.
 const MOST: usize = WIDTH - 1;
 
 /// A child of a wide node.
@@ -28,7 +28,7 @@ struct ForestChoice {
     cost: [f64; MOST],
     /// Number of trees that these sums take.
     used: [u8; MOST],
-    /// Cut into two, three, four trees, those that the first side gets.
+    /// Number of trees that the first side gets, when cut into two, three, four trees.
     first: [u8; MOST],
 }
 
@@ -41,8 +41,8 @@ pub(super) struct BvhCollapse<'b> {
 }
 
 impl<'b> BvhCollapse<'b> {
-    /// Weighs all ways to collapse `bvh`, whose parents come before their children. Where surfaces are no numbers, any
-    /// way may be taken.
+    /// Weighs all ways to collapse `bvh`, whose parents come before their children. If surfaces are not finite, any way
+    /// may be chosen.
     pub(super) fn new(bvh: &'b Bvh2) -> Self {
         let mut choices = vec![ForestChoice::default(); bvh.nodes.len()];
         for (at, node) in bvh.nodes.iter().enumerate().rev() {
@@ -121,8 +121,8 @@ mod tests {
     use super::*;
     use crate::mesh::build_box_bvh;
 
-    /// The sum of the surfaces of the wide nodes that begin at the nodes `roots` (a bit each) of `bvh`; none if one of
-    /// them has more than four children.
+    /// The sum of the surfaces of the wide nodes that begin at the nodes `roots` (a bit each) of `bvh`; `None` if one
+    /// of them has more than four children.
     fn cost_of(bvh: &Bvh2, roots: u32) -> Option<f64> {
         let mut sum = 0.0;
         for root in (0..bvh.nodes.len()).filter(|at| roots >> at & 1 != 0) {

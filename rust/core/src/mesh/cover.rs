@@ -26,7 +26,7 @@ pub struct CutoutCover {
     pub(crate) image: Option<Arc<CoveredImage>>,
 }
 
-/// By slot, as [`super::SlotDisplacements`]. Empty where nothing is cut out, or nothing is known of it.
+/// Cutouts by slot, as [`super::SlotDisplacements`]. Empty if nothing is cut out, or nothing is known of it.
 pub type SlotCovers = Vec<Option<CutoutCover>>;
 
 /// Largest rounding error of coordinates, and of opacities that are interpolated, as a share of the largest summand.
@@ -212,13 +212,13 @@ impl<'a> CoveredMesh<'a> {
         let (min, max) =
             ([0, 1, 2].map(|k| all.min[k].max(whole.min[k])), [0, 1, 2].map(|k| all.max[k].min(whole.max[k])));
         let clipped = Aabb { min, max };
-        // Numbers that are not usable: as if nothing were known.
+        // Numbers that are not usable count as unknown.
         Some(clipped).filter(|clipped| !clipped.is_empty())
     }
 }
 
-/// The boxes of a mesh's triangles, empty ones of those of which nothing is there; none where nothing is cut off, or
-/// nothing is left.
+/// The boxes of the kept parts of a mesh's triangles, empty for triangles of which nothing is kept; `None` if nothing
+/// is cut off, or everything is.
 pub(super) fn covered_boxes(mesh: &MeshAsset, demand: &BuildDemand<'_>) -> Option<Vec<Aabb>> {
     let covered = CoveredMesh::new(mesh, demand)?;
     let is_cut = AtomicBool::new(false);
@@ -230,7 +230,7 @@ pub(super) fn covered_boxes(mesh: &MeshAsset, demand: &BuildDemand<'_>) -> Optio
         None => mesh.item_bounds(triangle),
     };
     let boxes: Vec<Aabb> = (0..mesh.triangles.len()).into_par_iter().map(bounds).collect();
-    // A mesh has one triangle at least.
+    // A mesh has at least one triangle.
     (is_cut.into_inner() && boxes.iter().any(|bounds| !bounds.is_empty())).then_some(boxes)
 }
 

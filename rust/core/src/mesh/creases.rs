@@ -26,7 +26,7 @@ impl CreaseSharpness {
         sharpness
     }
 
-    /// Adds the edges of creases; how many creases and edges are not usable.
+    /// Adds the edges of creases; returns how many creases and edges are not usable.
     fn read_creases(&mut self, tags: &SubdivisionTags, point_count: usize) -> u64 {
         let [indices, lengths, weights, ..] = tags.arrays();
         let (Some(indices), Some(lengths), Some(weights)) = (view(indices), view(lengths), view(weights)) else {
@@ -34,7 +34,8 @@ impl CreaseSharpness {
         };
         let count = |crease: usize| lengths.index(crease).and_then(|length| usize::try_from(length).ok());
         let edges: usize = (0..lengths.len()).filter_map(count).map(|length| length.saturating_sub(1)).sum();
-        // A sharpness for each crease, or for each edge of all of them; where both are as many, it is the same.
+        // There is a sharpness for each crease, or for each edge of all creases; if both numbers are equal, the two are
+        // the same.
         let by_edge = weights.len() != lengths.len() && weights.len() >= edges;
         let (mut bad, mut first, mut edge) = (0, 0_usize, 0_usize);
         for crease in 0..lengths.len() {

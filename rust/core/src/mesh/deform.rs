@@ -40,16 +40,16 @@ pub(crate) struct PointsPose {
 /// The items of an asset at its later keys.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshKeys {
-    /// Times of all keys, the first is 0 and the last 1; empty where nothing moves.
+    /// Times of all keys, the first is 0 and the last 1; empty if nothing moves.
     pub times: Vec<f32>,
     /// Vertices of all items at the second key, then at the third and so on.
     pub vertices: Vec<[[f32; 3]; 3]>,
-    /// Normals by corner, likewise; empty where those of the asset are for all keys.
+    /// Normals by corner at the second key and so on; empty if those of the asset are for all keys.
     pub normals: Vec<[[f32; 3]; 3]>,
 }
 
 impl PointsPose {
-    /// Points at a part of the shutter, and nothing else that changes.
+    /// A pose with points at a time of the shutter, and no other changes.
     pub(crate) fn at(time: f32, points: Vec<[f32; 3]>) -> Self {
         Self { time, points, normals: None, widths: None, radii: None }
     }
@@ -82,7 +82,7 @@ impl MeshKeys {
     }
 }
 
-/// The poses of a prim, two or more, or none where nothing moves; or why its motion cannot be used.
+/// The poses of a prim, two or more, or none if nothing moves; an error with the reason if its motion cannot be used.
 pub(super) fn poses(desc: &MeshDesc) -> Result<Vec<PointsPose>, String> {
     let PointsMotion { samples, velocities, accelerations, seconds } = &desc.point_motion;
     let present = |array: &Option<TypedArray>| array.clone().filter(|array| !array.is_empty());
@@ -162,7 +162,7 @@ fn by_samples(desc: &MeshDesc, samples: &[PointsSample]) -> Result<Vec<PointsPos
         let part = ((time - from.time) / (to.time - from.time)).clamp(0.0, 1.0);
         let between = |a: &TypedArray, b: &TypedArray| {
             let (a, b) = (a.view(), b.view());
-            // Exactly the sample where the key is one.
+            // A key at the time of a sample is exactly that sample.
             let mix = move |at: usize| match (a.vec3(at)?, b.vec3(at)?) {
                 (a, _) if part <= 0.0 => Some(a),
                 (_, b) if part >= 1.0 => Some(b),
@@ -259,7 +259,7 @@ pub(super) fn read_keys(
     keys
 }
 
-/// The vertices of items at a pose. `radii`: by point, where they have some.
+/// The vertices of items at a pose. `radii`: by point, for kinds that have radii.
 fn vertices_at(
     layout: PrimvarLayout<'_>,
     sources: &[TriangleSource],
@@ -307,7 +307,7 @@ pub(super) fn swept(item: &Triangle, kind: LeafKind, keys: &MeshKeys, at: usize,
 
 /// The box of a moving item or of a part of one. `whole`: the box of the whole item.
 pub(super) fn padded(all: Aabb, whole: &Aabb) -> Aabb {
-    // A vertex between its keys, `a + f (b - a)`, rounds three times, by five units of the largest coordinate at most.
+    // A vertex between its keys, `a + f (b - a)`, rounds three times, by at most five units of the largest coordinate.
     let size = whole.min.iter().chain(&whole.max).fold(0.0_f32, |size, v| size.max(v.abs()));
     let pad = size * (8.0 / 16_777_216.0);
     Aabb { min: all.min.map(|v| v - pad), max: all.max.map(|v| v + pad) }

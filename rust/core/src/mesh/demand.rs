@@ -13,7 +13,7 @@ use crate::desc::{MeshDesc, PrimShape};
 use crate::material::Displacement;
 use crate::texture::HeightCache;
 
-/// Displacements by slot: that of the mesh's own material, then those of its subsets. Empty where nothing is displaced.
+/// Displacements by slot: that of the mesh's own material, then those of its subsets. Empty if nothing is displaced.
 pub type SlotDisplacements = Vec<Option<Arc<Displacement>>>;
 
 /// The inputs of building a mesh besides its description.
@@ -27,7 +27,7 @@ pub struct BuildDemand<'a> {
     pub displacements: &'a [Option<Arc<Displacement>>],
     /// Facts about the cutout of each slot, as in [`super::SlotCovers`].
     pub covers: &'a [Option<CutoutCover>],
-    /// Reads the textures of displacements; none: they have their fallbacks.
+    /// Cache that reads the textures of displacements; `None`: they have their fallbacks.
     pub heights: Option<&'a HeightCache>,
 }
 
@@ -37,7 +37,7 @@ impl BuildDemand<'_> {
         self.displaces(desc) || is_refined(desc, self.dicing.map_or(0.0, |dicing| dicing.pixels))
     }
 
-    /// True where some faces of a mesh are displaced. Curves and points are not.
+    /// True if some faces of a mesh are displaced. Curves and points are not.
     pub(crate) fn displaces(&self, desc: &MeshDesc) -> bool {
         matches!(desc.shape, PrimShape::Mesh) && self.displacements.iter().any(Option::is_some)
     }

@@ -5,7 +5,8 @@ use glam::DVec3;
 use oocpt_subdiv::MAX_RATE;
 use xxhash_rust::xxh3::Xxh3;
 
-/// Most pieces of an edge of a surface that is smooth between its points. One that is displaced may have more.
+/// Largest number of pieces of an edge of a surface that is smooth between its points. One that is displaced may have
+/// more.
 pub(super) const MOST_PIECES: i32 = 256;
 
 /// The rate at which the limit surface of a mesh is cut: no piece of an edge of the control mesh is longer than the
@@ -15,7 +16,7 @@ pub(super) const MOST_PIECES: i32 = 256;
 /// times `focal / distance`; the larger number counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DicingRate {
-    /// Longest piece in pixels; 0 = edges are cut as the refine level says.
+    /// Longest piece in pixels; 0 = edges are cut by the refine level.
     pub pixels: f64,
     /// Least number of pixels of a unit of length.
     pub density: f64,
@@ -35,7 +36,8 @@ pub struct CameraEye {
 }
 
 impl DicingRate {
-    /// Pieces of the edge from `a` to `b`, at least `least` and at most `MOST_PIECES`. The same for both directions.
+    /// Number of pieces of the edge from `a` to `b`, at least `least` and at most `MOST_PIECES`. The same for both
+    /// directions.
     #[must_use]
     pub fn pieces(&self, a: DVec3, b: DVec3, least: i32) -> i32 {
         self.pieces_up_to(a, b, least, MOST_PIECES)
@@ -53,7 +55,7 @@ impl DicingRate {
         if pieces >= f64::from(most) { most } else { whole(pieces).max(least) }
     }
 
-    /// Pixels of a unit of length between `a` and `b`; 0 where no camera sees it.
+    /// Pixels of a unit of length between `a` and `b`; 0 if no camera sees it.
     #[must_use]
     pub fn density_of(&self, a: DVec3, b: DVec3) -> f64 {
         let density = |eye: &CameraEye| self.focal / distance(eye.position, a, b).max(eye.nearest);
@@ -71,7 +73,7 @@ impl DicingRate {
     }
 }
 
-/// The distance of a point from a segment, the same bits whichever end comes first.
+/// The distance of a point from a segment, with the same bits for both orders of its ends.
 fn distance(point: DVec3, a: DVec3, b: DVec3) -> f64 {
     let (a, b) = if a.to_array() <= b.to_array() { (a, b) } else { (b, a) };
     let along = b - a;

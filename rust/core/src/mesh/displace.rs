@@ -22,7 +22,7 @@ use super::topology::MAX_COORDINATE;
 use crate::desc::{DroppedData, MeshDesc};
 use crate::texture::HeightCache;
 
-/// Vertices of one place whose normals have a larger cosine are smooth together.
+/// Vertices at one position whose normals have a larger cosine than this are smooth together.
 const SAME_NORMAL: f64 = 1.0 - 1e-4;
 
 /// A mesh that was cut: authored numbers of faces, values at its vertices, normals on the outer side.
@@ -46,7 +46,7 @@ struct FaceRun<'a> {
     triangles: &'a [[u32; 3]],
 }
 
-/// A face, and which relief says where its vertices are moved to.
+/// A face, with the relief that moves its vertices.
 struct AskedFace {
     face: u32,
     slot: usize,
@@ -110,7 +110,7 @@ impl DicedMesh<'_> {
         })
     }
 
-    /// Polygon meshes may have normals of their own; values by corner became values by vertex.
+    /// Takes normals from a polygon mesh, which may have its own; values by corner became values by vertex.
     fn take_authored_normals(&mut self) {
         let Some(authored) = CutValues::of(self.desc, "normals") else { return };
         let mut normals = std::mem::take(&mut self.normals);
@@ -176,7 +176,7 @@ impl DicedMesh<'_> {
         let heights: Vec<f64> = vertices.par_iter().map(height).collect();
         let has_vectors = reliefs.iter().flatten().any(MeshRelief::is_vector);
         let vectors: Vec<DVec3> = if has_vectors { vertices.par_iter().map(vector).collect() } else { Vec::new() };
-        // In the order of faces: sums of floats depend on it.
+        // The faces are visited in order, because sums of floats depend on it.
         let places = self.facets.places.len();
         let mut sums = vec![VertexSum::default(); places];
         for (asked, height) in vertices.iter().zip(heights) {
@@ -196,7 +196,7 @@ impl DicedMesh<'_> {
         (VertexSums { sums, vectors: vector_sums }, problems)
     }
 
-    /// All faces, each with its vertices; `slot` says which relief a face has.
+    /// All faces, each with its vertices; `slot` gives the relief of a face.
     fn asked(&self, slot: impl Fn(u32) -> usize) -> (Vec<AskedFace>, Vec<AskedVertex>) {
         let mut seen = vec![u32::MAX; self.facets.places.len()];
         let (mut faces, mut vertices) = (Vec::new(), Vec::new());
@@ -219,7 +219,7 @@ impl DicedMesh<'_> {
         let (positions, _) = self.facets.positions.as_chunks::<3>();
         let mut by_place = vec![DVec3::ZERO; sums.len()];
         for (number, ((by, sum), at)) in by_place.iter_mut().zip(sums).zip(positions).enumerate() {
-            // Where normals cancel out there is no outside.
+            // A position whose normals cancel out has no outside.
             let along = sum.normal.try_normalize().map(|normal| normal * (sum.height / sum.faces));
             let beside = vectors.get(number).filter(|_| sum.faces > 0.0).map(|vector| *vector / sum.faces);
             let wanted = match (along, beside) {
@@ -243,8 +243,8 @@ impl DicedMesh<'_> {
         let (positions, _) = self.facets.positions.as_chunks::<3>();
         let (triangles, _) = self.facets.triangles.as_chunks::<3>();
         let side = if self.desc.left_handed { -1.0 } else { 1.0 };
-        // Twice the areas of the triangles around each vertex, before and after. Both from the same rounded positions,
-        // whose errors cancel out.
+        // Twice the areas of the triangles around each vertex, before and after the displacement, both from the same
+        // rounded positions, whose errors cancel out.
         let mut sums = vec![[DVec3::ZERO; 2]; positions.len()];
         for triangle in triangles {
             let corner = |k: usize| {

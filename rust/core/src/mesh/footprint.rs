@@ -15,11 +15,11 @@ use glam::DVec3;
 use oocpt_abi::{Bvh4Node, NAME_PTEX};
 
 /// Bytes that building a tree takes for each item: boxes, twice; the nodes of the builder, of the binary tree and of
-/// its copy with larger leaves; codes that are sorted.
+/// its copy with larger leaves; sorted codes.
 const TREE: u64 = 340;
 /// Bytes of an item.
 const ITEM: u64 = size_of::<Triangle>() as u64;
-/// Bytes of an item and of where it comes from, while a description is read.
+/// Bytes of an item and of its source, while a description is read.
 const READ_ITEM: u64 = ITEM + size_of::<TriangleSource>() as u64;
 /// Bytes of nodes per item.
 const NODES: u64 = size_of::<Bvh4Node>() as u64 * 5 / 16;
@@ -52,7 +52,7 @@ pub(crate) struct BuildFootprint {
 }
 
 impl BuildFootprint {
-    /// The least that building takes: one cluster is made at a time.
+    /// Least bytes of building: one cluster is made at a time.
     pub(crate) fn least(&self) -> u64 {
         self.reading.max(self.whole.saturating_add(self.cluster))
     }
@@ -76,7 +76,7 @@ impl BuildFootprint {
     pub(crate) fn of(desc: &MeshDesc, demand: &BuildDemand<'_>, limit_bytes: u64, cluster_bytes: u64) -> Self {
         let lengths = [&desc.face_vertex_counts, &desc.face_vertex_indices, &desc.points].map(TypedArray::len);
         if lengths.into_iter().any(|length| length > MAX_CORNERS) {
-            // It is refused before anything is made of it.
+            // Such a prim is refused before anything is built.
             return Self::default();
         }
         let mut read = ReadSize::of(desc, demand, lengths.map(|length| length as u64));
@@ -115,7 +115,7 @@ impl ReadSize {
         match &desc.shape {
             PrimShape::Mesh if demand.refines(desc) && !of_ptex => {
                 let items = refined_triangles(desc, demand, dicing, corners);
-                // Where faces meet at edges that are not smooth, each has vertices of its own.
+                // Faces that meet at edges that are not smooth have vertices of their own there.
                 let vertices = items.saturating_add(corners);
                 let values = value_bytes(desc, demand, [1, items, vertices, vertices]);
                 let cut = CUT_VERTEX.saturating_mul(vertices).saturating_add(values.saturating_mul(4));
@@ -171,7 +171,7 @@ impl ReadSize {
 
     fn footprint(&self, limit_bytes: u64, cluster_bytes: u64) -> BuildFootprint {
         let loose = self.loose();
-        // Items in blocks and all together; lists of values grow while they are read.
+        // Items exist in blocks and joined; lists of values grow while they are read.
         let items = (2 * READ_ITEM).saturating_mul(self.items);
         let values = self.attributes.saturating_add(self.attributes / 2).saturating_add(self.keys.saturating_mul(2));
         let reading = self.beside.saturating_add(items).saturating_add(values);
@@ -181,7 +181,7 @@ impl ReadSize {
             let share = u128::from(loose) * u128::from(items) / u128::from(self.items.max(1));
             u64::try_from(share).unwrap_or(u64::MAX).saturating_add(NODES * items)
         };
-        // The copy in the tree's order is made when most of the tree's memory is free again.
+        // The copy in the tree's order is made when most of the tree's memory is freed again.
         let tree = |items: u64| (per_item * items).max(arranged(items) + 32 * items);
         let expected = device.saturating_mul(self.items).saturating_add(self.attributes);
         let whole = loose.saturating_add(self.covered).saturating_add(tree(self.items.min(limit_bytes / device)));
@@ -191,7 +191,7 @@ impl ReadSize {
         let of_cluster = self.items.min(cluster_bytes / device + 1);
         let cluster = tree(of_cluster).saturating_add(arranged(of_cluster)).saturating_add(40 * of_cluster);
         let sorted = loose.saturating_add(self.covered).saturating_add(SORTED * self.items);
-        // Values that are not usable may make it small enough for one tree.
+        // Unusable values may make it small enough for one tree.
         let is_near = expected / 2 <= limit_bytes;
         let reading = if is_near { reading.max(whole) } else { reading };
         BuildFootprint { reading, whole: sorted, cluster, clusters: expected.div_ceil(cluster_bytes.max(1)) }
@@ -208,7 +208,7 @@ fn key_count(desc: &MeshDesc) -> u64 {
     }
 }
 
-/// Most triangles of polygons, which have as many corners as that in all.
+/// Largest number of triangles of polygons with this number of corners in all.
 fn triangle_count(desc: &MeshDesc, corners: u64, of_ptex: bool) -> u64 {
     let of_face = |count: u64| if of_ptex && count != 4 { count } else { count.saturating_sub(2) };
     counted(&desc.face_vertex_counts, of_face).min(corners)
@@ -239,7 +239,7 @@ fn refined_triangles(desc: &MeshDesc, demand: &BuildDemand<'_>, dicing: &DicingR
         let edges = (0..count).map(|k| cutting.pieces(point(first + k), point(first + (k + 1) % count)));
         let most = edges.max().and_then(|most| u64::try_from(most).ok()).unwrap_or(0);
         first += count;
-        // Faces of other than four corners are cut at their middles first.
+        // Faces with other than four corners are first cut at their middles.
         let of_face = match count {
             0..3 => 0,
             4 => 2 * most * most,
@@ -251,7 +251,7 @@ fn refined_triangles(desc: &MeshDesc, demand: &BuildDemand<'_>, dicing: &DicingR
     sum.min(MAX_REFINED_TRIANGLES.max(2 * corners))
 }
 
-/// Bytes of values, where a primvar has so many of each: for all, for each face, for each point, for each corner.
+/// Bytes of values, if a primvar has this many at each rate: for all, for each face, for each point, for each corner.
 fn value_bytes(desc: &MeshDesc, demand: &BuildDemand<'_>, counts: [u64; 4]) -> u64 {
     let bytes = |primvar: &Primvar, width: u64| {
         let count = match primvar.interpolation {

@@ -36,8 +36,8 @@ impl HostMemory {
         self.limit.store(bytes, Ordering::Relaxed);
     }
 
-    /// Sets the most bytes of kept assets and builds under way together, before a commit. A build that needs more runs
-    /// alone.
+    /// Sets the most bytes of kept assets and builds in progress together, before a commit. A build that needs more
+    /// runs alone.
     pub fn set_room(&self, bytes: u64) {
         self.room.store(bytes, Ordering::Relaxed);
         self.most_taken.store(self.taken.load(Ordering::Relaxed), Ordering::Relaxed);
@@ -59,7 +59,7 @@ impl HostMemory {
         self.held.load(Ordering::Relaxed)
     }
 
-    /// The most bytes that kept assets and builds under way have taken together since the room was set.
+    /// Maximum of the bytes of kept assets and builds in progress together since the room was set.
     #[must_use]
     pub fn most_taken(&self) -> u64 {
         self.most_taken.load(Ordering::Relaxed)
@@ -94,7 +94,7 @@ impl HostMemory {
         self.take(bytes, self.room.load(Ordering::Relaxed)).then(|| ReservedMemory { memory: self.clone(), bytes })
     }
 
-    /// Reserves memory for a build whether there is room or not; nothing where the sum is no number.
+    /// Reserves memory for a build even if there is no room; nothing if the sum overflows.
     pub(crate) fn reserve(self: &Arc<Self>, bytes: u64) -> ReservedMemory {
         let bytes = if self.take(bytes, u64::MAX) { bytes } else { 0 };
         ReservedMemory { memory: self.clone(), bytes }

@@ -25,8 +25,8 @@ use super::{MeshAsset, WantedPrimvar};
 use crate::desc::{DroppedData, MeshDesc};
 use crate::texture::{HeightCache, HeightFiles};
 
-/// Raised whenever a description is built to other bits than before, or they are stored otherwise: entries of other
-/// versions are not found.
+/// Version of the entries, raised whenever a description is built to other bits than before, or assets are stored in
+/// another form: entries of other versions are not found.
 const VERSION: u32 = 6;
 
 /// The inputs from which a mesh is built.
@@ -52,7 +52,7 @@ impl MeshRecipe {
         BuildDemand { wanted, dicing: Some(dicing), displacements, covers, heights: None }
     }
 
-    /// The mesh, and its clusters to `put`, of which `at_once` are made side by side.
+    /// Builds the mesh, and gives its clusters to `put`, of which `at_once` are made in parallel.
     pub(super) fn build(&self, heights: &HeightCache, at_once: usize, put: &mut dyn FnMut(MeshAsset)) -> BuiltAsset {
         let demand = BuildDemand { heights: Some(heights), ..self.demand() };
         let cuts = ClusterLimits { limit_bytes: self.limit_bytes, cluster_bytes: self.cluster_bytes, at_once };
@@ -177,7 +177,7 @@ impl KeptMesh {
         Self { asset: None, clusters: Vec::new(), dropped: DroppedData::default(), notes, is_left_out: true }
     }
 
-    /// The mesh that files have of a recipe, if they do. An error where an entry makes no sense.
+    /// The mesh that files have of a recipe, if they do. An error if an entry is inconsistent.
     fn found(
         files: &dyn MeshFiles,
         recipe: &Arc<MeshRecipe>,
@@ -190,7 +190,7 @@ impl KeptMesh {
         let mut payloads = entry.payloads;
         if is_split {
             for number in 0..meshes.len() {
-                // They may have gone to another file than this entry, one that did not last.
+                // The clusters may have gone to another file than this entry, one that did not last.
                 let Some(cluster) = files.find(cluster_key(key, number)) else { return Ok(None) };
                 payloads.extend(cluster.payloads);
             }
@@ -219,8 +219,8 @@ struct AssetWriter<'a> {
 }
 
 impl AssetWriter<'_> {
-    /// Keeps an asset in memory if there is some for it, else in a file; without a file it stays in memory. With a key
-    /// it goes to a file in any case.
+    /// Keeps an asset in memory if there is room, else in a file; without a file it stays in memory. With a key it goes
+    /// to a file in any case.
     fn put(
         &self,
         asset: MeshAsset,

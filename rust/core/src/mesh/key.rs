@@ -7,8 +7,8 @@ use super::BuildDemand;
 use crate::array::TypedArray;
 use crate::desc::{MeshDesc, PointsMotion, PointsSample, PrimShape, Primvar};
 
-/// Hashes everything of `desc` that its asset depends on: arrays, orientation, sidedness, subdivision. Not the path,
-/// the transform, the prim id or the visibility.
+/// Hashes everything of `desc` that its asset depends on: arrays, orientation, sidedness, subdivision. The path, the
+/// transform, the prim id and the visibility are not part of it.
 #[must_use]
 pub fn mesh_key(desc: &MeshDesc) -> u128 {
     mesh_key_with(desc, &BuildDemand::default())

@@ -13,11 +13,11 @@ use oocpt_abi::{ABSENT, LEAF, LevelNode};
 use super::Aabb;
 use super::bvh4::{WIDTH, level_node};
 
-/// Boxes above which the two halves of a node are built side by side.
+/// Number of boxes above which the two halves of a node are built in parallel.
 const FORK_ABOVE: usize = 1 << 13;
-/// Levels beyond those of a balanced tree from which on nodes are split in the middle.
+/// Number of levels beyond those of a balanced tree from which on nodes are split in the middle.
 const SPARE_LEVELS: u32 = 4;
-/// Items of which the cut of a node is chosen, up to twice as many.
+/// Number of items from which the cut of a node is chosen, up to twice as many.
 const MOST_SAMPLES: usize = 1 << 9;
 
 /// A four-wide hierarchy over boxes. The root is node 0; parents come before their children.
@@ -25,7 +25,7 @@ const MOST_SAMPLES: usize = 1 << 9;
 pub struct LevelTree {
     /// [`level_node_count`] nodes.
     pub nodes: Vec<LevelNode>,
-    /// Stack entries that suffice for a walk: on the longest way down, the children that wait.
+    /// Number of stack entries that suffice for a walk: the children that wait on the longest path down.
     pub stack: u32,
 }
 
@@ -38,8 +38,8 @@ pub const fn level_node_count(count: usize) -> usize {
     }
 }
 
-/// Stack entries that hardly any hierarchy over `count` boxes exceeds ([`LevelTree::stack`]): of 386 in an island, none
-/// (decisions/0050).
+/// Number of stack entries that hardly any hierarchy over `count` boxes exceeds ([`LevelTree::stack`]): of 386 in an
+/// island, none (decisions/0050).
 #[must_use]
 pub const fn likely_level_stack(count: usize) -> u32 {
     match count {
@@ -127,7 +127,7 @@ impl GrowingBox {
         (0.5 * self.max - 0.5 * self.min).max_element().max(f32::MIN_POSITIVE).recip()
     }
 
-    /// Half its surface in units of `unit`; nothing for an empty box.
+    /// Half its surface in units of `unit`; 0 for an empty box.
     #[inline]
     fn half_area(&self, unit: f32) -> f32 {
         let edges = (0.5 * self.max - 0.5 * self.min).max(Vec3A::ZERO) * unit;
@@ -140,8 +140,8 @@ impl GrowingBox {
 }
 
 /// Writes the tree over at least one item: its root is `nodes[0]`, which is node `base` of the whole, and `nodes` are
-/// as many as it takes; `scratch` is as long as `items`. Nodes `sah_levels` further down are split in the middle. Gives
-/// the stack entries of a walk.
+/// as many as it takes; `scratch` is as long as `items`. Nodes `sah_levels` further down are split in the middle.
+/// Returns the number of stack entries of a walk.
 fn emit(
     items: &mut [LevelBox],
     mut scratch: &mut [LevelBox],
@@ -197,7 +197,7 @@ struct SubtreeJob<'a> {
     sah_levels: u32,
 }
 
-/// Builds subtrees, large ones side by side; the most stack entries that one of them needs.
+/// Builds subtrees, large ones in parallel; returns the largest number of stack entries that one of them needs.
 fn run(jobs: &mut [Option<SubtreeJob<'_>>]) -> u32 {
     let size = |jobs: &[Option<SubtreeJob<'_>>]| jobs.iter().flatten().map(|job| job.items.len()).sum::<usize>();
     if jobs.len() > 1 && size(jobs) > FORK_ABOVE {
@@ -209,7 +209,7 @@ fn run(jobs: &mut [Option<SubtreeJob<'_>>]) -> u32 {
     each.map(|job| emit(job.items, job.scratch, job.nodes, job.base, job.sah_levels)).max().unwrap_or(0)
 }
 
-/// The items of the four children of a node over `items`, of which the last may be empty.
+/// The items of the four children of a node over `items`; the last may be empty.
 fn children<'a>(items: &'a mut [LevelBox], scratch: &mut [LevelBox], sah: bool) -> [&'a mut [LevelBox]; WIDTH] {
     let mut parts: [&mut [LevelBox]; WIDTH] = Default::default();
     if items.len() <= WIDTH {
@@ -250,8 +250,8 @@ fn halves<'a>(
     }
 }
 
-/// Sorts items, at least two, to two sides, none of which is empty; of the count on the left one of `residues` is left
-/// when it is divided by 3.
+/// Sorts items, at least two, to two sides, none of which is empty; the number of items on the left, modulo 3, is one
+/// of `residues`.
 fn split<'a>(
     items: &'a mut [LevelBox],
     scratch: &mut [LevelBox],
@@ -282,7 +282,7 @@ fn split<'a>(
     };
     let wanted = partition(items, scratch, |item| scale.bin(item.center())[axis] <= bin);
     let left = nearest(wanted, count, residues);
-    // Those nearest to the cut change sides, at most two.
+    // At most two items, those nearest to the cut, change sides.
     let order = by_center(axis);
     for at in (left..wanted).rev() {
         let last = (0..=at).max_by(|&a, &b| order(&items[a], &items[b])).unwrap_or(at);
@@ -295,7 +295,7 @@ fn split<'a>(
     items.split_at_mut(left)
 }
 
-/// The number next to `wanted`, from 1 to below `count`, of which one of `residues` is left when it is divided by 3.
+/// The number nearest to `wanted`, from 1 to below `count`, that is one of `residues` modulo 3.
 fn nearest(wanted: usize, count: usize, residues: [usize; 2]) -> usize {
     let is_allowed = |&left: &usize| left > 0 && left < count && residues.contains(&(left % 3));
     let around = (0..3).flat_map(|by| [wanted.checked_sub(by), wanted.checked_add(by)]).flatten();
@@ -306,8 +306,8 @@ fn longest(extent: Vec3A) -> usize {
     (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0)
 }
 
-/// Moves the items that `is_left` to the front, in order; how many they are. Without branches on the items, which no
-/// processor foresees.
+/// Moves the items for which `is_left` is true to the front, in order; returns their number. It has no branches on the
+/// items, which processors could not predict.
 fn partition(items: &mut [LevelBox], scratch: &mut [LevelBox], is_left: impl Fn(&LevelBox) -> bool) -> usize {
     let (mut left, mut right) = (0, 0);
     for at in 0..items.len() {
@@ -360,8 +360,8 @@ struct BinSplit {
     scale: BinScale,
 }
 
-/// The plane between two of `BINS` bins to an axis that costs least; none where no plane parts the centers. Of many
-/// items some are looked at, which are spread evenly.
+/// The cheapest plane between two of `BINS` bins along an axis; `None` if no plane separates the centres. Of many items
+/// an evenly spread sample is used.
 fn choose<const BINS: usize>(items: &[LevelBox], centers: &GrowingBox) -> Option<BinSplit> {
     let scale = BinScale::new(centers, BINS);
     let mut filled = [[GrowingBox::EMPTY; BINS]; 3];

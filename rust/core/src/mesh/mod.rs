@@ -120,7 +120,7 @@ impl Aabb {
         self.union(&Self { min: p, max: p })
     }
 
-    /// True when `other` lies inside (an empty box lies inside every box).
+    /// True if `other` lies inside (an empty box lies inside every box).
     #[must_use]
     pub fn contains(&self, other: &Self) -> bool {
         other.is_empty() || (0..3).all(|k| self.min[k] <= other.min[k] && other.max[k] <= self.max[k])
@@ -128,7 +128,7 @@ impl Aabb {
 }
 
 /// A triangle in object space, corners in authored order (a left-handed mesh flips the geometric normal, not the
-/// order); or another item, as an asset's [`LeafKind`] says.
+/// order); or another item, by the asset's [`LeafKind`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Triangle {
@@ -149,7 +149,7 @@ impl Triangle {
 /// A mesh ready for upload: at least one triangle, every number finite, every index in range.
 #[derive(Clone, Debug)]
 pub struct MeshAsset {
-    /// Content hash of the authored data and of the flags; of a cluster, see [`split_mesh`].
+    /// Content hash of the authored data and of the flags; for a cluster, see [`split_mesh`].
     pub key: u128,
     /// Box of the parts of the triangles that rays can meet.
     pub bounds: Aabb,
@@ -186,7 +186,7 @@ pub struct MeshAsset {
 }
 
 impl MeshAsset {
-    /// The box of an item while the shutter is open; empty where there is none.
+    /// The box of an item while the shutter is open; empty if there is no such item.
     pub(crate) fn item_bounds(&self, at: usize) -> Aabb {
         let count = self.triangles.len();
         self.triangles.get(at).map_or(Aabb::EMPTY, |item| deform::swept(item, self.kind, &self.keys, at, count))

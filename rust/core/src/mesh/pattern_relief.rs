@@ -97,7 +97,7 @@ impl<'a> PatternRelief<'a> {
         values.and_then(|values| values.pair(face, vertex)).unwrap_or_default()
     }
 
-    /// Looks at the triangles of a face: they decide where tangents go, and which levels of textures are read.
+    /// Measures the triangles of a face: they decide the tangents, and the levels of textures that are read.
     pub(super) fn measure(&mut self, face: u32, triangles: &[[u32; 3]]) {
         if let Some(mut tangents) = self.tangents.take() {
             for triangle in triangles {
@@ -244,7 +244,7 @@ impl<'a> PatternRelief<'a> {
             Geometry::Normal => vector(at(self.surface.normals, vertex)),
             Geometry::Tangent => vector(self.frame(vertex)[0]),
             Geometry::Bitangent => vector(self.frame(vertex)[1]),
-            // No program that reads these comes here.
+            // Programs that read these are not compiled as displacements.
             Geometry::ViewDirection
             | Geometry::Random0
             | Geometry::Random1

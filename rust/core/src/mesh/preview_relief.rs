@@ -41,7 +41,7 @@ impl<'a> PreviewRelief<'a> {
         })
     }
 
-    /// Counts the triangles of a face: they decide which level of the texture is read.
+    /// Measures the triangles of a face: they decide the level of the texture that is read.
     pub(super) fn measure(&mut self, face: u32, triangles: &[[u32; 3]]) {
         if self.displacement.texture.is_none() {
             return;
@@ -54,7 +54,7 @@ impl<'a> PreviewRelief<'a> {
         }
     }
 
-    /// The member that the middle of a face is in: its edges may lie between two. 0 where there are no members.
+    /// The member that contains the middle of a face, whose edges may lie between two. 0 if there are no members.
     pub(super) fn member(&self, face: u32, vertices: impl Iterator<Item = u32>) -> u8 {
         if !self.displacement.texture.as_ref().is_some_and(TextureRef::is_udim) {
             return 0;
@@ -92,7 +92,7 @@ impl<'a> PreviewRelief<'a> {
     pub(super) fn height(&self, face: u32, vertex: u32, member: u8) -> f64 {
         match &self.displacement.amount {
             InputValue::Constant([value, ..]) => f64::from(*value),
-            // Patterns are another relief.
+            // Patterns are handled by another relief.
             InputValue::Register(_) => 0.0,
             InputValue::Primvar { fallback: [fallback, ..], .. } => {
                 let value = self.values.and_then(|values| values.number(face, vertex));

@@ -13,7 +13,7 @@ use oocpt_abi::{AttributeRate, NAME_PTEX};
 pub(crate) struct TriangleSource {
     /// Number of the authored face.
     pub(crate) face: u32,
-    /// Corners: positions in `face_vertex_indices`, or behind them the points of [`PrimvarLayout::centers`].
+    /// Corners: indices into `face_vertex_indices`, followed by the points of [`PrimvarLayout::centers`].
     pub(crate) corners: [u32; 3],
 }
 
@@ -30,7 +30,8 @@ pub(crate) struct PrimvarLayout<'a> {
     pub(crate) corners: &'a [u32],
     /// Triangles in the order in which attributes list them.
     pub(crate) sources: &'a [TriangleSource],
-    /// Points that are not authored, with the mean of a face's values: corners and points behind the authored ones.
+    /// Points that are not authored, with the mean of a face's values: corners and points that follow the authored
+    /// ones.
     pub(crate) centers: &'a [FaceCenter],
 }
 
@@ -50,7 +51,7 @@ impl PrimvarLayout<'_> {
     }
 }
 
-/// Values by point with those of [`PrimvarLayout::centers`] behind them.
+/// Appends the values of [`PrimvarLayout::centers`] to values by point.
 pub(crate) fn extend_points<T: AttributeValue>(layout: PrimvarLayout<'_>, mut values: Vec<T>) -> Vec<T> {
     values.reserve_exact(layout.centers.len());
     for center in layout.centers {
@@ -153,7 +154,7 @@ fn mean<const N: usize>(values: impl Iterator<Item = [f32; N]>) -> [f32; N] {
     sum.map(|sum| (sum / count.max(1.0)) as f32)
 }
 
-/// The primvars `wanted` of `desc` that can be used, whatever their widths; unusable values become 0.
+/// The usable ones among the primvars `wanted` of `desc`, of any width; unusable values become 0.
 pub(crate) fn convert_wanted(
     desc: &MeshDesc,
     wanted: &[WantedPrimvar],
@@ -229,8 +230,8 @@ pub(crate) fn subsets_of_faces(desc: &MeshDesc, face_count: usize, dropped: &mut
 /// Converts one primvar.
 ///
 /// `read` gives the usable value at a position or `None`; `replacement` gives the value of a slot whose own is
-/// unusable, `None` meaning that the whole attribute must go. `None` is returned (and counted) for primvars that cannot
-/// be used.
+/// unusable, or `None` if the whole attribute must be dropped. `None` is returned (and counted) for primvars that
+/// cannot be used.
 pub(crate) fn convert<T: AttributeValue>(
     primvar: &Primvar,
     layout: PrimvarLayout<'_>,

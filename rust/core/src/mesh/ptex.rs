@@ -32,11 +32,12 @@ pub enum PtexPart {
     Quad013 = 2,
     /// Corners 1, 2, 3 of a quad.
     Quad123 = 3,
-    /// Corners i and i + 1 of an n-gon and the mean of all; the face is that of corner i, the other one comes next.
+    /// Corners i and i + 1 of an n-gon and the mean of all; the first face is that of corner i, the other one is the
+    /// next.
     Wedge = 4,
-    /// The same where corner i + 1 is corner 0: the other face comes n - 1 before.
+    /// As `Wedge`, where corner i + 1 is corner 0: the other face is n - 1 before.
     LastWedge = 5,
-    /// All of it is the place (0, 0): an n-gon that does not lie around the mean of its corners.
+    /// All of the triangle is at (0, 0): an n-gon that does not lie around the mean of its corners.
     Corner = 6,
     /// The triangle has no Ptex face.
     Nowhere = 7,
@@ -93,7 +94,7 @@ pub(super) struct FaceCenter {
 #[derive(Debug)]
 pub(super) struct PtexNumbers {
     first: Vec<u32>,
-    /// The points added so far; they come behind the authored points, and as corners behind the authored corners.
+    /// Points added so far; they follow the authored points, and as corners the authored corners.
     pub(super) centers: Vec<FaceCenter>,
 }
 
@@ -113,7 +114,7 @@ impl PtexNumbers {
         Self { first: first.collect(), centers: Vec::new() }
     }
 
-    /// The place of a triangle of a quad or of an n-gon that is no fan of wedges.
+    /// The place of a triangle of a quad, or of an n-gon that is no fan of wedges.
     pub(super) fn ear(&self, face: &MeshFace, ear: [u32; 3]) -> PtexTriangle {
         let part = match (face.count, ear) {
             (4, [0, 1, 2]) => PtexPart::Quad012,
@@ -140,8 +141,8 @@ impl PtexNumbers {
         }
     }
 
-    /// Adds the mean of the corners of an n-gon; its number as a corner, and where it is. `None` where the triangles
-    /// around it would overlap: `ears` are then the triangles.
+    /// Adds the mean of the corners of an n-gon; returns its number as a corner, and its position. `None` if the
+    /// triangles around it would overlap: `ears` are then the triangles.
     pub(super) fn center(
         &mut self,
         topology: &MeshTopology,

@@ -24,7 +24,7 @@ use super::topology::{MeshFace, MeshTopology};
 use crate::array::TypedArray;
 use crate::desc::{CurveBasis, DroppedData, Interpolation, MeshDesc, PrimShape, Primvar, Subdivision};
 
-/// Triangles of one mesh above which its edges are cut into fewer pieces.
+/// Number of triangles of one mesh above which its edges are cut into fewer pieces.
 pub const MAX_REFINED_TRIANGLES: u64 = 1 << 23;
 /// Largest refine level that counts; larger ones are clamped.
 const MAX_LEVEL: u8 = 8;
@@ -33,7 +33,7 @@ const MAX_LEVEL: u8 = 8;
 pub(crate) struct RefinedMesh {
     /// Triangles on the limit surface.
     pub(crate) topology: MeshTopology,
-    /// The description with values for it. Its own topology is the control mesh's still.
+    /// Description with values for these triangles. Its own topology is still the control mesh.
     pub(crate) desc: MeshDesc,
     /// Poses at the keys of a moving mesh.
     pub(crate) poses: Vec<PointsPose>,
@@ -49,7 +49,7 @@ pub(super) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
         (PrimShape::Curves(_) | PrimShape::Points, _) if pixels > 0.0 && is_of_lines(desc) => true,
         // Cubic curves are cut; linear curves and points are the same at any rate.
         (PrimShape::Curves(curves), _) => curves.basis != CurveBasis::Linear && (pixels > 0.0 || desc.refine_level > 0),
-        // Flat where it is seen as flat: only who asks for more gets it.
+        // A prim that is seen flat stays flat unless the refine level asks for more.
         (PrimShape::Mesh, Subdivision::Bilinear) => desc.refine_level > 0,
         (PrimShape::Mesh, Subdivision::CatmullClark | Subdivision::Loop) => pixels > 0.0 || desc.refine_level > 0,
         _ => false,
@@ -57,7 +57,7 @@ pub(super) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
 }
 
 /// The limit surface of a mesh with the checked `topology`, and at its `poses`, displaced if that is asked for; `None`
-/// where it stays a polygon mesh, and `dropped` says so if it should not.
+/// if it stays a polygon mesh, which `dropped` counts if it should not.
 pub(crate) fn refine(
     desc: &MeshDesc,
     demand: &BuildDemand<'_>,
@@ -119,7 +119,7 @@ fn try_refine(
     let rates = rates(&surface, topology, &cutting, MAX_REFINED_TRIANGLES, dropped)?;
     let (vertex, varying, channels) = (values.vertex(), values.varying(), values.channel_values());
     let tessellate = |points: &[[f32; 3]]| {
-        // Points of no face may be anything.
+        // Points without a face may have any value.
         let positions: Vec<[f32; 3]> = points.iter().map(|p| if p[0].is_nan() { [0.0; 3] } else { *p }).collect();
         let data = SurfaceData { positions: positions.as_flattened(), vertex, varying, channels: &channels };
         surface.tessellate(&rates, &data)
@@ -195,7 +195,7 @@ impl<'a> EdgeRates<'a> {
     }
 }
 
-/// Pieces of each edge, fewer than wanted where the mesh would have more than `most` triangles.
+/// Number of pieces of each edge, fewer than wanted if the mesh would have more than `most` triangles.
 fn rates(
     surface: &LimitSurface,
     topology: &MeshTopology,

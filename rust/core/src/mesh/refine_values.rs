@@ -256,7 +256,7 @@ fn column(floats: &[f32], stride: usize, offset: usize, width: usize) -> Primvar
     primvar_of(width, values.copied().collect())
 }
 
-/// A primvar with a value of `width` floats (1 to 4) for each point.
+/// A primvar with one value of `width` floats (1 to 4) per point.
 pub(super) fn primvar_of(width: usize, values: Vec<f32>) -> Primvar {
     let element = match width {
         1 => ElementType::F32,

@@ -47,7 +47,7 @@ impl<'a> MeshRelief<'a> {
         }
     }
 
-    /// Members of sets of files that a face with these vertices looks at.
+    /// Members of sets of files that a face with these vertices looks up.
     pub(super) fn members(&self, face: u32, vertices: impl Iterator<Item = u32>) -> UdimMembers {
         match self {
             Self::Preview(preview) => {

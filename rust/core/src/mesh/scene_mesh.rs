@@ -52,7 +52,7 @@ impl StoredAsset {
         Self { payload, number, key, recipe: recipe.clone(), shelf: shelf.clone() }
     }
 
-    /// Builds the asset again, where its file cannot be read any more.
+    /// Builds the asset again, if its file cannot be read any more.
     fn build_again(&self, summary: &MeshSummary, cause: &PayloadError) -> Option<Arc<MeshAsset>> {
         #[cfg(feature = "faults")]
         if *cause == PayloadError::Read(LOST_FOR_GOOD.into()) {
@@ -131,7 +131,7 @@ impl SceneMesh {
         }
     }
 
-    /// Bytes of host memory that [`Self::asset`] takes anew: those of an asset that is in a file, else none.
+    /// Bytes of host memory that [`Self::asset`] allocates: those of an asset that is in a file, else 0.
     #[must_use]
     pub fn bytes_to_read(&self) -> u64 {
         match (self.host.get(), &self.stored) {

@@ -21,7 +21,7 @@ use super::{
 const NODES_PER_16: u64 = 4;
 /// Number of nodes per 16 bundles of points.
 const NODES_PER_16_BUNDLES: u64 = 8;
-/// Clusters are planned this many sixteenths full, so that most need no second cut.
+/// Number of sixteenths to which clusters are planned to be full, so that most need no second cut.
 const FILL_16: u64 = 15;
 
 /// The order of triangles in the mesh that is split: the tie break of the cuts, hence part of the clusters' keys.
@@ -83,8 +83,8 @@ pub fn split_mesh(mesh: &MeshAsset, max_bytes: u64) -> Vec<MeshAsset> {
     clusters
 }
 
-/// [`split_mesh`] for a mesh in any order; its own hierarchy is not looked at. Gives each cluster to `put`, in order;
-/// at most `at_once` are made side by side and wait for that, so that who puts them away needs memory for no more.
+/// As [`split_mesh`], for a mesh in any order; its own hierarchy is ignored. Gives each cluster to `put`, in order; at
+/// most `at_once` are made in parallel and wait for that, so that the caller needs memory for no more.
 pub(super) fn split_ordered(
     source: SplitSource<'_>,
     max_bytes: u64,
@@ -120,7 +120,7 @@ pub(super) fn split_ordered(
     }
 }
 
-/// Device bytes that the mesh will about take once it has a hierarchy: a function of its sizes only.
+/// Approximate device bytes of the mesh once it has a hierarchy: a function of its sizes only.
 pub(super) fn expected_bytes(mesh: &MeshAsset) -> u64 {
     let hierarchy = if mesh.bvh.nodes.is_empty() { node_bytes(mesh.kind, mesh.triangles.len() as u64) } else { 0 };
     mesh.device_bytes().saturating_add(hierarchy)
@@ -159,13 +159,13 @@ impl MeshSplitter<'_> {
         clusters
     }
 
-    /// One cluster of all `items`; `None` when that is too large and there is something to cut.
+    /// One cluster of all `items`; `None` if it is too large and can be cut.
     fn cluster(&self, items: &[SplitTriangle]) -> Option<MeshAsset> {
         if !self.fits(items) {
             return None;
         }
         let mut members: Vec<u32> = items.iter().map(|item| item.triangle).collect();
-        // The cuts leave them in no order worth keeping; neighbours in the mesh are often neighbours in space.
+        // The order after the cuts is not useful; neighbours in the mesh are often neighbours in space.
         members.sort_unstable();
         let boxes: Vec<Aabb> = members.iter().map(|&item| self.source.item_bounds(item)).collect();
         let (bvh, order) = build_bvh4_over(&boxes, self.mesh.kind);
@@ -203,7 +203,7 @@ impl MeshSplitter<'_> {
         constant + attributes.iter().sum::<u64>() + primvars + table <= self.max_bytes
     }
 
-    /// The points of the members' corners, sorted; empty where no attribute goes by points.
+    /// The points of the members' corners, sorted; empty if no attribute has values by point.
     fn points(&self, members: &[u32]) -> Vec<u32> {
         let mut points = pick(&self.mesh.corner_indices, members).into_flattened();
         points.sort_unstable();
@@ -213,7 +213,7 @@ impl MeshSplitter<'_> {
 }
 
 /// The triangles `order` of `mesh` as an asset with hierarchy `bvh`. With `points` (sorted) its corners and the values
-/// of attributes that go by points are cut down to these, else they stay as they are.
+/// by point are restricted to these, else they are unchanged.
 pub(super) fn arrange(mesh: &MeshAsset, bvh: Bvh4, order: &[u32], points: Option<&[u32]>) -> MeshAsset {
     let triangles = pick(&mesh.triangles, order);
     let mut corner_indices = pick(&mesh.corner_indices, order);
@@ -279,15 +279,16 @@ fn attribute_bytes<T>(attribute: Option<&Attribute<T>>, triangles: u64, points: 
     (values * size_of::<T>() as u64).next_multiple_of(SECTION_ALIGN)
 }
 
-/// `values` at `places`; empty when there are no values at all (places out of range, which cannot be, are skipped).
+/// `values` at `places`; empty if there are no values at all. Indices out of range, which cannot occur, are skipped.
 fn pick<T: Copy>(values: &[T], places: &[u32]) -> Vec<T> {
-    // Of just this size: a list that grows while it is made keeps up to twice its length for as long as it lives.
+    // Allocated with the exact size: a list that grows while it is made keeps up to twice its length for its whole
+    // life.
     let mut picked = Vec::with_capacity(if values.is_empty() { 0 } else { places.len() });
     picked.extend(places.iter().filter_map(|&i| values.get(i as usize).copied()));
     picked
 }
 
-/// Cuts `items` across their longest axis, `left` of `parts` to the first side.
+/// Cuts `items` across their longest axis, with `left` of `parts` on the first side.
 fn cut(items: &mut [SplitTriangle], left: u64, parts: u64) -> (&mut [SplitTriangle], &mut [SplitTriangle]) {
     let middle = usize::try_from(items.len() as u128 * u128::from(left) / u128::from(parts)).unwrap_or(0);
     let axis = longest_axis(items);

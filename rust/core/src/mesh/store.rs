@@ -10,8 +10,8 @@ use std::time::Duration;
 ///
 /// Called by several threads at once; must not wait for work of the rayon pool.
 pub trait MeshFiles: Send + Sync + Debug {
-    /// True where an entry can be found again by another process: then all meshes are added, not only those for which
-    /// there is no host memory.
+    /// True if another process can find an entry again: then all meshes are added, not only those for which there is no
+    /// host memory.
     fn lasts(&self) -> bool;
 
     /// The entry of a key, written by this process or an earlier one.
@@ -43,10 +43,10 @@ pub trait PayloadSource: Send + Sync + Debug {
     /// Number of bytes.
     fn size(&self) -> u64;
 
-    /// Reads all of them, into `parts` one after the other, which together are [`Self::size`] long.
+    /// Reads the whole payload into `parts` one after the other, which together have [`Self::size`] bytes.
     ///
     /// # Errors
-    /// They cannot be read, or are not those that were written; `parts` have any content then.
+    /// It cannot be read, or its bytes are not those that were written; `parts` have any content then.
     fn read(&self, parts: &mut [&mut [u8]]) -> Result<(), PayloadError>;
 }
 

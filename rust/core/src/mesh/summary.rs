@@ -66,9 +66,10 @@ pub struct MeshSummary {
     pub ptex: u64,
     /// Number of keys of a moving mesh, two or more; else 0.
     pub keys: u64,
-    /// Triangles that have normals for each of the later keys: all or none.
+    /// Number of triangles that have normals for each of the later keys: all or none.
     pub key_normals: u64,
-    /// Of points: 1 where all have the same radius at all times, else one for each at each key; 0 for all else.
+    /// Number of radii of points: 1 if all have the same radius at all times, else one for each at each key; 0 for
+    /// other kinds.
     pub radii: u64,
 }
 
@@ -142,7 +143,7 @@ impl MeshSummary {
         if self.kind == LeafKind::Points { POINT_BYTES } else { TRIANGLE_BYTES }
     }
 
-    /// Bytes of the triangles of all keys, and of the keys' times and the radii of points behind them.
+    /// Bytes of the triangles of all keys, followed by the keys' times and the radii of points.
     #[must_use]
     pub fn triangle_bytes(&self) -> u64 {
         let behind = self.keys.saturating_add(self.radii).saturating_mul(4);

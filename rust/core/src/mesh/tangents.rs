@@ -3,7 +3,7 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-/// Tangent, bitangent and normal: unit vectors at right angles to each other.
+/// Tangent, bitangent and normal: perpendicular unit vectors.
 pub(super) type TangentFrame = [DVec3; 3];
 
 /// Directions in which u and v grow around each vertex.
@@ -24,14 +24,14 @@ impl TangentField {
         Self { around: vec![UvGradients::default(); vertices] }
     }
 
-    /// Adds a triangle: its vertices, where they are, their texture coordinates. It counts by its area.
+    /// Adds a triangle: its vertices, their positions and their texture coordinates. It is weighted by its area.
     pub(super) fn add(&mut self, triangle: &[u32; 3], corners: [DVec3; 3], st: [DVec2; 3]) {
         let [e, f] = [corners[1] - corners[0], corners[2] - corners[0]];
         let [x, y] = [st[1] - st[0], st[2] - st[0]];
         let side = x.perp_dot(y).signum();
         let area = e.cross(f).length();
         let unit = |along: DVec3| (along * side).try_normalize();
-        // Both over the same determinant, which decides the side.
+        // Both are divided by the same determinant, whose sign decides the side.
         let (Some(u), Some(v)) = (unit(e * y.y - f * x.y), unit(f * x.x - e * y.x)) else { return };
         if x.perp_dot(y) == 0.0 || !area.is_finite() {
             return;
@@ -87,7 +87,7 @@ mod tests {
         near(frame([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], z), [x, y, z]);
         near(frame([[0.0, 0.0], [-1.0, 0.0], [0.0, 1.0]], z), [-x, y, z]);
         near(frame([[5.0, 5.0], [5.0, 4.0], [7.0, 5.0]], z), [y, -x, z]);
-        // Sheared: at right angles to the tangent, on the side of v.
+        // A sheared mapping: perpendicular to the tangent, on the side of v.
         near(frame([[0.0, 0.0], [3.0, 0.0], [0.5, -0.5]], z), [x, -y, z]);
         let normal = DVec3::new(0.6, 0.0, 0.8);
         let tangent = DVec3::new(0.8, 0.0, -0.6);

@@ -37,7 +37,7 @@ pub(crate) struct MeshTopology {
     pub(crate) face_count: usize,
 }
 
-/// Reads and checks the topology of `desc`. `None` when nothing is usable; `dropped` says why.
+/// Reads and checks the topology of `desc`. `None` if nothing is usable; `dropped` has the reason.
 pub(crate) fn read_topology(desc: &MeshDesc, dropped: &mut DroppedData) -> Option<MeshTopology> {
     let counts = desc.face_vertex_counts.view();
     let indices = desc.face_vertex_indices.view();

@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 
 /// Largest number of corners of a face that is accepted.
 pub(crate) const MAX_FACE_CORNERS: usize = 1 << 20;
-/// Above this many corners the quadratic ear clipping gives way to `earcut`.
+/// Number of corners above which `earcut` replaces the quadratic ear clipping.
 const MAX_CLIPPED_CORNERS: usize = 256;
 
 /// Triangles as corner numbers inside the face.
@@ -45,7 +45,7 @@ impl FaceTriangulator {
 
     fn polygon(&mut self, points: &[DVec3], normal: DVec3, out: &mut EarTriangles) {
         let Some(normal) = normal.try_normalize() else {
-            // No plane: a face without area, or one that cancels itself out.
+            // There is no plane: the face has no area, or cancels itself out.
             return fan(points.len(), out);
         };
         let (x, y) = normal.any_orthonormal_pair();
@@ -93,7 +93,7 @@ impl FaceTriangulator {
         self.earcut.earcut::<u32>(flat.iter().map(|p| p.to_array()), &[], &mut self.flat_indices);
         for ear in self.flat_indices.as_chunks::<3>().0 {
             let [a, b, c] = ear.map(|i| flat[i as usize]);
-            // The projection has positive area; earcut's own orientation is not promised.
+            // The projection has positive area; earcut does not guarantee an orientation.
             out.push(if (b - a).perp_dot(c - a) < 0.0 { [ear[0], ear[2], ear[1]] } else { *ear });
         }
     }
@@ -114,7 +114,7 @@ fn fan(corners: usize, out: &mut EarTriangles) {
     out.extend((1..last).map(|i| [0, i, i + 1]));
 }
 
-/// Splits on the diagonal whose triangles face the same way; among two such, on the one with the rounder triangles.
+/// Splits on the diagonal whose triangles face the same way; if both do, on the one with the rounder triangles.
 fn split_quad(p: [DVec3; 4]) -> [[u32; 3]; 2] {
     let quality = |split: &[[u32; 3]; 2]| {
         let [n, m] = split.map(|t| {
@@ -162,7 +162,7 @@ fn ear_quality(flat: &[DVec2], ring: &[EarCorner], at: usize) -> f64 {
         return quality.min(0.0) - 2.0;
     }
     let inside = |p: DVec2| {
-        // Corners at the same place as a, b or c do not block.
+        // Corners at the same position as a, b or c do not block.
         p != a && p != b && p != c && sides(a, b, c, p).into_iter().all(|s| s >= 0.0)
     };
     let blocked = (at + 2..at + n - 1).any(|k| inside(corner(k)));

@@ -29,9 +29,9 @@ struct BuildQueueState<R> {
     results: Vec<Option<R>>,
 }
 
-/// Runs `build` for each of `footprints`, side by side as far as `memory` has room; gives the results in order.
+/// Runs `build` for each of `footprints`, in parallel as far as `memory` has room; returns the results in order.
 ///
-/// The largest that fits comes first. One that fits beside nothing runs alone, with as little as it can.
+/// The largest that fits comes first. A build that fits beside no other runs alone, with as little memory as it can.
 pub(crate) fn run_within<R: Send>(
     memory: &Arc<HostMemory>,
     footprints: &[BuildFootprint],
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
     use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-    /// Runs builds of these sizes within a room; gives their order, the most that ran at once, and the most memory
+    /// Runs builds of these sizes within a room; returns their order, the most that ran at once, and the most memory
     /// that was taken.
     fn run(room: u64, sizes: &[u64]) -> (Vec<usize>, usize, u64) {
         let memory = Arc::new(HostMemory::default());

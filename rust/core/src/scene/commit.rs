@@ -84,7 +84,7 @@ impl AssemblyStore {
     ) -> MadeAssembly {
         let known = self.groups.get(&group.id);
         let shift = if group.id == GroupId::Root { -self.origin } else { DVec3::ZERO };
-        // Once for all prototypes, before they are looked at side by side.
+        // Compares once for all prototypes, before they are visited in parallel.
         for plan in &group.members {
             if let Some(new) = &plan.instances
                 && let Some(old) = known.and_then(|known| run_of(known, plan))
@@ -141,7 +141,7 @@ impl AssemblyStore {
     }
 }
 
-/// Buckets of a group's placements, if those that are `fresh` are too many to be items at once.
+/// Buckets of a group's placements, if there are too many `fresh` ones to be items at once.
 fn buckets(specs: &[(&PlanMember, InstanceTarget, i32, RunSpec)], fresh: u64, item_bytes: u64) -> Option<OrderBuckets> {
     let records: u64 = specs.iter().map(|(.., spec)| spec.most_ranks()).sum();
     let most = at_once(item_bytes, records);
@@ -179,7 +179,7 @@ fn origin_shift(bounds: &Aabb) -> Option<DVec3> {
     (!bounds.is_empty() && is_far).then_some(center)
 }
 
-/// The lights that shine, by path, those inside prototypes once for each of their places; and the numbers of their
+/// The lights that emit, by path, those inside prototypes once for each of their placements; and the numbers of their
 /// categories.
 pub(crate) fn shining(
     lights: &BTreeMap<Arc<str>, LightDesc>,
@@ -297,7 +297,7 @@ impl Snapshot {
                 triangles = triangles.saturating_add(times.saturating_mul(t));
             }
             if assembly.is_split_mesh() {
-                // To users this is one mesh, not an assembly of its clusters.
+                // Users see one mesh, not an assembly of its clusters.
                 totals.push((1, triangles));
                 split_assemblies += 1;
                 if split.insert(assembly.members().first().map(|m| m.target)) {

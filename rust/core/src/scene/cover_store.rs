@@ -30,7 +30,7 @@ fn image_of(cutout: &Arc<Cutout>) -> Option<&CutoutImage> {
 }
 
 impl CoverStore {
-    /// Reads the images of meshes that are not known, side by side.
+    /// Reads the unknown images of meshes, in parallel.
     pub(crate) fn read<'a>(
         &mut self,
         meshes: impl Iterator<Item = &'a SlotCutouts>,

@@ -14,14 +14,14 @@ use crate::instancing::placement::InstanceArrays;
 use crate::material::Cutout;
 use crate::mesh::{BuildDemand, DicingRate, KeptMesh, SlotDisplacements, WantedPrimvar, is_same_mesh};
 
-/// Cutouts by slot, as [`SlotDisplacements`]. Empty where nothing is cut out.
+/// Cutouts by slot, as [`SlotDisplacements`]. Empty if nothing is cut out.
 pub(crate) type SlotCutouts = Vec<Option<Arc<Cutout>>>;
 
 /// A mesh prim.
 #[derive(Debug)]
 pub(crate) struct MeshEntry {
     pub(crate) desc: MeshDesc,
-    /// The asset, once the prim was needed; none again when the arrays change.
+    /// The asset, once the prim was needed; `None` again after the arrays change.
     pub(crate) built: Option<Arc<KeptMesh>>,
     /// Rate at which its limit surface is cut.
     pub(crate) dicing: DicingRate,
@@ -104,7 +104,7 @@ impl MeshEntry {
     }
 }
 
-/// True when bindings and collections are equal, and there are primvars of the same names.
+/// True if bindings and collections are equal, and there are primvars of the same names.
 fn is_dressed_alike(a: &MeshDesc, b: &MeshDesc) -> bool {
     a.material == b.material
         && a.categories == b.categories

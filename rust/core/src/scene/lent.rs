@@ -15,7 +15,7 @@ use std::sync::Arc;
 pub struct LentBytes {
     /// Bytes of all arrays.
     pub bytes: u64,
-    /// Path and bytes of the prim whose arrays take most, shared or not; the first path where several take as much.
+    /// Path and bytes of the prim whose arrays take most, shared or not; the first path if several take as much.
     pub largest: Option<(Arc<str>, u64)>,
 }
 
@@ -46,7 +46,7 @@ impl LentArrays {
         self.prims.insert((sum(&places), Reverse(Arc::clone(path))));
     }
 
-    /// No longer counts the arrays that [`Self::add`] got for a prim.
+    /// Uncounts the arrays that [`Self::add`] counted for a prim.
     pub(super) fn remove<'a>(&mut self, path: &Arc<str>, arrays: impl Iterator<Item = &'a TypedArray>) {
         let places = places(arrays);
         for place in &places {

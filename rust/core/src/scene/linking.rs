@@ -17,7 +17,7 @@ use super::entries::MeshEntry;
 use crate::array::{ElementType, TypedArray};
 use crate::desc::{InstanceLinks, InstancerDesc, LightDesc, LightKind};
 
-/// Most prims that are seen in sets of collections other than their own.
+/// Largest number of prims that are seen in sets of collections other than their own.
 pub(crate) const MAX_LINKED_PRIMS: usize = 1 << 20;
 
 /// A set of collections, sorted; empty for none.
@@ -34,13 +34,13 @@ pub(crate) fn named(lights: &BTreeMap<Arc<str>, LightDesc>) -> BTreeSet<Arc<str>
 #[derive(Clone, Debug)]
 pub(crate) struct LinkClass {
     pub(crate) categories: LinkCategories,
-    /// Of each prototype: the places in its indices; `None`: all of them.
+    /// By prototype: positions in its indices; `None`: all of them.
     chosen: Option<Vec<Arc<Vec<u32>>>>,
 }
 
 impl LinkClass {
-    /// The places in the indices of a prototype that are in it: all where there is nothing inside, and `None` for no
-    /// place at all.
+    /// The positions in the indices of a prototype that are in the class: all if there is nothing inside, and `None` if
+    /// there is none.
     #[expect(clippy::option_option, reason = "none; all; some")]
     pub(crate) fn chosen(&self, prototype: usize) -> Option<Option<Arc<Vec<u32>>>> {
         match &self.chosen {
@@ -136,7 +136,7 @@ pub(crate) fn union(a: &LinkCategories, b: &LinkCategories) -> LinkCategories {
     all.into_iter().cloned().collect()
 }
 
-/// A mesh that is seen in collections beside its own, under a prim id that no prim has.
+/// A mesh that is seen in collections besides its own, under a prim id that no prim has.
 #[derive(Clone, Debug)]
 pub(crate) struct LinkedPrim {
     pub(crate) path: Arc<str>,
@@ -144,7 +144,7 @@ pub(crate) struct LinkedPrim {
     pub(crate) categories: LinkCategories,
 }
 
-/// The prims of a plan that are seen in collections beside their own. Numbers go by the order of the plan.
+/// The prims of a plan that are seen in collections besides their own, numbered in the order of the plan.
 #[derive(Debug, Default)]
 pub(crate) struct LinkedPrims {
     known: FxHashMap<(Arc<str>, LinkCategories), i32>,
@@ -154,7 +154,7 @@ pub(crate) struct LinkedPrims {
 }
 
 impl LinkedPrims {
-    /// The prim id of a mesh below instances that are in `categories`; `None`: there are too many such.
+    /// The prim id of a mesh below instances that are in `categories`; `None`: there are too many of them.
     pub(crate) fn prim_id(
         &mut self,
         meshes: &BTreeMap<Arc<str>, MeshEntry>,
@@ -170,7 +170,7 @@ impl LinkedPrims {
         }
         let first = *self.first.get_or_insert_with(|| {
             let ids = meshes.values().filter_map(|mesh| usize::try_from(mesh.desc.prim_id).ok());
-            // A few more prims leave the numbers as they are.
+            // A few more prims do not change the numbers.
             ids.filter(|&id| id < MAX_PRIM_ID as usize).max().map_or(1, |last| (last + 1).next_power_of_two())
         });
         let number =

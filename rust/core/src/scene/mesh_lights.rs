@@ -77,7 +77,7 @@ fn unsupported(desc: &LightDesc, is_instanced: bool) -> Vec<&'static str> {
     parts.into_iter().filter(|(asked, _)| *asked).map(|(_, name)| name).collect()
 }
 
-/// Area of a mesh in the world, all of its faces, as fans of triangles.
+/// Area of a mesh in the world: all of its faces, as fans of triangles.
 fn area(desc: &MeshDesc) -> f64 {
     let (counts, indices) = (desc.face_vertex_counts.view(), desc.face_vertex_indices.view());
     let corner = |at: usize| -> Option<DVec3> {

@@ -87,9 +87,10 @@ type PrimFilter<'a> = &'a dyn Fn(i32) -> bool;
 struct FramePath {
     /// Motions in the chain.
     motion: PlacementMotion,
-    /// To the frame from the innermost that moves, or from the world.
+    /// Map to the frame from the innermost moving frame, or from the world.
     here_from_outer: DAffine3,
-    /// Origins of the frames on it, each in the innermost frame that moves around it, and how many do.
+    /// Origins of the frames in the chain, each in the innermost moving frame around it, and the number of moving
+    /// frames.
     frames: Vec<(usize, DVec3)>,
     instance_id: u32,
 }
@@ -118,7 +119,7 @@ struct PlacementTraversal<'a> {
 }
 
 impl Snapshot {
-    /// Placements of the prims that `wanted` says yes to, at most `most`. Those whose map cannot be inverted are left
+    /// Placements of the prims for which `wanted` is true, at most `most`. Those whose map cannot be inverted are left
     /// out, and those of meshes whose points move.
     #[must_use]
     pub fn mesh_placements(&self, wanted: &dyn Fn(i32) -> bool, most: usize) -> MeshPlacements {
@@ -169,7 +170,7 @@ impl PlacementTraversal<'_> {
         }
     }
 
-    /// Notes a record's mesh, or those below it. As deep as assemblies are nested.
+    /// Notes a record's mesh, or those below it. The recursion is as deep as assemblies are nested.
     fn visit(&mut self, found: &FoundRecord, way: &FramePath) {
         if self.found.all.len() >= self.most {
             self.found.is_complete = false;
@@ -227,7 +228,7 @@ impl PlacementTraversal<'_> {
     }
 }
 
-/// See [`MeshPlacement::reach`]. `farthest`: of the mesh's box from its origin, along each axis.
+/// Computes [`MeshPlacement::reach`]. `farthest`: distance of the mesh's box from its origin, along each axis.
 fn reach(motion: &PlacementMotion, map: &DAffine3, farthest: [f64; 3], frames: &[(usize, DVec3)]) -> f64 {
     let at = |time: Option<f64>| {
         let outer = |count: usize| time.map_or(DAffine3::IDENTITY, |time| motion.outer_at(count, time));
@@ -244,7 +245,7 @@ fn reach(motion: &PlacementMotion, map: &DAffine3, farthest: [f64; 3], frames: &
     if motion.is_empty() {
         return at(None);
     }
-    // Between two of the times no more than a small part of it is added.
+    // Between two of the times the reach grows only by a small part.
     let (times, _) = motion.times();
     MOVING_ROUNDINGS * motion.magnification() * times.into_iter().map(|time| at(Some(time))).fold(0.0, f64::max)
 }

@@ -72,11 +72,11 @@ use surfaces::{MaterialEntry, ShownMeshes, SurfaceStore};
 /// The result of [`SceneDb::commit`].
 #[derive(Clone, Debug)]
 pub struct SceneCommit {
-    /// The scene as of now; the same `Arc` as before when nothing changed.
+    /// The scene as of now; the same `Arc` as before if nothing changed.
     pub snapshot: Arc<Snapshot>,
     /// Warnings that were not given before, in path order.
     pub warnings: Vec<SceneWarning>,
-    /// True when the snapshot differs from the one of the commit before.
+    /// True if the snapshot differs from that of the commit before.
     pub changed: bool,
 }
 
@@ -89,7 +89,7 @@ enum PrimKind {
     Material,
 }
 
-/// The scene under edit. Edits are cheap and only noted; [`SceneDb::commit`] does the work.
+/// The scene under edit. Edits are cheap: they are only recorded, and [`SceneDb::commit`] applies them.
 #[derive(Debug)]
 pub struct SceneDb {
     meshes: BTreeMap<Arc<str>, MeshEntry>,
@@ -145,7 +145,7 @@ impl SceneDb {
         }
     }
 
-    /// Adds a mesh or replaces the prim of the same path. Cheap when the arrays are the ones given before.
+    /// Adds a mesh or replaces the prim of the same path. Cheap if the arrays are those given before.
     pub fn upsert_mesh(&mut self, desc: MeshDesc) {
         let path = desc.prim.path.clone();
         let others = self.remove_other(&path, PrimKind::Mesh);
@@ -157,7 +157,7 @@ impl SceneDb {
         self.edited |= changed | others;
     }
 
-    /// Adds an instancer or replaces the prim of the same path. Arrays are compared with the ones given before (by
+    /// Adds an instancer or replaces the prim of the same path. Arrays are compared with those given before (by
     /// address, else by content).
     pub fn upsert_instancer(&mut self, desc: InstancerDesc) {
         let path = desc.prim.path.clone();
@@ -216,7 +216,7 @@ impl SceneDb {
         Some(entry)
     }
 
-    /// Removes a prim of this path that is of another kind. Gives whether there was one.
+    /// Removes a prim of this path that is of another kind. Returns true if there was one.
     fn remove_other(&mut self, path: &str, kind: PrimKind) -> bool {
         (kind != PrimKind::Mesh && self.take_mesh(path).is_some())
             | (kind != PrimKind::Instancer && self.take_instancer(path).is_some())
@@ -275,18 +275,19 @@ impl SceneDb {
         }
     }
 
-    /// Says who opens the textures that displace surfaces or cut them out, for meshes that are built from now on.
-    /// Without, the former have their fallbacks.
+    /// Sets the interface that opens the textures which displace surfaces or cut them out, for meshes that are built
+    /// from now on. Without one, displacements have their fallbacks.
     pub fn set_height_files(&mut self, files: Arc<dyn HeightFiles>) {
         self.height_files = Some(files);
     }
 
-    /// For tests: whether the boxes of triangles that are cut out are those of all of them. Changes no picture.
+    /// For tests: sets if the boxes of triangles with cutouts enclose the whole triangles. It does not change the
+    /// picture.
     pub fn set_whole_bounds(&mut self, are_whole: bool) {
         self.edited |= std::mem::replace(&mut self.surface_store.has_whole_bounds, are_whole) != are_whole;
     }
 
-    /// Says where meshes that are built from now on are kept when [`Self::mesh_memory`] is full.
+    /// Sets the files that keep meshes which are built from now on when [`Self::mesh_memory`] is full.
     pub fn set_mesh_files(&mut self, files: Option<Arc<dyn MeshFiles>>) {
         self.mesh_store.shelf.files = files;
     }
@@ -391,7 +392,7 @@ impl SceneDb {
         (plan, CommittedAssets { meshes, indices, surfaces })
     }
 
-    /// The warnings that say something else than the last one for the same prim.
+    /// The warnings that differ from the last one for the same prim.
     fn new_warnings(&mut self, reports: &CommitReports) -> Vec<SceneWarning> {
         let warnings = reports.warnings();
         let is_new = |warning: &&SceneWarning| self.warned.get(&warning.path) != Some(&warning.message);

@@ -31,8 +31,8 @@ impl PlacementMotion {
         self.levels.is_empty()
     }
 
-    /// With a frame inside, which is at rest at `place` and moves there by `keys`; `None` where the place cannot be
-    /// decomposed.
+    /// The motion with an inner frame added, which is at rest at `place` and moves there by `keys`; `None` if `place`
+    /// cannot be decomposed.
     pub(crate) fn within(&self, place: &DAffine3, keys: &[MotionKey]) -> Option<Self> {
         let mut levels = self.levels.clone();
         let mut keys: Arc<[MotionKey]> = keys.into();
@@ -76,7 +76,7 @@ impl PlacementMotion {
     }
 
     /// Times from the opening of the shutter to its closing, and the largest angle by which a normal turns between two
-    /// that follow each other: half a circle where there is no telling, as where a stretch changes its shape.
+    /// consecutive ones: half a circle if it is not known, as for a stretch that changes its shape.
     #[must_use]
     pub fn times(&self) -> (Vec<f64>, f64) {
         let own = self.key_times();
@@ -131,7 +131,7 @@ impl PlacementMotion {
     }
 }
 
-/// Keys of a record as the device has them: with the place in single precision.
+/// The keys of a record as the device has them, with the position in single precision.
 pub(crate) fn as_rounded(keys: &PlacementKeys) -> Arc<[MotionKey]> {
     keys.as_slice().iter().map(|key| MotionKey { translation: key.translation.as_vec3().as_dvec3(), ..*key }).collect()
 }

@@ -15,7 +15,7 @@ struct PrimvarUses<'a> {
 }
 
 impl<'a> PrimvarUses<'a> {
-    /// Notes one prim's primvar, of so many bytes when it was built.
+    /// Adds one prim's primvar; `built`: its bytes if it was built.
     fn note(&mut self, name: &'a str, built: Option<u64>, authored: impl FnOnce() -> u64) {
         let entry = self.by_name.entry(name).or_default();
         match built {

@@ -20,7 +20,7 @@ pub struct SceneWarning {
 }
 
 impl SceneWarning {
-    /// The warning about a prim; none where there is nothing to say.
+    /// The warning about a prim; `None` if there is no problem.
     pub(crate) fn new(path: Arc<str>, notes: Vec<String>, dropped: DroppedData) -> Option<Self> {
         let mut message = String::new();
         notes.iter().for_each(|note| join(&mut message, note));
@@ -76,7 +76,7 @@ impl CommitReports {
         paths.filter_map(warning).collect()
     }
 
-    /// Says something about a prim that is no count of dropped data.
+    /// Adds a note about a prim that is no count of dropped data.
     pub(crate) fn note(&mut self, path: &Arc<str>, text: String) {
         let notes = self.notes.entry(path.clone()).or_default();
         if !notes.iter().any(|note| note.contains(&text)) {

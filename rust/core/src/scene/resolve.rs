@@ -37,7 +37,8 @@ pub(crate) enum PlanTarget {
 pub(crate) struct PlanMember {
     /// Path of the mesh or the instancer.
     pub(crate) path: Arc<str>,
-    /// Prototype of the instancer, and above its number of prototypes that of a set of collections; 0 for meshes.
+    /// Index of the prototype of the instancer; from the number of prototypes on, that of a prototype in a set of
+    /// collections; 0 for meshes.
     pub(crate) slot: usize,
     /// Group frame from the prim's frame.
     pub(crate) before: DAffine3,
@@ -49,7 +50,7 @@ pub(crate) struct PlanMember {
     pub(crate) target: PlanTarget,
     /// Primvars of the instancer that something below reads.
     pub(crate) primvars: Vec<MemberPrimvar>,
-    /// Numbers of the primvars that are read below, and that nothing from here down has. Sorted.
+    /// Numbers of the primvars that are read below, and that nothing from here down has, sorted.
     pub(crate) lacks: Vec<u32>,
     /// Values of `before` at times of the shutter, for a moving member that is placed once.
     pub(crate) motion: Option<Arc<Vec<TransformKey>>>,
@@ -89,7 +90,7 @@ pub(crate) struct ScenePrims<'a> {
 }
 
 impl PrimHierarchy {
-    /// Sorts the prims into groups. `shows` says which purposes are shown.
+    /// Sorts the prims into groups. `shows` tells which purposes are shown.
     pub(crate) fn new(prims: ScenePrims<'_>, shows: impl Fn(&str) -> bool, reports: &mut CommitReports) -> Self {
         let mut hierarchy = Self::default();
         for entry in prims.meshes.values().filter(|e| e.desc.prim.visible && shows(&e.desc.prim.purpose)) {
@@ -130,8 +131,8 @@ impl PrimHierarchy {
         self.groups.get(id).unwrap_or(&self.nothing)
     }
 
-    /// Paths of the meshes and instancers that can be reached from the world, and which instancers cannot because they
-    /// contain themselves.
+    /// Paths of the meshes and instancers that can be reached from the world, and the instancers that cannot because
+    /// they contain themselves.
     pub(crate) fn reachable(&self, prims: ScenePrims<'_>, reports: &mut CommitReports) -> FxHashSet<Arc<str>> {
         let mut reached: FxHashSet<Arc<str>> = FxHashSet::default();
         let mut open = vec![&GroupId::Root];
@@ -201,7 +202,8 @@ enum GroupOutcome {
     Group(usize),
 }
 
-/// Makes the plan, in which all meshes that have assets are placed; and those seen in collections beside their own.
+/// Makes the plan, in which all meshes that have assets are placed; and the list of prims seen in collections besides
+/// their own.
 pub(crate) fn resolve(
     prims: ScenePrims<'_>,
     hierarchy: &PrimHierarchy,
@@ -422,8 +424,8 @@ impl SceneResolver<'_> {
     }
 }
 
-/// The prototypes of an instancer, each once for each set of collections that instances of it are in; with the place of
-/// both among all, and the places in the prototype's indices.
+/// The prototypes of an instancer, each once for each set of collections that instances of it are in; with its slot,
+/// and the positions in the prototype's indices.
 fn placed_apart(
     entry: &InstancerEntry,
 ) -> impl Iterator<Item = (usize, &InstancerPrototype, &LinkClass, Option<Arc<Vec<u32>>>)> {
@@ -436,7 +438,8 @@ fn placed_apart(
     })
 }
 
-/// The transforms of a prim that moves at times of the shutter; `None` where it does not; or why they cannot be used.
+/// The transforms of a moving prim at times of the shutter; `None` if it does not move; an error with the reason if
+/// they cannot be used.
 #[expect(clippy::cast_possible_truncation, reason = "keys have times in single precision")]
 fn transform_keys(prim: &PrimDesc) -> Result<Option<Vec<TransformKey>>, String> {
     let Some(samples) = transform_motion(&prim.motion)? else { return Ok(None) };

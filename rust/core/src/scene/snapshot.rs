@@ -72,10 +72,10 @@ pub struct Snapshot {
     pub version: u64,
     /// World point that is (0, 0, 0) in the root assembly's frame. Kept across edits unless the scene moves far.
     pub origin: DVec3,
-    /// Unique meshes in use; [`InstanceTarget::Mesh`] indexes this. Indices of kept meshes change as little as
-    /// possible.
+    /// Unique meshes in use, indexed by [`InstanceTarget::Mesh`]. Indices of kept meshes change as little as possible.
     pub meshes: Vec<Arc<SceneMesh>>,
-    /// [`InstanceTarget::Assembly`] indexes this. Children come before parents, the root is last and always there.
+    /// Assemblies, indexed by [`InstanceTarget::Assembly`]. Children come before parents; the root always exists and is
+    /// the last.
     pub assemblies: Vec<Arc<Assembly>>,
     /// Lights that shine, by path.
     pub lights: Vec<Light>,
@@ -87,7 +87,7 @@ pub struct Snapshot {
     pub features: Features,
     /// Kinds of the items of its meshes.
     pub leaf_kinds: BTreeSet<LeafKind>,
-    /// Deepest chain of instance records from the root to a mesh; at least 1.
+    /// Length of the longest chain of instance records from the root to a mesh; at least 1.
     pub max_levels: u32,
     /// Numbers of instances, triangles, meshes and assemblies.
     pub counts: SceneCounts,

@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 
 /// Number of prims with similar warnings that are still listed one by one.
 const FEW: usize = 4;
-/// Most lines of one summary. Kinds of warning are few, but texts come from scenes.
+/// Largest number of lines of one summary. Kinds of warning are few, but texts come from scenes.
 const MOST_LINES: usize = 100;
 
 /// Prims with similar warnings.

@@ -30,7 +30,7 @@ pub struct PrimRecord {
     pub slot_count: u32,
     /// The set of categories that it is in: index into [`SurfaceTables::category_sets`].
     pub category_set: u32,
-    /// Of a prim that is another one below instances that are in collections of their own: the prim id of that.
+    /// For a prim that stands for another one below instances in collections of their own: the prim id of that one.
     pub shown_as: Option<i32>,
 }
 
@@ -53,7 +53,7 @@ pub(crate) struct MaterialEntry {
 }
 
 impl MaterialEntry {
-    /// A new entry, or `old` where nothing changed. Gives whether anything did.
+    /// A new entry, or `old` if nothing changed. Also returns if anything changed.
     pub(crate) fn update(old: Option<Self>, desc: MaterialDesc) -> (Self, bool) {
         match old {
             Some(old) if old.desc == desc => (old, false),
@@ -169,7 +169,7 @@ impl SurfaceStore {
                     reports.note(path, NO_CURVE.to_owned());
                 }
                 for name in material.primvar_names() {
-                    // Only ribbons have it, and they make it.
+                    // Only ribbons have this primvar, and they make it.
                     if &**name == ACROSS_NAME {
                         names.extend(Some(name).filter(|_| is_curve && entry.desc.normals.is_some()));
                         continue;
@@ -310,7 +310,7 @@ impl SurfaceStore {
         tables
     }
 
-    /// The material with the numbers that names and textures have in the snapshot.
+    /// The material with the numbers of names and textures in the snapshot.
     fn linked(&mut self, material: &Material, local: &[TextureRef], textures: &mut Vec<TextureRef>) -> Material {
         let mut linked = material.clone();
         for set in &mut linked.uv_sets {
@@ -344,7 +344,7 @@ impl SurfaceStore {
 }
 
 impl SurfaceTables {
-    /// Notes the bindings of one mesh: its record as far as it is known, its collections, its slots.
+    /// Adds the bindings of one mesh: its record as far as it is known, its collections, its slots.
     fn add(
         &mut self,
         path: &Arc<str>,
@@ -401,7 +401,7 @@ impl SurfaceTables {
         self.material_slots.get(first..first + record.slot_count as usize).unwrap_or_default()
     }
 
-    /// Most texture lookups that a material makes where it is shaded.
+    /// Largest number of texture lookups of a material where it is shaded.
     #[must_use]
     pub fn most_lookups(&self) -> usize {
         self.materials.iter().map(|material| material.lookups()).max().unwrap_or(0)

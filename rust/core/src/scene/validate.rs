@@ -41,7 +41,7 @@ impl Snapshot {
         Ok(())
     }
 
-    /// Gives the levels below the records and the placements of meshes.
+    /// Returns the levels below the records and the placements of meshes.
     fn validate_assembly(&self, at: usize, levels: &[u32], placed: &[u128]) -> Result<(u32, u128), SnapshotError> {
         let assembly = &self.assemblies[at];
         let mut batch = vec![InstanceRecord::default(); BATCH.min(assembly.len())];

@@ -79,7 +79,7 @@ macro_rules! settings {
         $audience:ident $scope:ident $key:literal $variable:literal $name:literal
         $help:literal;
     )+) => {
-        /// All settings. Values are inside their bounds as long as they are changed through [`Settings::set`].
+        /// All settings. Values stay inside their bounds if they are changed through [`Settings::set`] only.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(default)]
         pub struct Settings {

@@ -12,7 +12,7 @@ pub enum TraversalKind {
     Auto,
     /// Compute shaders of the device.
     Compute,
-    /// The host's threads; only where device memory is host memory.
+    /// The host's threads; only if the device shares the memory of the host.
     Native,
 }
 

@@ -9,7 +9,7 @@ use oocpt_materialx::library::{NodeLibrary, with_documents};
 
 use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 
-/// The parameter of a node that names the file; no input of a node has such a name.
+/// Parameter of a node that names the file; no input of a node has such a name.
 const FILE: &str = "info:mtlx:sourceAsset";
 /// Largest number of files of a material; further ones are not read.
 const MOST_FILES: usize = 16;
@@ -22,7 +22,7 @@ pub(super) fn of_node(node: &NodeDesc) -> Option<&AssetRef> {
     })
 }
 
-/// The library with the definitions of one's own that nodes of a material name; `None` where they name none.
+/// The library with the custom definitions that nodes of a material name; `None` if they name none.
 pub(super) fn own(desc: &MaterialDesc, library: &NodeLibrary) -> Option<Arc<NodeLibrary>> {
     let mut files: Vec<PathBuf> = Vec::new();
     for asset in desc.nodes.iter().filter_map(of_node) {

@@ -56,7 +56,7 @@ macro_rules! leaf_kinds {
                 }
             }
 
-            /// The item with these points, and radii where points have some, at its corners.
+            /// The item with these points at its corners, and these radii for kinds that have radii.
             pub(super) fn vertices(self, points: ItemVertices, radii: [f32; 3]) -> ItemVertices {
                 match self {
                     $($(#[cfg($only)])? Self::$kind => $module::vertices(points, radii),)+
@@ -70,12 +70,12 @@ leaf_kinds! {
     /// Triangles.
     Triangles: triangle, TRIANGLE;
     /// Hulls of two balls: `vertices[0]` and `vertices[1]` are the centres, `vertices[2]` has both radii and 0. Corners
-    /// 0 and 2 are the first centre, corner 1 the second one.
+    /// 0 and 2 are the first centre, corner 1 is the second one.
     Rounds: round, ROUND;
-    /// Balls: [`Self::Rounds`] of which both balls are the same. Eight to a leaf of the tree, and 16 bytes each on the
+    /// Balls: [`Self::Rounds`] with two equal balls. Eight are in a leaf of the tree, and each has 16 bytes on the
     /// device.
     Points: point, POINT;
-    /// Boxes along the axes: `vertices[0]` and `vertices[1]` are opposite corners. Tests alone have it.
+    /// Axis-aligned boxes: `vertices[0]` and `vertices[1]` are opposite corners. Only tests have it.
     #[cfg(feature = "faults")]
     ToyBoxes: toy_box, TOY_BOX;
 }
@@ -88,7 +88,7 @@ pub(super) struct LeafItems {
     pub(super) desc: MeshDesc,
     /// Kind of the items.
     pub(super) kind: LeafKind,
-    /// Radius at each of the topology's points; empty where they have none.
+    /// Radius at each of the topology's points; empty for kinds without radii.
     pub(super) radii: Vec<f32>,
     /// Poses at the keys of a moving prim.
     pub(super) poses: Vec<PointsPose>,

@@ -43,7 +43,7 @@ pub enum IesError {
 pub struct IesProfile {
     /// Vertical angles, degrees; at least one, increasing.
     pub vertical: Vec<f32>,
-    /// The whole circle, 0 to 360; or just 0 for a profile that is the same all around.
+    /// Horizontal angles, degrees: the whole circle, 0 to 360; or just 0 for a profile that is rotationally symmetric.
     pub horizontal: Vec<f32>,
     /// Candelas: `candela[h * vertical.len() + v]`.
     pub candela: Vec<f32>,
@@ -247,7 +247,7 @@ fn around(vertical: &[f32], horizontal: Vec<f32>, candela: Vec<f32>) -> Result<(
         if is_at(first, 0.0) && columns.last().is_some_and(|c| is_at(c.0, 180.0)) {
             mirror(&mut columns, 180.0);
         }
-        // A whole circle that is not closed is.
+        // Closes a whole circle that is not closed.
         if let (Some((a, column)), Some((b, _))) = (columns.first().cloned(), columns.last())
             && *b < a + 360.0 - 1e-3
         {

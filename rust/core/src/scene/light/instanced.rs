@@ -52,8 +52,8 @@ pub(crate) fn placements(
     (worlds.iter().map(placed).collect(), places.is_cut)
 }
 
-/// The times while the shutter is open at which something that a prim is in has a key, its opening and its closing;
-/// none where nothing moves.
+/// The times while the shutter is open at which a prim or something that contains it has a key, with its opening and
+/// closing; none if nothing moves.
 fn key_times(prim: &PrimDesc, instancers: &BTreeMap<Arc<str>, InstancerEntry>) -> Vec<f64> {
     let (mut times, mut moves) = (vec![0.0, 1.0], false);
     let (mut prims, mut seen) = (vec![prim], FxHashSet::default());
@@ -78,7 +78,8 @@ fn key_times(prim: &PrimDesc, instancers: &BTreeMap<Arc<str>, InstancerEntry>) -
     times
 }
 
-/// With times between, as many as there may be: each gap is cut evenly, and the longest piece is as short as can be.
+/// The times, with as many times between them as there may be: each gap is cut evenly, such that the longest piece is
+/// as short as possible.
 #[expect(clippy::cast_precision_loss, reason = "at most 16")]
 fn split(own: &[f64]) -> Vec<f64> {
     let mut gaps: Vec<(f64, f64, usize)> = own.windows(2).map(|pair| (pair[0], pair[1] - pair[0], 1)).collect();
@@ -108,7 +109,7 @@ fn samples(maps: &[DAffine3], times: &[f64], own: &[f64]) -> Vec<TransformSample
     if is_enough { few } else { all }.into_iter().map(sample).collect()
 }
 
-/// The world transform of a place at the frame's own time, then at each of the times.
+/// The world transform of a placement at the frame's own time, then at each of the times.
 type TimedTransforms = Vec<DAffine3>;
 
 /// The transform of a prim in its parent, with its motion.

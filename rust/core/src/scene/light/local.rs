@@ -12,7 +12,7 @@ use crate::desc::{AssetRef, LightDesc, ShapingCone};
 pub struct LocalLight {
     /// Shape of unit size.
     pub shape: LocalShape,
-    /// World (not relative to the snapshot's origin) from the unit shape. Regular; of a plane shape, the z axis is the
+    /// World (not relative to the snapshot's origin) from the unit shape. Regular; for a plane shape, the z axis is the
     /// unit normal.
     pub world_from_unit: DAffine3,
     /// Unit perpendicular axes (columns) of the light: it points along -z.
@@ -21,14 +21,14 @@ pub struct LocalLight {
     pub area: f64,
     /// Restriction of its directions; `None`: it emits wherever its shape does.
     pub shaping: Option<LightShaping>,
-    /// Picture on a rectangle: u grows from +x to -x, v from +y to -y, (0, 0) the upper left of the file.
+    /// Texture of a rectangle: u grows from +x to -x, v from +y to -y, (0, 0) is the upper left of the file.
     pub texture: Option<AssetRef>,
 }
 
 /// Restriction of a light's directions about its -z axis. Checked: finite, in range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightShaping {
-    /// Half angle of the cone, radians, in [0, pi]; pi with a profile, which says itself where no light goes
+    /// Half angle of the cone, radians, in [0, pi]; pi with a profile, which itself has the directions without light
     /// (`UsdLux`: the cone does not affect profiles).
     pub cone_angle: f32,
     /// Angle at which the light begins to fade out towards the cone's, radians.
@@ -46,8 +46,8 @@ pub struct LightShaping {
 }
 
 impl LightShaping {
-    /// `None` when a value is not finite; `Some(None)` when nothing is left out of the shape's own light, which of a
-    /// flat one is that to one side.
+    /// `None` if a value is not finite; `Some(None)` if the shaping leaves out no part of the shape's own light, which
+    /// for a flat one is that to one side.
     fn new(desc: &ShapingCone, is_flat: bool) -> Option<Option<Self>> {
         let numbers = [desc.cone_angle_degrees, desc.cone_softness, desc.focus, desc.ies_angle_scale];
         if !numbers.iter().chain(&desc.focus_tint).all(|v| v.is_finite()) {

@@ -34,8 +34,8 @@ pub struct Light {
     pub path: Arc<str>,
     /// Kind and geometry of the emission.
     pub emitter: LightEmitter,
-    /// Radiance, linear Rec. 709. Of a distant light without extent: irradiance on a facing surface; of a point:
-    /// radiant intensity; of a line: radiant intensity per unit of length, seen from the side.
+    /// Radiance, linear Rec. 709. For a distant light without extent: irradiance on a facing surface; for a point:
+    /// radiant intensity; for a line: radiant intensity per unit of length, seen from the side.
     pub radiance: [f32; 3],
     /// True if camera rays see it directly.
     pub camera_visible: bool,
@@ -70,16 +70,16 @@ pub enum LightEmitter {
     Distant {
         /// Unit, world space, from the scene towards the light.
         direction: [f32; 3],
-        /// `1 - cos` of half the opening angle; exactly 0 = a single direction. Kept apart from the cosine, which in
-        /// f32 is 0.3 % coarse in the solid angle of a sun of half a degree.
+        /// `1 - cos` of half the opening angle; exactly 0 = a single direction. It is stored instead of the cosine,
+        /// which in f32 has an error of 0.3 % in the solid angle of a sun of half a degree.
         one_minus_cos: f32,
     },
     /// Light from a position in the world.
     Local(Arc<LocalLight>),
 }
 
-/// The picture of a dome. As longitude and latitude, as the `OpenEXR` format has it, a direction d of the dome's frame
-/// is at `u = 1/2 - atan2(d.x, d.z) / 2 pi` from the left and `v = acos(d.y) / pi` from the top.
+/// The texture of a dome. It is mapped by longitude and latitude as in the `OpenEXR` format: a direction d of the
+/// dome's frame is at `u = 1/2 - atan2(d.x, d.z) / 2 pi` from the left and `v = acos(d.y) / pi` from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DomeTexture {
     /// File of the texture.
@@ -91,8 +91,8 @@ pub struct DomeTexture {
 }
 
 impl Light {
-    /// Works out one light. `None` when a value is not finite or the transform gives no direction; a light that shines
-    /// nothing is a light of radiance 0.
+    /// Computes one light. `None` if a value is not finite or the transform gives no direction; a light without
+    /// emission is a light of radiance 0.
     ///
     /// `UsdLux`: `L = intensity * 2^exposure * color * blackbody(temperature)`. A normalised light is divided by its
     /// area in the world; a distant one of half angle t by `pi sin^2 t` (t <= 90 degrees) or `pi (2 - sin^2 t)`: at
@@ -160,8 +160,8 @@ fn shadow_reach(desc: ShadowReach) -> ShadowReach {
     }
 }
 
-/// Emitted radiance times `scale`. `None` when a value is not finite. A scale that is not finite belongs to a light
-/// without extent, which gives no light.
+/// Emitted radiance times `scale`. `None` if a value is not finite. A scale that is not finite belongs to a light
+/// without extent, which emits no light.
 pub(super) fn radiance(desc: &LightDesc, scale: f64) -> Option<[f32; 3]> {
     let power = f64::from(desc.intensity) * f64::from(desc.exposure).exp2();
     let tint = desc.color_temperature.map_or(Some([1.0; 3]), blackbody)?;

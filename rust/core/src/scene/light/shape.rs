@@ -9,22 +9,22 @@ use glam::{DMat3, DVec3};
 
 use crate::desc::{AssetRef, LightKind};
 
-/// A shape of unit size; a [`super::LocalLight`] says where it is and how large.
+/// A shape of unit size; a [`super::LocalLight`] has its position and its size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LocalShape {
-    /// The square `|x| <= 1, |y| <= 1` in the plane z = 0; shines to -z.
+    /// The square `|x| <= 1, |y| <= 1` in the plane z = 0; it emits to -z.
     Rect,
     /// The disk `x^2 + y^2 <= 1` in the plane z = 0; it emits to -z.
     Disk,
     /// The unit sphere; it emits outwards.
     Sphere,
-    /// The cylinder `y^2 + z^2 = 1, |x| <= 1` without caps; shines outwards.
+    /// The cylinder `y^2 + z^2 = 1, |x| <= 1` without caps; it emits outwards.
     Cylinder,
     /// The origin; it emits the same in all directions.
     Point,
-    /// The segment `|x| <= 1` of the x axis; shines with the sine of the angle to it.
+    /// The segment `|x| <= 1` of the x axis; it emits with the sine of the angle to it.
     Line,
-    /// The triangle `x >= -1, y >= -1, x + y <= 0` in the plane z = 0; shines to -z. Tests alone have it.
+    /// The triangle `x >= -1, y >= -1, x + y <= 0` in the plane z = 0; it emits to -z. Only tests have it.
     #[cfg(feature = "faults")]
     ToyLight,
 }

@@ -15,7 +15,7 @@ use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{CurvesDesc, DroppedData, Interpolation, MeshDesc, Primvar};
 use crate::mesh::dicing::DicingRate;
 
-/// Largest distance of a piece from its curve, in dicing rates.
+/// Largest distance of a piece from its curve, in units of the dicing rate's piece length.
 const TOLERANCE: f64 = 0.05;
 /// Radius in pixels above which a curve is thick.
 const THICK: f64 = 2.0;
@@ -26,7 +26,8 @@ const THIN_TURN: f64 = 0.8;
 const UNSEEN_PIECES: u32 = 8;
 /// Largest number of pieces of a segment.
 const MOST_PIECES: u32 = 256;
-/// Pieces of one prim above which its segments are cut into fewer, though always into up to [`ALWAYS_PIECES`].
+/// Number of pieces of one prim above which its segments are cut into fewer, though always into up to
+/// [`ALWAYS_PIECES`].
 const MOST_IN_ALL: usize = 1 << 23;
 const ALWAYS_PIECES: u32 = 8;
 
@@ -42,7 +43,7 @@ pub(super) struct CurvePiece {
 pub(super) struct CurveStencil {
     /// Points of the prim and their weights.
     pub(super) vertex: [(u32, f32); 4],
-    /// The two nearest values of a varying primvar, and how far it is from the first to the second.
+    /// Indices of the two nearest values of a varying primvar; the weight between them follows.
     pub(super) varying: [u32; 2],
     pub(super) along: f32,
 }
@@ -64,7 +65,7 @@ pub(super) struct CutCurves {
     pub(super) varying_count: usize,
     /// Curve of each point.
     pub(super) curves: Vec<u32>,
-    /// Most pieces of a segment, and whether some segment would have more.
+    /// Largest number of pieces of a segment; the next field is true if some segment would have more.
     most_pieces: u32,
     is_coarse: bool,
     /// Number of points of all segments, and whether nothing else is wanted.
@@ -228,13 +229,13 @@ impl CutCurves {
     }
 }
 
-/// Most pieces of a segment of curves with so many vertices, which have no more segments than that.
+/// Largest number of pieces of a segment of curves with this many vertices, which have no more segments than that.
 fn most_pieces(vertices: usize) -> u32 {
     let share = u32::try_from(MOST_IN_ALL / vertices.max(1)).unwrap_or(MOST_PIECES);
     share.clamp(ALWAYS_PIECES, MOST_PIECES)
 }
 
-/// Pieces of a segment; `sum` gives place and radius for weights.
+/// Number of pieces of a segment; `sum` gives position and radius for weights.
 fn pieces(
     segment: &CurveSegment,
     curves: &CurvesDesc,
@@ -255,7 +256,7 @@ fn pieces(
     let for_shape = (bend * density / (8.0 * TOLERANCE * dicing.pixels)).sqrt();
     let turn = if from.w.max(to.w) * density > THICK { THICK_TURN } else { THIN_TURN };
     let speed = from.truncate().distance(to.truncate());
-    // The curve turns by about its second derivative over its speed; back on itself, by half a turn and more.
+    // The curve turns by about its second derivative over its speed; if it turns back, by half a turn and more.
     let for_turn = f64::min(bend / speed, 2.0 * std::f64::consts::PI) / turn;
     let wanted = for_shape.max(for_turn).ceil().clamp(1.0, f64::from(MOST_PIECES));
     #[expect(
@@ -279,7 +280,7 @@ fn stencil(segment: &CurveSegment, weights: [f64; 4], number: usize, t: f64, cur
 }
 
 impl<'a> CurveRadii<'a> {
-    /// Those of a prim: of its widths, or where it has none that can be used, of lines.
+    /// The radii of a prim: those of its widths, or of lines if it has no usable widths.
     fn of(desc: &'a MeshDesc, dicing: &'a DicingRate, dropped: &mut DroppedData) -> Self {
         let usable = usable_widths(desc);
         dropped.primvars += u64::from(desc.widths.as_ref().is_some_and(|w| !w.values.is_empty()) && usable.is_none());
@@ -296,7 +297,7 @@ impl<'a> CurveRadii<'a> {
         Self { interpolation, view: Ok(primvar.values.view()) }
     }
 
-    /// True where there are fewer widths than the interpolation needs.
+    /// True if there are fewer widths than the interpolation needs.
     fn is_short(&self, curves: usize, points: usize, ends: usize) -> bool {
         let needed = match self.interpolation {
             Interpolation::Constant | Interpolation::Instance => 1,

@@ -55,7 +55,7 @@ pub(in crate::mesh) fn curve_points(desc: &MeshDesc, curves: &CurvesDesc, dicing
     usable_points(desc, &mut DroppedData::default()).map_or(0, |_| CutCurves::count(desc, curves, dicing))
 }
 
-/// An item for each piece, or two of a ribbon, with the number of its curve.
+/// Reads an item for each piece, or two for each piece of a ribbon, with the number of its curve.
 pub(super) fn read_curves(
     desc: &MeshDesc,
     curves: &CurvesDesc,
@@ -135,7 +135,7 @@ pub(super) fn read_points(
     LeafItems { topology, desc, kind: LeafKind::Points, radii, poses }
 }
 
-/// A pose of points, with their radii at it where widths change.
+/// A pose of points, with their radii if widths change.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn widened(desc: &MeshDesc, pose: &PointsPose, count: usize) -> PointsPose {
     let radii = pose.widths.as_ref().zip(desc.widths.as_ref()).map(|(values, own)| {
@@ -209,7 +209,7 @@ fn as_tubes(
     LeafItems { topology, desc, kind: LeafKind::Rounds, radii: cut.radii, poses }
 }
 
-/// Pieces as two triangles each, across the normals. The two points of an end have the values of the end.
+/// Pieces as two triangles each, perpendicular to the normals. The two points of an end have the values of the end.
 fn as_ribbons(
     desc: &MeshDesc,
     wanted: &[WantedPrimvar],

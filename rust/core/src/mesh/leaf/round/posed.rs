@@ -45,7 +45,7 @@ impl RibbonSource<'_> {
 }
 
 impl CutCurves {
-    /// The cut as ribbons, if the prim has normals that can be used.
+    /// The cut as ribbons, if the prim has usable normals.
     pub(super) fn ribbon(&self, desc: &MeshDesc, dropped: &mut DroppedData) -> Option<RibbonPoints> {
         let normals = self.normals(desc.normals.as_ref()?, desc, dropped)?;
         let (points, normals) =
@@ -65,7 +65,7 @@ impl CutCurves {
         Some(normals.to_vec())
     }
 
-    /// The points of the cut at a pose of the prim's, with their radii where widths change.
+    /// The points of the cut at a pose of the prim, with their radii if widths change.
     pub(super) fn posed(&self, desc: &MeshDesc, pose: &PointsPose) -> PointsPose {
         let place = |stencil: &CurveStencil| {
             let weights = stencil.vertex.map(|(_, weight)| f64::from(weight));
@@ -83,7 +83,7 @@ impl CutCurves {
         Some(self.stencils.iter().zip(&self.curves).map(radius).collect())
     }
 
-    /// The ribbon at a pose of the prim's; none where the prim has no normals that can be used.
+    /// The ribbon at a pose of the prim; `None` if the prim has no usable normals.
     pub(super) fn ribbon_at(&self, desc: &MeshDesc, pose: &PointsPose) -> Option<PointsPose> {
         let own = desc.normals.as_ref()?;
         let values = pose.normals.clone().unwrap_or_else(|| own.values.clone());
@@ -100,7 +100,7 @@ impl CutCurves {
     }
 }
 
-/// A sum of points of the prim. A weight of 0 takes nothing from a point that is no number.
+/// A weighted sum of points of the prim. A weight of 0 ignores its point, also if that is NaN.
 fn sum(stencil: &CurveStencil, weights: [f64; 4], points: &[[f32; 3]]) -> DVec3 {
     let point = |((at, _), weight): (&(u32, f32), f64)| {
         let point = points.get(*at as usize).copied().unwrap_or_default();
