@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut shim = cxx_build::bridge("src/ffi.rs");
     shim.std("c++17").include(&cpp).flag("-isystem").flag(&root).file(cpp.join("subdiv/limitSurface.cpp"));
     hide(&mut shim);
-    // The linker wants a library behind those that use it.
+    // The linker wants a library after those that use it.
     shim.compile("oocpt_subdiv_cxx");
     library.compile("oocpt_opensubdiv");
     for file in ["limitSurface.h", "limitSurface.cpp", "siteTable.h"] {

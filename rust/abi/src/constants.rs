@@ -3,7 +3,7 @@
 
 use super::*;
 
-/// Entries of [`CONSTANTS`]: a constant of this crate by its own name, or `NAME = value`.
+/// Declares [`CONSTANTS`]: a constant of this crate by its own name, or `NAME = value`.
 macro_rules! constants {
     (@value $name:ident) => { $name };
     (@value $name:ident = $value:expr) => { $value };

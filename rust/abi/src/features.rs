@@ -31,13 +31,13 @@ pub enum CarryRule {
 /// A row of [`FEATURES`].
 #[derive(Debug, Clone, Copy)]
 pub struct FeatureRow {
-    /// As in `HAS_NAME` of the shaders, in `oocpt:carry` and in the stats.
+    /// Name as in `HAS_NAME` of the shaders, in `oocpt:carry` and in the stats.
     pub name: &'static str,
     /// Bit of the feature.
     pub bit: Features,
     /// Description in words, for the stats.
     pub what: &'static str,
-    /// Without all of these the shaders do not look at the bit. Rows above this one.
+    /// Features without all of which the shaders ignore the bit. They are rows above this one.
     pub needs: Features,
     /// Scenes that it can be compiled in for without need.
     pub carry: CarryRule,
@@ -85,21 +85,21 @@ features! {
     NORMALS: "interpolated normals", [], Always;
     /// Some mesh has colours; without it every surface is `FrameConstants::default_albedo`.
     COLORS: "colours", [], Always;
-    /// The camera has an open lens: `lens_u`, `lens_v`, `focus` count.
+    /// The camera has an open lens: `lens_u`, `lens_v`, `focus` are used.
     LENS: "lens", [], Always;
     /// Some instance record points to an assembly (needed when `MAX_LEVELS` > 1).
     INSTANCING: "nested instance levels", [], Always;
     /// Some dome has no texture: shadow rays towards it are sampled by the BSDF.
     DOME_SHADOW_RAYS: "shadow rays to constant domes", [DOME], Never;
-    /// Chunks may be absent: rays wait for them, paths live in segments. `FrameConstants::streaming` counts.
+    /// Chunks may be absent: rays wait for them, paths are in segments. `FrameConstants::streaming` is used.
     STREAMING: "streaming of what does not fit", [], Never;
     /// `StreamingPointers::unit_rays` counts the rays that entered each chunk and mesh.
     CHUNK_COUNTS: "counts of rays by chunk and mesh", [STREAMING], Never;
     /// Rays that wait for a load that is too expensive for their contribution may end (`StreamingPointers::roulette`).
     ROULETTE: "roulette on loads for stragglers", [STREAMING], Never;
-    /// Some mesh has a material: `FrameConstants::materials`, `prims` and `material_slots` count.
+    /// Some mesh has a material: `FrameConstants::materials`, `prims` and `material_slots` are used.
     MATERIALS: "materials, and tables of them", [], Never;
-    /// Some material reads a texture: `FrameConstants::textures` and `texture_pages` count.
+    /// Some material reads a texture: `FrameConstants::textures` and `texture_pages` are used.
     TEXTURES: "textures, and ray cones for them", [MATERIALS], MaterialsInCore;
     /// Some texture is Ptex.
     PTEX: "Ptex", [TEXTURES], MaterialsInCore;
@@ -123,16 +123,15 @@ features! {
     THIN_WALLS: "thin walls", [OPEN_PBR, TRANSMISSION], Materials;
     /// Some material absorbs light inside.
     ABSORPTION: "absorption inside", [OPEN_PBR, TRANSMISSION], Materials;
-    /// The index of some glass depends on the channel: a path that meets it has one channel from there on.
+    /// The index of some glass depends on the channel: a path that meets it continues with one channel.
     DISPERSION: "dispersion of glass", [OPEN_PBR, TRANSMISSION], Materials;
-    /// Some material is a fibre's. With lights that have a place their choice does not look at normals, as with
-    /// `TRANSMISSION`.
+    /// Some material is a fibre's. The choice of local lights then ignores normals, as with `TRANSMISSION`.
     HAIR: "hair", [OPEN_PBR], Never;
     /// Some material has a rough diffuse lobe.
     ROUGH_DIFFUSE: "rough diffuse reflection", [OPEN_PBR], Materials;
-    /// Some material has a program: `FrameConstants::programs` counts.
+    /// Some material has a program: `FrameConstants::programs` is used.
     PATTERNS: "programs of patterns", [MATERIALS], Materials;
-    /// Some material is one of several by chance: programs read random numbers of the hit.
+    /// Some material is chosen from several at random: programs read random numbers of the hit.
     MIXTURES: "mixtures by chance", [PATTERNS], Materials;
     /// Some material's opacity is computed by a program.
     CUTOUT_PROGRAMS: "cutouts by programs", [CUTOUTS, PATTERNS], MaterialsInCore;
@@ -144,11 +143,11 @@ features! {
     /// Some material emits light.
     EMISSION: "emission of surfaces", [MATERIALS], Materials;
     /// Some primvar has a value per instance: `primvars` of chunks and assemblies, and `FrameConstants::placed_values`,
-    /// count.
+    /// are used.
     INSTANCE_PRIMVARS: "primvars with a value per instance", [], Always;
     /// Some displayOpacity at instance rate is below 1.
     INSTANCE_OPACITY: "opacity with a value per instance", [INSTANCE_PRIMVARS, OPACITY], Always;
-    /// Lights with a place: rectangles, spheres, disks, cylinders; and the light tree.
+    /// Local lights: rectangles, spheres, disks, cylinders; and the light tree.
     LOCAL_LIGHTS: "local lights and light tree", [], Lights;
     /// Some light is shaped.
     SHAPING: "light shaping", [], Lights;
@@ -166,11 +165,11 @@ features! {
     MESH_LIGHTS: "emissive meshes sampled as lights", [EMISSION], Lights;
     /// The emission of some such mesh is a texture's or a primvar's.
     MESH_LIGHT_VALUES: "emission of lights by textures and primvars", [MESH_LIGHTS], Lights;
-    /// The emission of some such mesh is a program's: `LightTablePointers::light_corners` counts.
+    /// The emission of some such mesh is a program's: `LightTablePointers::light_corners` is used.
     MESH_LIGHT_PROGRAMS: "emission of lights by programs", [PATTERNS, MESH_LIGHT_VALUES], Never;
-    /// Some light moves while the shutter is open: `LightTablePointers::light_keys` counts.
+    /// Some light moves while the shutter is open: `LightTablePointers::light_keys` is used.
     MOVING_LIGHTS: "motion of lights", [], Never;
-    /// Some mesh that is sampled as a light moves while the shutter is open: `LightTablePointers::mesh_motion` counts.
+    /// Some mesh that is sampled as a light moves while the shutter is open: `LightTablePointers::mesh_motion` is used.
     MOVING_MESH_LIGHTS: "motion of meshes sampled as lights", [MESH_LIGHTS], Never;
     /// Some mesh is made of hulls of two balls: curves.
     ROUND: "curves", [], Always;
@@ -180,13 +179,13 @@ features! {
     DEFORMATION: "motion of points", [], Always;
     /// The camera moves: `FrameConstants::camera_motion` is used.
     CAMERA_MOTION: "motion of the camera", [], Never;
-    /// The camera has clipping planes: `FrameConstants::clip_planes` counts.
+    /// The camera has clipping planes: `FrameConstants::clip_planes` is used.
     CLIPPING: "clipping planes", [], Never;
-    /// The image `motion` is wanted, and something may move: `AovTargets::motion` counts.
+    /// The image `motion` is wanted, and something may move: `AovTargets::motion` is used.
     MOTION_VECTORS: "motion over the image", [], Never;
     /// An image of the shading of surfaces is wanted: `normal`, `Neye` or `albedo`.
     SHADED_AOVS: "images of normals and albedo", [], Never;
-    /// Pixels have two streams of samples, and not all as many of them: `FrameConstants::adaptive` counts.
+    /// Pixels have two streams of samples, with different numbers of them: `FrameConstants::adaptive` is used.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
     /// Some mesh is made of balls: points.
     POINTS: "points", [], Always;

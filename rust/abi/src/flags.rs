@@ -8,8 +8,8 @@ use super::{Features, FrameFlags, LightFlags, MaterialInput, MeshFlags, PatternG
 use bitflags::{Flags, bitflags};
 
 bitflags! {
-    /// Of `Ray::flags` and `ShadowRay::flags`, with streaming; [`pack_waiting`] adds the length of the pending list. 0
-    /// for a ray not yet traced.
+    /// Flags in `Ray::flags` and `ShadowRay::flags`, with streaming; [`pack_waiting`] adds the length of the pending
+    /// list. 0 for a ray not yet traced.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
     pub struct RayFlags: u32 {
         /// The pending list is valid.
@@ -30,8 +30,8 @@ bitflags! {
 /// Position of the length of the pending list in `Ray::flags`, three bits.
 pub const RAY_COUNT_SHIFT: u32 = 4;
 
-/// `Ray::flags` of a ray that waits for `count` units of its pending list (at most 7) or, with `more`, for others too;
-/// 0 for a ray that waits for none. `pack_waiting` of the shaders.
+/// Packs `Ray::flags` of a ray that waits for `count` units of its pending list (at most 7) or, with `more`, for others
+/// too; 0 for a ray that waits for none. As `pack_waiting` of the shaders.
 #[must_use]
 pub fn pack_waiting(count: u32, more: bool) -> u32 {
     match count {
@@ -43,7 +43,7 @@ pub fn pack_waiting(count: u32, more: bool) -> u32 {
     }
 }
 
-/// Length of the pending list in `Ray::flags`. `waiting_count` of the shaders.
+/// Length of the pending list in `Ray::flags`. As `waiting_count` of the shaders.
 #[must_use]
 pub const fn waiting_count(flags: u32) -> u32 {
     (flags >> RAY_COUNT_SHIFT) & 7
@@ -67,8 +67,8 @@ bitflags! {
 /// Position in `ShadowRay::bounce` of the category of the prims that block the ray, with `Features::LIGHT_LINKS`.
 pub const SHADOW_LINK_SHIFT: u32 = 16;
 
-/// Bounce and category of `ShadowRay::bounce`, with `Features::LIGHT_LINKS`. `shadow_bounce` and `shadow_link` of the
-/// shaders.
+/// Bounce and category of `ShadowRay::bounce`, with `Features::LIGHT_LINKS`. As `shadow_bounce` and `shadow_link` of
+/// the shaders.
 #[must_use]
 pub const fn unpack_shadow_bounce(word: u32) -> (u32, u32) {
     (word & ((1 << SHADOW_LINK_SHIFT) - 1), word >> SHADOW_LINK_SHIFT)
@@ -76,9 +76,9 @@ pub const fn unpack_shadow_bounce(word: u32) -> (u32, u32) {
 
 /// References of a walk: an inner node, or [`LEAF`] | (count - 1) << 28 | first, or [`ASK`], [`RETURN`], [`DONE`].
 pub const LEAF: u32 = 1 << 31;
-/// Of a chunk instance, which is never in a leaf with others: from the list of pending ones.
+/// Bit of a chunk instance, which never shares a leaf with others: it comes from the list of pending ones.
 pub const LISTED: u32 = 1 << 28;
-/// A candidate waits for its cutout to be looked up; never on the stack.
+/// Entry of a candidate whose cutout has to be looked up; never on the stack.
 pub const ASK: u32 = 0xffff_fffd;
 /// Entry of a stack that returns to the parent level.
 pub const RETURN: u32 = 0xffff_fffe;
@@ -117,8 +117,7 @@ macro_rules! material_flags {
 material_flags! {
     /// `specularColor` is the reflectance at normal incidence; else metallic and ior give it.
     SPECULAR_WORKFLOW: [];
-    /// Opacity is whether the surface is there, asked for in traversal (`opacityThreshold` or `opacityMode`
-    /// presence).
+    /// Opacity decides if the surface exists, in traversal (`opacityThreshold` or `opacityMode` presence).
     PRESENCE: [CUTOUTS];
     /// The part that opacity leaves is transmitted.
     TRANSMISSIVE: [TRANSMISSION];
@@ -134,7 +133,7 @@ material_flags! {
     ROUGH_TRANSMISSION: [ROUGH_TRANSMISSION];
     /// It reads a Ptex texture.
     PTEX: [PTEX];
-    /// Glass and coat have inputs of their own, as `OpenPBR` has them; opacity is whether the surface is there.
+    /// Glass and coat have inputs of their own, as in `OpenPBR`; opacity decides if the surface exists.
     OPEN_PBR: [OPEN_PBR];
     /// It has fuzz.
     SHEEN: [SHEEN];
@@ -150,13 +149,13 @@ material_flags! {
     ABSORBING: [ABSORPTION];
     /// It has no inside.
     THIN_WALLED: [THIN_WALLS];
-    /// Is a fibre: some inputs mean something else ([`crate::MaterialInput`]).
+    /// It is a fibre: some inputs have another meaning ([`crate::MaterialInput`]).
     HAIR: [HAIR];
     /// It has a rough diffuse lobe.
     ROUGH_DIFFUSE: [ROUGH_DIFFUSE];
     /// The index of refraction depends on the channel.
     DISPERSIVE: [DISPERSION];
-    /// Is one of several by chance: its program reads random numbers of the hit.
+    /// It is chosen from several at random: its program reads random numbers of the hit.
     MIXTURE: [MIXTURES];
     /// Its normal is computed from one in world space, so it is used for meshes without tangents too.
     FRAMED_NORMAL: [];
@@ -218,7 +217,7 @@ mod tests {
         let of_materials = |feature: Features| {
             let row = FEATURES.iter().find(|row| row.bit == feature).expect("a row");
             let mut needs = row.needs;
-            // Rows need rows above them only.
+            // Rows need only rows above them.
             for above in FEATURES.iter().rev().filter(|above| above.bit.bits() < feature.bits()) {
                 needs |= if needs.contains(above.bit) { above.needs } else { Features::empty() };
             }

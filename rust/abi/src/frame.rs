@@ -14,15 +14,16 @@ pub const WORKGROUP_SIZE: u32 = 64;
 /// the 65535 that every device grants.
 pub const MAX_DIRECT_GROUPS: u32 = 1 << 15;
 
-/// Specialisation constant: instance records on the longest chain from a chunk's record to a mesh, 1..=16. The chunk
-/// instance itself does not count.
+/// Specialisation constant: number of instance records on the longest chain from a chunk's record to a mesh, 1..=16,
+/// without the chunk instance itself.
 pub const SPEC_MAX_LEVELS: u32 = 0;
 /// Specialisation constant: traversal stack entries: the depth of the top level's tree, plus the sum, over the levels
 /// of the deepest chain, of the depth of the deepest instance tree at that level (the chunk's first), plus the depth of
 /// the deepest mesh tree, plus `MAX_LEVELS` + 2, plus [`crate::MAX_PENDING`] with streaming.
 pub const SPEC_STACK_SIZE: u32 = 1;
 /// Specialisation constant of a build with the feature `faults`: with streaming, n > 0 has rays forget absent chunk
-/// instances whose number is n - 1, modulo [`FAULT_ONE_IN`], and go on without them; [`FAULT_ALL`] has them forget all.
+/// instances whose number is n - 1, modulo [`FAULT_ONE_IN`], and continue without them; [`FAULT_ALL`] has them forget
+/// all.
 #[cfg(feature = "faults")]
 pub const SPEC_FAULT: u32 = 4;
 /// Modulus of the numbers of chunk instances that [`SPEC_FAULT`] compares with its value.
@@ -32,17 +33,17 @@ pub const FAULT_ONE_IN: u32 = 100;
 #[cfg(feature = "faults")]
 pub const FAULT_ALL: u32 = u32::MAX;
 
-/// `arg0` of `prepare_dispatch`: queues for `intersect_closest` and `intersect_shadow`.
+/// Value of `arg0` of `prepare_dispatch`: queues for `intersect_closest` and `intersect_shadow`.
 pub const PREPARE_TRACE: u32 = 0;
-/// `arg0` of `prepare_dispatch`: queues for `shade_surface` and `shade_background`.
+/// Value of `arg0` of `prepare_dispatch`: queues for `shade_surface` and `shade_background`.
 pub const PREPARE_SHADE: u32 = 1;
 /// Value of `arg0` of `prepare_dispatch`, streaming: arguments of the passes that read the deferred rays.
 pub const PREPARE_DEMAND: u32 = 2;
-/// `arg0` of `prepare_dispatch`, streaming with textures: arguments for `resolve_materials`.
+/// Value of `arg0` of `prepare_dispatch`, streaming with textures: arguments for `resolve_materials`.
 pub const PREPARE_RESOLVE: u32 = 3;
-/// `arg0` of `prepare_dispatch`, deferred cutouts: arguments for `settle_closest` and `settle_shadow`.
+/// Value of `arg0` of `prepare_dispatch`, deferred cutouts: arguments for `settle_closest` and `settle_shadow`.
 pub const PREPARE_SETTLE: u32 = 4;
-/// `arg0` of `sort_deferred_scan`: blocks of [`SCAN_BLOCK`] counts, each for itself.
+/// Value of `arg0` of `sort_deferred_scan`: blocks of [`SCAN_BLOCK`] counts, each by itself.
 pub const SCAN_BLOCKS: u32 = 0;
 /// Value of `arg0` of `sort_deferred_scan`: it scans the sums of the blocks.
 pub const SCAN_SUMS: u32 = 1;
@@ -57,7 +58,8 @@ bitflags! {
     /// Switches of a frame that do not need another pipeline (`FrameConstants::flags`).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
     pub struct FrameFlags: u32 {
-        /// A camera ray that escapes sees `FrameConstants::dome_background` with alpha 1; else it leaves (0, 0, 0, 0).
+        /// A camera ray that escapes sees `FrameConstants::dome_background` with alpha 1; otherwise it gives (0, 0, 0,
+        /// 0).
         const DOME_CAMERA_VISIBLE = 1;
     }
 }
@@ -73,7 +75,7 @@ shared! {
         pub camera_depth: u64,
         /// i32, `GpuInstance::prim_id` of the record that holds the mesh.
         pub prim_id: u64,
-        /// i32, instances numbered through all instancer levels, outer to inner.
+        /// i32, number of the instance through all instancer levels, outer to inner.
         pub instance_id: u64,
         /// i32, `GpuTriangle::face`.
         pub element_id: u64,
@@ -83,7 +85,7 @@ shared! {
         pub neye: u64,
         /// f32x3, diffuse albedo, linear.
         pub albedo: u64,
-        /// f32x3, pixels to the right and up and camera depth that the surface moves by from the shutter's opening to
+        /// f32x3, pixels to the right and up and camera depth by which the surface moves from the shutter's opening to
         /// its closing; written by `record_surfaces` with both `Features::STREAMING` and `Features::MOTION_VECTORS`.
         pub motion: u64,
         /// f32, samples so far; written by `count_samples`.
@@ -119,7 +121,7 @@ shared! {
 }
 
 shared! {
-    /// Everything about a frame that all passes share; lives in device memory, written by the host before the first
+    /// The parameters of a frame that all passes share. It is in device memory, and the host writes it before the first
     /// wave. World means: relative to `Snapshot::origin`, the frame of the root assembly.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
     pub struct FrameConstants {
@@ -153,10 +155,10 @@ shared! {
         pub surface_queue: u64,
         /// Queue of the paths whose ray left the scene, wave size.
         pub escaped_queue: u64,
-        /// Queues of the paths whose ray, and whose shadow ray, depends on a cutout that no mask knows, wave size; 0
+        /// Queues of the paths whose ray, and whose shadow ray, depends on a cutout that no mask decides, wave size; 0
         /// without `Features::DEFERRED_CUTOUTS`.
         pub settle_queue: [u64; 2],
-        /// Hit records of the candidate that such a path depends on, by its place in the queue; 16-byte aligned.
+        /// Hit records of the candidate that such a path depends on, by its index in the queue; 16-byte aligned.
         pub settle_hits: [u64; 2],
         /// One [`crate::StreamingPointers`]; 0 without `Features::STREAMING`.
         pub streaming: u64,
@@ -215,8 +217,8 @@ shared! {
         pub max_bounces: u32,
         /// Bits of [`FrameFlags`].
         pub flags: u32,
-        /// Threads of a round that trace its rays, at most and rounded up to workgroups: where there are more rays,
-        /// each takes some, one after the other.
+        /// Largest number of threads of a round that trace its rays, rounded up to workgroups: if there are more rays,
+        /// each thread takes several, one after the other.
         pub most_walkers: u32,
         /// Number of clipping planes at `clip_planes`.
         pub clip_plane_count: u32,
@@ -230,7 +232,7 @@ shared! {
         pub textures: u64,
         /// Page tables of the textures.
         pub texture_pages: u64,
-        /// f32x2 per path: width of the ray's cone at its origin, and how much it grows per unit of length; 0 without
+        /// f32x2 per path: width of the ray's cone at its origin, and its growth per unit of length; 0 without
         /// `Features::TEXTURES`. 8-byte aligned.
         pub cones: u64,
         /// Albedo tables of the BSDF; 0 without `Features::MATERIALS`.
@@ -243,7 +245,7 @@ shared! {
         pub placed_values: u64,
         /// One [`AdaptiveSampling`]; 0 without `Features::ADAPTIVE`.
         pub adaptive: u64,
-        /// One [`crate::TextureFeedback`]; 0 where all tiles are there, and with `Features::STREAMING`.
+        /// One [`crate::TextureFeedback`]; 0 if all tiles are resident, and with `Features::STREAMING`.
         pub texture_feedback: u64,
         /// Programs of the materials; 0 without `Features::PATTERNS`.
         pub programs: u64,
@@ -272,7 +274,7 @@ shared! {
     pub struct ClipPlane {
         /// `begins` at image point (0, 0), and its change per pixel to the right and up.
         pub begins: [f32; 3],
-        /// Its change, and that of `-slope * FrameConstants::focus`, by the lens point's x.
+        /// Change of `begins`, and of `-slope * FrameConstants::focus`, by the lens point's x.
         pub lens_x: f32,
         /// `slope` at image point (0, 0), and its change per pixel to the right and up.
         pub slope: [f32; 3],
@@ -290,7 +292,7 @@ shared! {
         /// u32x2 each: number of the pixel in trace order, with the stream in the highest bit; first sample. 8-byte
         /// aligned.
         pub entries: u64,
-        /// u32 by octave & 7, stream, pixel: estimates by the first `2^octave` samples, as two halves
+        /// u32 by octave & 7, stream, pixel: estimates from the first `2^octave` samples, as two halves
         /// (`oocpt_core::adaptive::VarianceEstimate`).
         pub estimates: u64,
         /// Number of entries of each band.

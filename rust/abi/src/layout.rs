@@ -13,7 +13,7 @@ pub struct MemberLayout {
     pub name: &'static str,
     /// Type in Rust.
     pub rust: &'static str,
-    /// Type in GLSL where that does not follow from the one in Rust.
+    /// Type in GLSL if it does not follow from the one in Rust.
     pub glsl: Option<&'static str>,
     /// Offset in the struct, bytes.
     pub offset: usize,
@@ -32,8 +32,8 @@ pub struct StructLayout {
     pub members: &'static [MemberLayout],
 }
 
-/// Declares a struct that shaders have, too. In GLSL arrays of two to four `f32`, and of three `u32`, are vectors;
-/// where another type is meant there, it stands behind the member's: `pub power: [f32; 2] = "float[2]"`.
+/// Declares a struct that the shaders have too. In GLSL arrays of two to four `f32`, and of three `u32`, are vectors;
+/// if another type is meant there, it follows the member's: `pub power: [f32; 2] = "float[2]"`.
 macro_rules! shared {
     (@glsl) => { None };
     (@glsl $type:literal) => { Some($type) };
@@ -65,7 +65,7 @@ macro_rules! shared {
     };
 }
 
-/// Every struct that crosses, after those that it has as members.
+/// Every struct that host and shaders share, after the structs of its members.
 pub const LAYOUTS: &[StructLayout] = &[
     PushConstants::LAYOUT,
     TextureFeedback::LAYOUT,

@@ -17,7 +17,7 @@ pub struct LeafType {
     pub number: u32,
     /// Features without all of which it is not compiled in.
     pub needs: Features,
-    /// It is a piece of a tube around its first edge, which fibres go along.
+    /// True if it is a piece of a tube around its first edge, which is the direction of fibres.
     pub is_tube: bool,
 }
 
@@ -46,9 +46,9 @@ leaves! {
     TRIANGLE = 0: triangle, [], false;
     /// Hulls of two balls: `v0` and `v1` are the centres, `v2.x` and `v2.y` the radii. Curves.
     ROUND = 1: round, [ROUND], true;
-    /// Balls: to the functions a hull of two that are the same, in memory [`super::GpuPoint`] and a radius.
+    /// Balls: for the functions a hull of two equal balls, in memory a [`super::GpuPoint`] and a radius.
     POINT = 3: point, [POINTS], true;
-    /// The kind that tests add: a box along the axes, of which `v0` and `v1` are opposite corners.
+    /// The kind that tests add: an axis-aligned box, of which `v0` and `v1` are opposite corners.
     #[cfg(feature = "faults")]
     TOY_BOX = 2: toy_box, [TOY_BOX], false;
 }

@@ -10,7 +10,7 @@ use bytemuck::{Pod, Zeroable};
 pub const NO_INDEX: u32 = u32::MAX;
 /// The bits of a light's `flags` that hold its [`GpuLightKind`].
 pub const LIGHT_KIND_MASK: u32 = 15;
-/// Set in [`GpuLightNode::child`] of a light; the other bits are its index.
+/// Bit of [`GpuLightNode::child`] that is set for a light; the other bits are its index.
 pub const LIGHT_LEAF: u32 = 1 << 31;
 /// Largest number of nodes on a path from the root to a light.
 pub const LIGHT_TREE_DEPTH: u32 = 44;
@@ -19,7 +19,7 @@ pub const MAP_HALF: u32 = 0;
 /// Value of [`GpuLightMap::format`]: texels are four floats.
 pub const MAP_FLOAT: u32 = 1;
 
-/// Kinds of light at infinity, the low four bits of `flags`; lights with a place have [`super::LIGHT_SHAPES`].
+/// Kinds of light at infinity, the low four bits of `flags`; local lights have [`super::LIGHT_SHAPES`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum GpuLightKind {
@@ -43,7 +43,7 @@ bitflags! {
         const SHADOW_COLOR = 64;
         /// `shadow_link` is not 0.
         const SHADOW_LINK = 128;
-        /// Its shadows end: `LightTablePointers::local_reaches` or `LightTablePointers::infinite_reaches` counts.
+        /// Its shadows end: `LightTablePointers::local_reaches` or `LightTablePointers::infinite_reaches` is used.
         const SHADOW_REACH = 256;
     }
 }
@@ -68,14 +68,14 @@ shared! {
         /// Bits of the sets of categories, `link_words` words each; 0 without `Features::LIGHT_LINKS`.
         pub link_bits: u64,
         /// u32 set of categories of each prim id + 1, `prim_count` of them; prims beyond are in set 0, in no category.
-        /// Then as many i32: the prim id that is shown of it, another one where a prim is itself below linked
-        /// instances.
+        /// They are followed by as many i32: the prim id that is shown for it, which differs for a prim that stands for
+        /// another one below linked instances.
         pub prim_sets: u64,
         /// Number of lights at infinity.
         pub infinite_count: u32,
         /// Number of words of a set of categories.
         pub link_words: u32,
-        /// Probability that a shadow ray goes to a light with a place; neither 0 nor 1: shaders work it out.
+        /// Probability that a shadow ray goes to a local light; if it is neither 0 nor 1, shaders compute it.
         pub local_share: f32,
         /// Number of prims of `prim_sets`.
         pub prim_count: u32,
@@ -91,7 +91,7 @@ shared! {
         pub light_leaves: u64,
         /// [`GpuLightTriangle`] array.
         pub light_triangles: u64,
-        /// Faces that shine, mesh by mesh, in order: face and index of its leaf, 8 B.
+        /// Emissive faces, mesh by mesh, in order: face and index of its leaf, 8 B.
         pub light_faces: u64,
         /// Number of entries of `mesh_lights`.
         pub mesh_light_count: u32,
@@ -103,7 +103,7 @@ shared! {
         pub light_face_weights: u64,
         /// f32x3 emissions that placements have from their instances: see [`GpuMeshLight::values`].
         pub light_placed_values: u64,
-        /// f32x4 that programs read at corners of triangles: see [`GpuLightValue::corners`]. 0 without
+        /// f32x4 inputs of programs at corners of triangles: see [`GpuLightValue::corners`]. 0 without
         /// `Features::MESH_LIGHT_PROGRAMS`.
         pub light_corners: u64,
         /// 1 when the emission of some mesh light reads a texture.
@@ -112,13 +112,13 @@ shared! {
         pub pad: u32,
         /// [`GpuLightKey`](super::scene::GpuLightKey) array; 0 without `Features::MOVING_LIGHTS`, as the next two.
         pub light_keys: u64,
-        /// u32x2 for each local light: its first key, and how many; 0 for one at rest. 8-byte aligned.
+        /// u32x2 for each local light: its first key, and their number; 0 for one at rest. 8-byte aligned.
         pub local_motion: u64,
         /// Motion of each light at infinity.
         pub infinite_motion: u64,
-        /// u32x2 for each entry of `mesh_lights`: index in this table of the outermost of the frames that move around
-        /// it, and how many do; 0 for one at rest. Behind these entries, for each frame, its first key and how many.
-        /// 8-byte aligned. 0 without `Features::MOVING_MESH_LIGHTS`, as the next.
+        /// u32x2 for each entry of `mesh_lights`: index in this table of the outermost of the moving frames around it,
+        /// and their number; 0 for one at rest. These entries are followed, for each frame, by its first key and their
+        /// number. 8-byte aligned. 0 without `Features::MOVING_MESH_LIGHTS`, as the next.
         pub mesh_motion: u64,
         /// [`GpuLightKey`](super::scene::GpuLightKey) array: the map to the frame around; its `radiance` is 1.
         pub mesh_keys: u64,
@@ -132,7 +132,7 @@ shared! {
         pub local_brightness: f32,
         /// Factor that makes importance in the tree over mesh lights roughly an irradiance.
         pub mesh_brightness: f32,
-        /// Irradiance that domes give, roughly: pi times the mean radiance of each.
+        /// Approximate irradiance of domes: pi times the mean radiance of each.
         pub dome_irradiance: f32,
         /// The sum of the irradiances of distant lights on surfaces that face them.
         pub distant_irradiance: f32,
@@ -145,7 +145,7 @@ shared! {
 
 shared! {
     /// A placement of a mesh that emits light, 96 B. World points are `position + x p.x + y p.y + z p.z` for points p
-    /// of the mesh; of one that moves (`LightTablePointers::mesh_motion`) points of the innermost frame that does.
+    /// of the mesh; if it moves (`LightTablePointers::mesh_motion`), they are points of the innermost moving frame.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
     pub struct GpuMeshLight {
         /// Origin of the mesh's frame, relative to the snapshot's origin, high part.
@@ -172,7 +172,7 @@ shared! {
         pub error: f32,
         /// Index in `LightTablePointers::light_placed_values` of its first slot's, or [`NO_INDEX`].
         pub values: u32,
-        /// Turns to it from the root of the tree, the first in the lowest bit.
+        /// Turns on the path to it from the root of the tree, the first in the lowest bit.
         pub trail: [u32; 2],
     }
 }
@@ -204,7 +204,7 @@ shared! {
         pub total: f32,
         /// Padding; 0.
         pub pad: u32,
-        /// As [`GpuMeshLight::trail`], from the root of the mesh's tree.
+        /// Turns as in [`GpuMeshLight::trail`], from the root of the mesh's tree.
         pub trail: [u32; 2],
     }
 }
@@ -250,7 +250,7 @@ shared! {
 }
 
 shared! {
-    /// A light at a place, 144 B. World points are `position + x q.x + y q.y + z q.z` for points q of the unit shape.
+    /// A local light, 144 B. World points are `position + x q.x + y q.y + z q.z` for points q of the unit shape.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
     pub struct GpuLocalLight {
         /// Origin of the unit shape, relative to the snapshot's origin, high part.
@@ -285,7 +285,7 @@ shared! {
         pub row_z: [f32; 3],
         /// Multiplier of other reflection.
         pub specular: f32,
-        /// Radiance; intensity of a point; intensity per length of a line, from the side.
+        /// Radiance; for a point its intensity; for a line its intensity per length, from the side.
         pub radiance: [f32; 3],
         /// Part of its light that remains in shadow, 10 bits for each colour.
         pub shadow_color: u32,
@@ -298,11 +298,11 @@ shared! {
     pub struct GpuInfiniteLight {
         /// For a distant light: unit vector from the scene towards it.
         pub direction: [f32; 3],
-        /// Of a distant light: 1 - cos(half angle) = 2 sin^2(half angle / 2), in [0, 2]; 0 = all light comes from
-        /// `direction`. Kept apart from the cosine because a sun of half a degree loses 0.3 % of its solid angle when
-        /// 1 - cos is formed in f32.
+        /// For a distant light: 1 - cos(half angle) = 2 sin^2(half angle / 2), in [0, 2]; 0 = all light comes from
+        /// `direction`. It is stored instead of the cosine because a sun of half a degree loses 0.3 % of its solid
+        /// angle when 1 - cos is formed in f32.
         pub one_minus_cos: f32,
-        /// Radiance; of a single direction, irradiance; of a picture, its factor.
+        /// Radiance; for a single direction, irradiance; for a texture, its factor.
         pub radiance: [f32; 3],
         /// Probability among the lights at infinity (sum 1, each > 0).
         pub probability: f32,
@@ -333,11 +333,11 @@ shared! {
         pub min: [[f32; 3]; 2],
         /// Upper corners of the children's boxes.
         pub max: [[f32; 3]; 2],
-        /// Axes of the cones that the lights' own directions lie in, unit.
+        /// Axes of the cones that contain the lights' own directions, unit.
         pub axis: [[f32; 3]; 2],
         /// Cosine of the half angles of these cones.
         pub cos_axis: [f32; 2] = "float[2]",
-        /// Cosine of the angle to its own direction up to which a light shines.
+        /// Cosine of the angle to its own direction up to which a light emits.
         pub cos_emission: [f32; 2] = "float[2]",
         /// Shares of the power of all lights.
         pub power: [f32; 2] = "float[2]",
@@ -414,12 +414,12 @@ shared! {
     /// An entry of a piecewise constant distribution over [0, 1), 12 B: inverted with a guide (Chen and Asau 1974).
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct GpuCdf {
-        /// Probability of all entries before this one; the last of equal ones is meant.
+        /// Probability of all entries before this one; of equal ones the last is chosen.
         pub start: f32,
         /// Entry that the number `i / n` falls on, for entry i of n: a search begins there, and ends where the next one
         /// begins.
         pub guide: u32,
-        /// Of a cell: its probability times the number of cells. Of a row: its probability times the number of rows.
+        /// For a cell: its probability times the number of cells. For a row: its probability times the number of rows.
         pub density: f32,
     }
 }

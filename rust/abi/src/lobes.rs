@@ -7,12 +7,12 @@
 
 use super::Features;
 
-/// The normal that a lobe is about: it counts for directions on the same side of it as they are of the surface.
+/// The normal of a lobe: the lobe is evaluated for directions that are on the same side of it as of the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LobeNormal {
     /// The shading normal.
     Shading,
-    /// That of the specular layers, which is bent to see the viewer.
+    /// The normal of the specular layers, which is bent towards the viewer.
     Layers,
 }
 
@@ -77,8 +77,8 @@ lobes! {
 /// The lobe that may be the only one of a surface: Lambert.
 pub const LOBE_ALONE: &str = "diffuse";
 
-/// The order in which albedos are added. Sums of floats depend on it, so it stays as pictures know it; lobes that are
-/// not here come after these.
+/// The order in which albedos are added. Sums of floats depend on it, so it stays as it was; lobes that are not listed
+/// come after these.
 pub const LOBES_ADDED: &[&str] = &["coat", "specular", "diffuse", "scatter", "glass", "glass_scatter", "sheen"];
 
 /// The order in which values and densities are evaluated.

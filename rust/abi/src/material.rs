@@ -7,22 +7,22 @@
 use super::MaterialInput;
 use bytemuck::{Pod, Zeroable};
 
-/// In `FrameConstants::material_slots` and `GpuSurfaceMaterial::material`: none.
+/// Value in `FrameConstants::material_slots` and `GpuSurfaceMaterial::material`: there is no material.
 pub const NO_MATERIAL: u32 = u32::MAX;
-/// In `FrameConstants::material_slots`: traversal has to ask the material whether the surface is there.
+/// Bit in `FrameConstants::material_slots`: traversal has to evaluate the material's alpha test.
 pub const SLOT_PRESENCE: u32 = 1 << 31;
-/// In `GpuMaterial::names`, in place of a primvar: Ptex coordinates.
+/// Value in `GpuMaterial::names`, in place of a primvar: Ptex coordinates.
 pub const NAME_PTEX: u32 = u32::MAX - 1;
-/// In `GpuMaterial::names`, in place of a primvar: the point in the mesh's frame.
+/// Value in `GpuMaterial::names`, in place of a primvar: the point in the mesh's frame.
 pub const NAME_POSITION: u32 = u32::MAX - 2;
-/// In `GpuMaterial::names`, in place of a primvar: the normal in the mesh's frame.
+/// Value in `GpuMaterial::names`, in place of a primvar: the normal in the mesh's frame.
 pub const NAME_NORMAL: u32 = u32::MAX - 3;
-/// In `GpuMaterial::names`, in place of a primvar: where normals along x of the mesh's frame go in the world, and half
-/// of where those along z go (`oocpt_materialx::uses::MaterialUses::OBJECT_FRAME`).
+/// Value in `GpuMaterial::names`, in place of a primvar: the image in the world of normals along x of the mesh's frame,
+/// and half of the image of those along z (`oocpt_materialx::uses::MaterialUses::OBJECT_FRAME`).
 pub const NAME_FRAME_X: u32 = u32::MAX - 4;
-/// In `GpuMaterial::names`, in place of a primvar: the same along y, and the other half.
+/// Value in `GpuMaterial::names`, in place of a primvar: the image of normals along y, and the other half.
 pub const NAME_FRAME_Y: u32 = u32::MAX - 5;
-/// `GpuInput::kind`: the texture is Ptex, and its set is [`NAME_PTEX`].
+/// Bit of `GpuInput::kind`: the texture is Ptex, and its set is [`NAME_PTEX`].
 pub const INPUT_PTEX: u32 = 1 << 7;
 /// Value in `GpuMaterial::names`: no primvar.
 pub const NO_NAME: u32 = u32::MAX;
@@ -32,17 +32,17 @@ pub const MAX_PRIM_ID: u32 = 1 << 24;
 pub const INPUT_CONSTANT: u32 = 0;
 /// Value of `GpuInput::kind`, lowest two bits: a texture.
 pub const INPUT_TEXTURE: u32 = 1;
-/// `GpuInput::kind`, lowest two bits: a primvar of the mesh, or `value` where it has none.
+/// Value of `GpuInput::kind`, lowest two bits: a primvar of the mesh, or `value` if it has none.
 pub const INPUT_PRIMVAR: u32 = 2;
-/// `GpuInput::kind`, lowest two bits: register `texture` of the material's program.
+/// Value of `GpuInput::kind`, lowest two bits: register `texture` of the material's program.
 pub const INPUT_REGISTER: u32 = 3;
-/// In the immediate of a program's lookup: its set and its map are its place; else the operand is.
+/// Bit of the immediate of a program's lookup: its set and its map give the texture coordinates; else the operand does.
 pub const INPUT_PLACED: u32 = 1 << 8;
-/// `GpuInput::kind`: where the channel begins, 0 = all of them, else its number + 1; three bits.
+/// Position of the channel in `GpuInput::kind`, 0 = all channels, else its number + 1; three bits.
 pub const INPUT_CHANNEL_SHIFT: u32 = 2;
-/// `GpuInput::kind`: where the texture coordinate set or the primvar begins; two bits.
+/// Position of the texture coordinate set or the primvar in `GpuInput::kind`; two bits.
 pub const INPUT_SET_SHIFT: u32 = 5;
-/// Texture coordinate set of an input that looks at the same place everywhere.
+/// Texture coordinate set of an input that looks up the same position everywhere.
 pub const INPUT_NO_SET: u32 = 2;
 
 shared! {
@@ -53,7 +53,7 @@ shared! {
         pub value: [f32; 4],
         /// For a texture: summand.
         pub bias: [f32; 4],
-        /// Of a texture: first row of the map from the set to the place.
+        /// For a texture: first row of the map from the set to the position.
         pub row_s: [f32; 3],
         /// Kind, one of `INPUT_*`.
         pub kind: u32,
@@ -78,11 +78,11 @@ shared! {
         pub names: [u32; 4],
         /// Texture coordinates of the sets if a mesh does not have them.
         pub set_fallback: [[f32; 2]; 2],
-        /// Of its program: where it begins in `FrameConstants::programs`, in units of 16 bytes: constants, lookups (a
-        /// [`GpuInput`] each), instructions (two in 16 bytes). Behind it, if the opacity is a register: `program_sizes`
-        /// of the program for that alone, 12 bytes of 0, and it.
+        /// For its program: its start in `FrameConstants::programs`, in units of 16 bytes: constants, lookups (a
+        /// [`GpuInput`] each), instructions (two in 16 bytes). If the opacity is a register, it is followed by
+        /// `program_sizes` of the program for the opacity alone, 12 bytes of 0, and that program.
         pub program: u32,
-        /// Of its program: constants, lookups << 8, instructions << 16; 0: it has none.
+        /// For its program: constants, lookups << 8, instructions << 16; 0: it has none.
         pub program_sizes: u32,
         /// Values of primvars if a mesh does not have them, for the program.
         pub primvar_fallback: [[f32; 4]; 2],
@@ -95,7 +95,7 @@ shared! {
     /// The opacity mask of a material, and the data that a walk needs to look the opacity up, 48 B.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
     pub struct GpuCutout {
-        /// Rows of the map from its set of texture coordinates: as of the input.
+        /// First row of the map to texture coordinates, as in the input.
         pub row_s: [f32; 3],
         /// Number of the name of the set of texture coordinates.
         pub set: u32,
@@ -103,7 +103,8 @@ shared! {
         pub row_t: [f32; 3],
         /// Word 0 of the mask: its size.
         pub size: u32,
-        /// `oocpt_core::texture::OpacityMask` or a record of a set of them, 16-byte aligned; 0: there is none.
+        /// Address of an `oocpt_core::texture::OpacityMask` or of a record of a set of them, 16-byte aligned; 0: there
+        /// is none.
         pub mask: u64,
         /// Word 1 of the mask: its modes.
         pub modes: u32,
@@ -148,14 +149,14 @@ shared! {
         pub uv: [[f32; 2]; 2],
         /// Values of the other primvars.
         pub primvars: [[f32; 4]; 2],
-        /// Unit, world: where u grows, in the triangle's plane; of the set that the normal map reads, else of the
-        /// first.
+        /// Unit vector in world space: the direction in which u grows in the triangle's plane, for the set that the
+        /// normal map reads, else for the first.
         pub tangent: [f32; 3],
         /// Number of the material, or [`NO_MATERIAL`].
         pub material: u32,
         /// Area of the sets that a cone of width 1 covers, packed (`shaders/texture/footprint.glsl`).
         pub footprints: [[u32; 2]; 2] = "uvec2[2]",
-        /// 1 or -1: v grows along `cross(normal, tangent)` or against it; 0: no tangent.
+        /// 1 or -1: v grows along `cross(normal, tangent)` or against it; 0: there is no tangent.
         pub handedness: f32,
         /// Bits 0 and 1: the mesh has the primvar.
         pub flags: u32,

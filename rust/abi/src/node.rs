@@ -16,13 +16,13 @@ shared! {
         /// From the lowest byte: the exponents of the cell's edges, biased as in floats and never 0; then, two bits to
         /// a child, the triangles of a leaf (1 to 3), 0 for an inner or absent child.
         pub cell_and_counts: u32,
-        /// Per axis, a byte to a child from the lowest: its lower plane, in cells from the origin.
+        /// Lower planes: per axis, a byte for each child from the lowest, in cells from the origin.
         pub lower: [u32; 3],
         /// Upper planes of the children's boxes, as `lower`.
         pub upper: [u32; 3],
-        /// Node of the first inner child, the others follow; in the four highest bits how many there are.
+        /// Index of the first inner child, the others follow; the four highest bits have their number.
         pub first_child: u32,
-        /// First triangle of the first leaf, the others follow; below 2^28, as nodes and instances. Of points, leaves
+        /// First triangle of the first leaf, the others follow; below 2^28, as nodes and instances. For points, leaves
         /// count bundles.
         pub first_triangle: u32,
     }
@@ -54,7 +54,7 @@ impl Bvh4Node {
         f64::from(f32::from_bits((self.cell_and_counts >> (8 * axis) & 255) << 23))
     }
 
-    /// Lower and upper plane of child `at` along `axis`, exact but for the rounding of double precision.
+    /// Lower and upper plane of child `at` along `axis`, exact up to the rounding of double precision.
     #[must_use]
     pub fn planes(&self, at: usize, axis: usize) -> [f64; 2] {
         let origin = f64::from(f32::from_bits(self.origin[axis]));
@@ -77,8 +77,8 @@ impl Bvh4Node {
 }
 
 shared! {
-    /// Node of a hierarchy over boxes of instances, 64 B: grid and planes as those of [`Bvh4Node`], but children are
-    /// named one by one. The root is node 0.
+    /// Node of a hierarchy over boxes of instances, 64 B: grid and planes as those of [`Bvh4Node`], but with a
+    /// reference to each child. The root is node 0.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct LevelNode {
         /// Lower corner of the grid, as [`Bvh4Node::origin`].

@@ -31,24 +31,25 @@ shared! {
     pub struct PathState {
         /// Product of BSDF weights and roulette so far.
         pub throughput: [f32; 3],
-        /// Density, per solid angle, with which the last bounce chose the ray's direction.
+        /// Density per solid angle with which the last bounce chose the ray's direction.
         pub pdf: f32,
     }
 }
 
 shared! {
-    /// A ray that adds `contribution` to its path's radiance unless something is in the way, 64 B; one per path. Starts
+    /// A ray that adds `contribution` to its path's radiance unless a prim blocks it, 64 B; one per path. It starts
     /// with the members of [`Ray`].
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
     pub struct ShadowRay {
         /// Origin, world, high part.
         pub o: [f32; 3],
-        /// Bounce of the ray that met the surface it starts from. With `Features::LIGHT_LINKS` in the low 16 bits;
-        /// above them the category of the prims that are in its way, 0 for all: [`super::unpack_shadow_bounce`].
+        /// Bounce of the ray that met the surface from which this one starts. With `Features::LIGHT_LINKS` it has the
+        /// low 16 bits; above them is the category of the prims that block the ray, 0 for all:
+        /// [`super::unpack_shadow_bounce`].
         pub bounce: u32,
         /// Direction, world, unit up to rounding.
         pub d: [f32; 3],
-        /// Blockers must lie nearer than this; +inf for lights at infinity.
+        /// Upper limit of the distance of blockers; +inf for lights at infinity.
         pub t_max: f32,
         /// Origin, low part.
         pub o_lo: [f32; 3],
@@ -61,7 +62,7 @@ shared! {
     }
 }
 
-/// Ten bits for each channel of a colour, from 0 to 1; `unpack_color` of the shaders takes it apart.
+/// Packs a colour in ten bits for each channel, from 0 to 1; `unpack_color` of the shaders unpacks it.
 #[must_use]
 pub fn pack_color(color: [f32; 3]) -> u32 {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to ten bits")]
@@ -82,7 +83,7 @@ pub const RAY_BYTES: u32 = size_of::<Ray>() as u32;
 /// Bytes of a [`ShadowRay`].
 #[allow(clippy::cast_possible_truncation, reason = "small")]
 pub const SHADOW_RAY_BYTES: u32 = size_of::<ShadowRay>() as u32;
-/// Words of a [`Ray`], and of the same members of a [`ShadowRay`], by which traversal reads and writes them alone.
+/// Words of a [`Ray`], and of the same members of a [`ShadowRay`], that traversal reads and writes.
 pub const RAY_WORD_BOUNCE: u32 = word(offset_of!(Ray, bounce), offset_of!(ShadowRay, bounce));
 /// Word of `t_max` in both structs, as [`RAY_WORD_BOUNCE`].
 pub const RAY_WORD_T_MAX: u32 = word(offset_of!(Ray, t_max), offset_of!(ShadowRay, t_max));
@@ -126,7 +127,7 @@ shared! {
     /// [`WavefrontCounters::TOTALS_BYTES`]).
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct WavefrontCounters {
-        /// Total: closest-hit rays traced (those of AOVs left out). A ray that waited and went on counts once.
+        /// Total: closest-hit rays traced (without those of AOVs). A ray that waited and continued counts once.
         pub closest_rays: u64,
         /// Total: shadow rays traced, without rays that continue.
         pub shadow_rays: u64,
@@ -156,7 +157,7 @@ shared! {
         pub visits: u32,
         /// Misses that are not yet in `chunk_misses`.
         pub misses: u32,
-        /// Rays in the queue that went on after a wait: not counted again.
+        /// Number of rays in the queue that continued after a wait, which are not counted again.
         pub resumed_rays: u32,
         /// Number of shadow rays that continue.
         pub resumed_shadows: u32,
@@ -172,13 +173,13 @@ shared! {
         pub escaped_args: IndirectArgs,
         /// Arguments of `intersect_shadow`.
         pub shadow_args: IndirectArgs,
-        /// For `count_demand`, `sort_deferred_count` and `sort_deferred_scatter`.
+        /// Arguments of `count_demand`, `sort_deferred_count` and `sort_deferred_scatter`.
         pub deferred_args: IndirectArgs,
         /// Total number of slots that ended paths gave back; wraps.
         pub freed: u32,
-        /// Total, streaming with textures: times that a material was deferred; wraps.
+        /// Total, streaming with textures: number of times that a material was deferred; wraps.
         pub tile_misses: u32,
-        /// Paths in `StreamingPointers::resolve_queue`; 0 between submissions.
+        /// Number of paths in `StreamingPointers::resolve_queue`; 0 between submissions.
         pub resolve_count: u32,
         /// First sorted path in the queue of `resolve_materials`.
         pub resolve_base: u32,
@@ -194,7 +195,8 @@ shared! {
         pub shadow_next: u32,
         /// Arguments of `retire_paths`.
         pub retire_args: IndirectArgs,
-        /// Of [`WavefrontCounters::freed`], those that `retire_paths` has moved away before: it begins here.
+        /// Beginning of the range of retired paths: number of those of [`WavefrontCounters::freed`] that `retire_paths`
+        /// has moved before.
         pub retired_from: u32,
         /// End of the range of retired paths.
         pub retired_to: u32,
@@ -204,8 +206,8 @@ shared! {
         pub settle_next: [u32; 2],
         /// Arguments of `settle_closest` and `settle_shadow`.
         pub settle_args: [IndirectArgs; 2],
-        /// Total: the complement of the least `y * width + x` of the pixels of [`WavefrontCounters::nonfinite`],
-        /// whatever the order in which they came; 0 = none.
+        /// Total: complement of the least `y * width + x` of the pixels of [`WavefrontCounters::nonfinite`], whatever
+        /// their order; 0 = none.
         pub nonfinite_pixel: u32,
     }
 }

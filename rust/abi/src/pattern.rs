@@ -2,9 +2,10 @@
 //! Pattern programs and inputs of materials: the operations, the geometry that a surface provides, and the inputs that
 //! are computed. Each has a number, which is its position in its list. Any thread.
 
-/// Lookups of a program for opacity, at most: with streaming the values of all but one are kept with a ray's question.
+/// Largest number of lookups of a program for opacity: with streaming the values of all but one are stored with a ray's
+/// deferred alpha test.
 pub const CUTOUT_LOOKUPS: u32 = 4;
-/// Registers of a program, f32x4 each; operands from here on are its constants.
+/// Number of registers of a program, f32x4 each; operands from here on are its constants.
 pub const PROGRAM_REGISTERS: u32 = 32;
 
 /// An enum whose variants are numbered in their order. The build writes a `const uint` of each for the shaders:
@@ -101,7 +102,7 @@ numbered! {
         Mix,
         /// a limited to b..c.
         Clamp,
-        /// Hermite step of a from b to c; 1 where a >= c, else 0 where a <= b.
+        /// Hermite step of a from b to c; 1 if a >= c, else 0 if a <= b.
         Smoothstep,
         /// a b + c.
         MultiplyAdd,
@@ -121,10 +122,10 @@ numbered! {
         Equal,
         /// a where c is not 0, else b.
         Select,
-        /// Component k is the one of a that bits 3k to 3k + 2 of `immediate` say: 0 to 3, 4 = the number 0, 5 = the
+        /// Component k is the one of a that bits 3k to 3k + 2 of `immediate` select: 0 to 3, 4 = the number 0, 5 = the
         /// number 1.
         Swizzle,
-        /// Component k is that of b where bit k of `immediate` is set, else that of a.
+        /// Component k is that of b if bit k of `immediate` is set, else that of a.
         Blend,
         /// Hue, saturation, value of a colour, alpha as it is.
         RgbToHsv,
@@ -157,7 +158,7 @@ numbered! {
         /// A value of the surface: `immediate` is a [`PatternGeometry`].
         Surface,
         /// The texel of a lookup of the program (`oocpt_materialx::program::ProgramLookup`), whose number is the low
-        /// byte of `immediate`: at a.xy, or with bit 8 at the place that the lookup's own map says.
+        /// byte of `immediate`: at a.xy, or with bit 8 at the coordinates that the lookup's own map gives.
         Texture,
     }
 }
@@ -181,10 +182,10 @@ numbered! {
         Tangent,
         /// Bitangent: unit, in the direction in which v grows.
         Bitangent,
-        /// Unit, from the viewer to the surface (as `MaterialX` has it).
+        /// Unit vector from the viewer to the surface (as in `MaterialX`).
         ViewDirection,
         /// A random number of the hit, uniform in [0, 1), in all components: it chooses between slabs that are mixed.
-        /// Not in programs for opacity or emission.
+        /// Not available in programs for opacity or emission.
         Random0,
         /// A random number that is independent of the first.
         Random1,
@@ -204,12 +205,12 @@ impl PatternGeometry {
 }
 
 numbered! {
-    /// Inputs of the one BSDF, by their places in `GpuMaterial::inputs`.
+    /// Inputs of the BSDF, by their indices in `GpuMaterial::inputs`.
     ///
-    /// Of a fibre (`chiang_hair_bsdf`) some mean something else: `DiffuseColor`, `SpecularColor`, `TransmissionColor`
+    /// For a fibre (`chiang_hair_bsdf`) some have another meaning: `DiffuseColor`, `SpecularColor`, `TransmissionColor`
     /// are the tints of R, TT and TRT; `Anisotropy` is variance along the fibre and scale of the logistic across it, of
-    /// R, then of TT; `ThinFilm` the same of TRT, and the tilt of the cuticle in radians; `Absorption` is by the
-    /// fibre's radius; `Normal` is where a ribbon is met across its width.
+    /// R, then of TT; `ThinFilm` is the same of TRT, and the tilt of the cuticle in radians; `Absorption` is per radius
+    /// of the fibre; `Normal` is the position of the hit across the width of a ribbon.
     MaterialInput, "INPUT" {
         /// Diffuse reflectance, and reflectance of the metallic part.
         DiffuseColor,
@@ -241,8 +242,8 @@ numbered! {
         SheenColor,
         /// Roughness of the fuzz.
         SheenRoughness,
-        /// Ratio of the alphas across and along the tangent, turn of the tangent toward the bitangent (1: a whole one);
-        /// of the base, then of the coat.
+        /// Ratio of the alphas across and along the tangent, and rotation of the tangent toward the bitangent (1: a
+        /// whole turn); of the base, then of the coat.
         Anisotropy,
         /// Weight, thickness in nm, index of refraction of a film on the base.
         ThinFilm,

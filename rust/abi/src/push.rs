@@ -8,12 +8,13 @@ bitflags! {
     /// Properties of the rays of a submission (`PushConstants::flags`).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
     pub struct PushFlags: u32 {
-        /// Rays of `generate_aov_rays`: they meet every surface of opacity above 0, and are not counted in the totals.
+        /// The rays are those of `generate_aov_rays`: they meet every surface of opacity above 0, and are not counted
+        /// in the totals.
         const AOVS = 1;
-        /// `generate_*`, streaming: the slots from `arg0` on have never been used.
+        /// The slots from `arg0` on have never been used (`generate_*`, streaming).
         const FRESH = 2;
-        /// `generate_camera_rays`, in core: only paths that lacked a tile of a texture start
-        /// ([`super::TextureFeedback`]).
+        /// Only paths that lacked a tile of a texture start ([`super::TextureFeedback`]; `generate_camera_rays`, in
+        /// core).
         const RETRACE = 4;
     }
 }
@@ -23,7 +24,7 @@ pub const PUSH_SEGMENT_SHIFT: u32 = 8;
 /// Position of the number of the band in `first_sample` with [`super::Features::ADAPTIVE`]; the row is below it.
 pub const BAND_SHIFT: u32 = 26;
 
-/// `first_sample` of a row (below 2^[`BAND_SHIFT`]) of a band; `band_of` and `row_of` of the shaders take it apart.
+/// Packs `first_sample` of a row (below 2^[`BAND_SHIFT`]) of a band; `band_of` and `row_of` of the shaders unpack it.
 #[must_use]
 pub const fn pack_band(band: u32, row: u32) -> u32 {
     row | band << BAND_SHIFT
@@ -37,9 +38,9 @@ pub const fn unpack_band(first_sample: u32) -> (u32, u32) {
 
 /// Bit of the pixel of an entry that is set for the second stream.
 pub const STREAM_BIT: u32 = 1 << 31;
-/// The second stream's seed differs from the first one's by this, xor.
+/// Value that is xored to the first stream's seed to get the second one's.
 pub const STREAM_SEED: u32 = 0x5bd1_e995;
-/// Octaves of variance estimates that the film keeps for each stream.
+/// Number of octaves of variance estimates that the film keeps for each stream.
 pub const ESTIMATE_RING: u32 = 8;
 /// First octave of samples at which a stream estimates its variance.
 pub const ESTIMATE_FIRST: u32 = 3;
@@ -92,7 +93,7 @@ impl PushConstants {
         Self { round, arg0, ..self }
     }
 
-    /// The same wave in band `band` of the list of entries, `row` rows further on ([`super::Features::ADAPTIVE`]).
+    /// The same wave in band `band` of the list of entries, moved by `row` rows ([`super::Features::ADAPTIVE`]).
     #[must_use]
     pub fn in_band(self, band: u32, row: u32) -> Self {
         Self { first_sample: pack_band(band, self.first_sample + row), ..self }

@@ -6,14 +6,14 @@
 use bitflags::bitflags;
 use bytemuck::{Pod, Zeroable};
 
-/// Set in `GpuInstance::target` when it names an assembly, else it names a mesh.
+/// Bit of `GpuInstance::target` that is set if it is an assembly; else it is a mesh.
 pub const TARGET_ASSEMBLY: u32 = 1 << 31;
 
 /// Number of the name `displayColor` in tables of primvars.
 pub const NAME_DISPLAY_COLOR: u32 = 0;
 /// Number of the name `displayOpacity`.
 pub const NAME_DISPLAY_OPACITY: u32 = 1;
-/// Bits of the first float of a value by instance where there is none.
+/// Bits of the first float of an instance value that is missing.
 pub const NO_VALUE: u32 = 0x7fc0_0000;
 /// The bits of [`GpuTriangle::subset_and_sides`] that hold the subset.
 pub const SUBSET_MASK: u32 = 0xffff;
@@ -50,8 +50,8 @@ shared! {
         pub subset_and_sides: u32,
         /// Third vertex.
         pub v2: [f32; 3],
-        /// Number of the Ptex face, and which part of it this is (`oocpt_core::mesh::PtexTriangle::word`); 0 where no
-        /// material asks.
+        /// Number of the Ptex face, and the part of it that this is (`oocpt_core::mesh::PtexTriangle::word`); 0 if no
+        /// material reads it.
         pub ptex: u32,
     }
 }
@@ -63,7 +63,7 @@ pub const TRIANGLE_BYTES: u32 = size_of::<GpuTriangle>() as u32;
 #[allow(clippy::cast_possible_truncation, reason = "small")]
 pub const POINT_BYTES: u32 = size_of::<GpuPoint>() as u32;
 
-/// In [`GpuInstance::prototype_count`]: the map flips handedness.
+/// Bit of [`GpuInstance::prototype_count`]: the map flips handedness.
 pub const FLIPS_HANDEDNESS: u32 = 1 << 31;
 
 shared! {
@@ -76,16 +76,17 @@ shared! {
         pub target: u32,
         /// Prim id of the mesh prim; used if the target is a mesh.
         pub prim_id: i32,
-        /// Index among the instances of the instancer's prototype; 0 if this is no instancer placement.
+        /// Index among the instances of the instancer's prototype; 0 if no instancer places it.
         pub index_in_prototype: u32,
-        /// Instances of that prototype; 1 if this is no instancer placement. Beside it [`FLIPS_HANDEDNESS`] (which
-        /// the shaders mask off and do not need: normals are mapped as covectors).
+        /// Number of instances of that prototype; 1 if no instancer places it. It also has the bit [`FLIPS_HANDEDNESS`]
+        /// (which the shaders mask off and do not need: normals are mapped as covectors).
         pub prototype_count: u32,
     }
 }
 
-/// Set in [`GpuInstance::target`] of a placement that moves: of `object_from_parent` only the bits of the first two
-/// numbers count, where its keys are (from the level's records, in 16 bytes) and how many.
+/// Bit of [`GpuInstance::target`] of a moving placement: then only the bits of the first two numbers of
+/// `object_from_parent` are used, which are the position of its keys (from the level's records, in 16 bytes) and their
+/// number.
 pub const TARGET_MOVING: u32 = 1 << 30;
 
 shared! {
@@ -100,7 +101,7 @@ shared! {
         pub rotation: [f32; 4],
         /// Diagonal of the symmetric stretch: xx, yy, zz.
         pub stretch: [f32; 3],
-        /// Half the angle to the rotation of the next key, radians; 0 where that is none.
+        /// Half the angle to the rotation of the next key, radians; 0 if there is no next key.
         pub half_angle: f32,
         /// Other elements of the stretch: xy, xz, yz.
         pub shear: [f32; 3],
@@ -222,16 +223,16 @@ shared! {
     pub struct GpuMesh {
         /// [`crate::Bvh4Node`] array, 16-byte aligned.
         pub nodes: u64,
-        /// [`GpuTriangle`] array, 16-byte aligned. With keys ([`MESH_KEYS_SHIFT`]) one for each, one behind the other,
-        /// and behind them the times of the keys, f32. Of points ([`crate::LeafType::POINT`]) it is [`GpuPoint`]
-        /// arrays, and behind the times are the radii, f32: one, or with [`MeshFlags::OWN_RADII`] one for each, its
-        /// keys side by side.
+        /// [`GpuTriangle`] array, 16-byte aligned. With keys ([`MESH_KEYS_SHIFT`]) there is one array for each, one
+        /// after the other, followed by the times of the keys, f32. For points ([`crate::LeafType::POINT`]) these are
+        /// [`GpuPoint`] arrays, and the times are followed by the radii, f32: one, or with [`MeshFlags::OWN_RADII`] one
+        /// for each point, with its keys side by side.
         pub triangles: u64,
         /// Largest magnitude of a coordinate of a corner.
         pub reach: f32,
         /// [`MeshFlags::with_rates`], the keys ([`MESH_KEYS_SHIFT`]) and [`crate::LeafType::flags`].
         pub flags: u32,
-        /// u32x3 per triangle; needed when an attribute has rate `Vertex`. 4-byte aligned, as all below.
+        /// u32x3 per triangle; needed if an attribute has rate `Vertex`. 4-byte aligned, as all below.
         pub corner_indices: u64,
         /// f32x3 values, in the mesh's frame.
         pub normals: u64,
@@ -270,7 +271,7 @@ shared! {
         /// [`GpuInstance`] array, 16-byte aligned; the maps start from the chunk's own frame.
         pub instances: u64,
         /// [`crate::GpuAttribute`] array, 16-byte aligned, the last with the name [`crate::NO_NAME`]: values by record,
-        /// of which [`NO_VALUE`] in the first float says that there is none. 0 without any.
+        /// where [`NO_VALUE`] in the first float marks a missing one. 0 without any.
         pub primvars: u64,
     }
 }

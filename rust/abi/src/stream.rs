@@ -8,19 +8,20 @@ use super::SCAN_BLOCK;
 use bytemuck::{Pod, Zeroable};
 use core::mem::offset_of;
 
-/// Items that a ray remembers because something is absent ([`PendingItems`]); of more it only knows that there are
-/// some.
+/// Number of items that a ray remembers because something is absent ([`PendingItems`]); of further ones it only knows
+/// that they exist.
 pub const MAX_PENDING: u32 = 4;
 
-/// Set in an entry of `StreamingPointers::deferred` when the path's shadow ray waits, else its closest ray does.
+/// Bit of an entry of `StreamingPointers::deferred` that is set if the path's shadow ray waits; else its closest ray
+/// does.
 pub const SHADOW_BIT: u32 = 1 << 31;
 
-/// Set in an entry of `StreamingPointers::deferred` when neither waits but the path's material, for a tile of a
-/// texture.
+/// Bit of an entry of `StreamingPointers::deferred` that is set if neither ray waits but the path's material, for a
+/// tile of a texture.
 pub const MATERIAL_BIT: u32 = 1 << 30;
 
-/// With textures, `StreamingPointers::sort_counts` has so many more elements: paths whose materials wait are sorted by
-/// tile modulo this.
+/// Number of further elements of `StreamingPointers::sort_counts` with textures: paths whose materials wait are sorted
+/// by tile modulo this.
 pub const TILE_KEYS: u32 = 256;
 
 shared! {
@@ -57,12 +58,12 @@ shared! {
         /// u32 per block, see [`sort_blocks`]. Any contents.
         pub sort_sums: u64,
         /// u32 `[first_tile]`: rays that entered each chunk and mesh since the host zeroed it; those of meshes are
-        /// estimated by the paths of which one is in [`COUNTED_PATHS`]. May be 0 without `Features::CHUNK_COUNTS`.
+        /// estimated from one in [`COUNTED_PATHS`] paths. May be 0 without `Features::CHUNK_COUNTS`.
         pub unit_rays: u64,
-        /// u32 per slot: the place of its path in the segments, which is where its radiance goes when it ends.
+        /// u32 per slot: the place of its path in the segments, to which its radiance is written when it ends.
         pub places: u64,
-        /// f32x4 (rgb, alpha) per place: radiance of paths that have ended; host memory where the device has memory of
-        /// its own. 16-byte aligned. With `Features::ROULETTE` alpha is below 0 where the path has not ended.
+        /// f32x4 (rgb, alpha) per place: radiance of paths that have ended; in host memory if the device has memory of
+        /// its own. 16-byte aligned. With `Features::ROULETTE` alpha is below 0 if the path has not ended.
         pub ended_radiance: u64,
         /// u32 per slot, a ring: slots that ended paths gave back, `WavefrontCounters::freed` of them since the host
         /// zeroed it.
@@ -90,7 +91,7 @@ shared! {
         /// The host zeroes it before.
         pub worth_sums: u64,
         /// Two tables of f32 `[first_tile]`, used in turn: 0 = nothing, above 0: a weight for the rays that wait for
-        /// the unit first, below: they end. Written by the host.
+        /// the unit first, below 0: they end. Written by the host.
         pub verdicts: [u64; 2],
         /// Number of places of a segment; the last one may be used in part.
         pub segment_size: u32,
@@ -119,13 +120,13 @@ shared! {
     /// Number of rays that ask for a unit, 16 B.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct UnitDemand {
-        /// The planner's number of it: a chunk's, then those of meshes and of tiles of textures.
+        /// The planner's number of it: first chunks, then meshes, then tiles of textures.
         pub unit: u32,
         /// Number of rays that wait for it first.
         pub waiting: u32,
         /// Number of rays that have it further down their list.
         pub next: u32,
-        /// 1 + a unit that rays which wait for it first need with it, 0: none.
+        /// 1 + a unit that the rays which wait for it first also need, 0: none.
         pub partner: u32,
     }
 }
@@ -133,7 +134,7 @@ shared! {
 /// One in `StreamingPointers::worth`; relative squared radiances.
 pub const WORTH_ONE: u32 = 1 << 12;
 
-/// Set in `StreamingPointers::worth` where a ray waits that roulette is not played with.
+/// Bit of `StreamingPointers::worth` that is set if a ray waits with which roulette is not played.
 pub const WORTH_MUST: u32 = 1 << 31;
 
 /// Elements of `StreamingPointers::worth_sums`; a power of two.
@@ -184,13 +185,13 @@ pub const SEGMENT_WORD_ALIVE: u32 = (offset_of!(PathSegment, alive) / 4) as u32;
 /// [`PendingItems::mesh`] of an item that is a whole chunk instance.
 pub const NO_MESH: u32 = u32::MAX;
 
-/// Of so many paths one counts its rays that enter meshes, for all: a power of two.
+/// One in so many paths counts its rays that enter meshes, for all: a power of two.
 pub const COUNTED_PATHS: u32 = 16;
 
 shared! {
-    /// The items that a ray waits for, 64 B, ordered by (entry, chunk instance, record entry, mesh). How many count is
-    /// in the ray's flags. An item is a chunk instance whose chunk is absent, or, in one that is not, all records of a
-    /// mesh that the ray enters at one distance: the mesh is absent, or a tile that decides about its cutouts.
+    /// The items that a ray waits for, 64 B, ordered by (entry, chunk instance, record entry, mesh). Their number is in
+    /// the ray's flags. An item is a chunk instance whose chunk is absent, or, in a resident one, all records of a mesh
+    /// that the ray enters at one distance: the mesh is absent, or a tile that decides about its cutouts.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct PendingItems {
         /// Distance at which the ray enters the chunk instance.
@@ -231,14 +232,14 @@ shared! {
         pub bias: f32,
         /// Opacity from which on the surface is hit.
         pub limit: f32,
-        /// The unit of the planner that it waits for; `u32::MAX`: it is answered, and the ray waits for the item
+        /// Unit of the planner that it waits for; `u32::MAX`: the test is answered, and the ray waits for the item
         /// itself.
         pub unit: u32,
     }
 }
 
 shared! {
-    /// All that shading needs of a hit, 80 B; the same members as the shaders' `Surface`.
+    /// The data of a hit that shading needs, 80 B; the same members as the shaders' `Surface`.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
     pub struct GpuSurface {
         /// Position, world, high part.

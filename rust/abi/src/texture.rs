@@ -19,12 +19,12 @@ pub const TEXTURE_F16: u32 = 1;
 pub const TEXTURE_F32: u32 = 2;
 /// Flag: red, green and blue go through the sRGB curve.
 pub const TEXTURE_SRGB: u32 = 1 << 6;
-/// A set of up to 100 textures, side by side in the table from number `first_page` on; those without levels are
-/// missing.
+/// Flag: a set of up to 100 textures, which are consecutive in the table from number `first_page` on; those without
+/// levels are missing.
 pub const TEXTURE_UDIM: u32 = 1 << 7;
-/// Texels by face: `width` is the number of faces, `directory` says where they are.
+/// Flag: texels by face; `width` is the number of faces, and `directory` has their positions.
 pub const TEXTURE_PTEX: u32 = 1 << 12;
-/// The fallback is a texel as others are: it lies where [`WRAP_BLACK`] has black, and scale and bias apply to it.
+/// Flag: the fallback is a texel as others are: it lies where [`WRAP_BLACK`] has black, and scale and bias apply to it.
 pub const TEXTURE_BORDER: u32 = 1 << 13;
 /// Position of the wrap mode along s in the flags, two bits.
 pub const TEXTURE_WRAP_S_SHIFT: u32 = 8;
@@ -71,12 +71,11 @@ shared! {
 }
 
 shared! {
-    /// Tiles that lookups did not find, in core; one in device memory, emptied by the host before a wave that is to go
-    /// on. A path that lacked a tile is traced again when the tile is there; until then the film does not take its
-    /// wave.
+    /// Tiles that lookups did not find, in core; one in device memory, which the host clears before each wave. A path
+    /// that lacked a tile is traced again when the tile is resident; until then the film does not take its wave.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct TextureFeedback {
-        /// u32 for each 32 tiles of the scene, a bit each: it is in `wanted`, or did not fit.
+        /// u32 for each 32 tiles of the scene, one bit each: the tile is in `wanted`, or did not fit.
         pub requested: u64,
         /// u32 per path of the wave: not 0 if it lacked a tile.
         pub incomplete_paths: u64,
@@ -84,7 +83,7 @@ shared! {
         pub wanted: u64,
         /// Number of elements of `wanted`.
         pub wanted_capacity: u32,
-        /// Tiles that were requested; `wanted` has no more than it holds.
+        /// Number of tiles that were requested; `wanted` has no more than its capacity.
         pub wanted_count: u32,
         /// Not 0 if a path lacked a tile.
         pub is_incomplete: u32,

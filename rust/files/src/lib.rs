@@ -16,14 +16,14 @@ use std::sync::atomic::{AtomicU32, Ordering};
 /// Opens a file to be read.
 ///
 /// # Errors
-/// It is not there, cannot be read, or is no regular file ([`ErrorKind::InvalidInput`]).
+/// It does not exist, cannot be read, or is not a regular file ([`ErrorKind::InvalidInput`]).
 pub fn open(path: &Path) -> Result<File> {
     let kind = std::fs::metadata(path)?.file_type();
     refuse(kind)?;
     checked(without_waiting(OpenOptions::new().read(true)).open(path)?)
 }
 
-/// All of a file of at most so many bytes.
+/// Reads a whole file of at most `most_bytes`.
 ///
 /// # Errors
 /// As [`open`]; it is longer ([`ErrorKind::FileTooLarge`]), or cannot be read to its end.
@@ -37,10 +37,10 @@ pub fn read(path: &Path, most_bytes: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Opens a file to be written at its end, or makes it. With `anew` it is empty then.
+/// Opens a file for writing at its end, or creates it. With `anew` it is emptied.
 ///
 /// # Errors
-/// It cannot be written, or there is something that is no regular file ([`ErrorKind::InvalidInput`]).
+/// It cannot be written, or the name is that of something other than a regular file ([`ErrorKind::InvalidInput`]).
 pub fn append(path: &Path, anew: bool) -> Result<File> {
     refuse_existing(path)?;
     let file = checked(without_waiting(OpenOptions::new().append(true).create(true)).open(path)?)?;
@@ -71,7 +71,7 @@ pub fn replace_by(path: &Path, write: impl FnOnce(File) -> Result<()>) -> Result
     let file = OpenOptions::new().write(true).create_new(true).open(&beside)?;
     let done = write(file).and_then(|()| std::fs::rename(&beside, &path));
     if done.is_err() {
-        // It is the first error that counts.
+        // The first error is the one that is reported.
         let _removed = std::fs::remove_file(&beside);
     }
     done

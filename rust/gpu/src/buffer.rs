@@ -26,12 +26,12 @@ pub struct Buffer {
     name: String,
     size: u64,
     usage: BufferUsage,
-    /// Host threads take turns on the mapped bytes: many readers or one writer.
+    /// Serialises host threads on the mapped bytes: many readers or one writer.
     host: RwLock<()>,
 }
 
 impl Buffer {
-    /// Makes a buffer of `bytes` (0 is allowed and still has an address). New memory holds arbitrary bytes.
+    /// Creates a buffer of `bytes` (0 is allowed and still has an address). New memory holds arbitrary bytes.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`] when the budget or the driver refuses even after waiting for retired memory,
@@ -98,7 +98,7 @@ impl Buffer {
     }
 
     /// Lends all mapped bytes to `f`, which may split them among threads. No other host thread uses the buffer
-    /// meanwhile, and the caller sees to it that no submission in flight does. Do not read from an `UploadDecision`
+    /// meanwhile, and the caller ensures that no submission in flight does. Do not read from an `UploadDecision`
     /// buffer: it may be very slow.
     ///
     /// # Errors

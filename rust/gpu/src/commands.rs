@@ -54,7 +54,7 @@ impl Gpu {
     }
 
     /// A new command list that only copies, fills and updates. It runs beside other lists where
-    /// [`Gpu::has_transfer_queue`], and in any case in no order with them but that of [`CommandList::wait_for`].
+    /// [`Gpu::has_transfer_queue`], and in any case is ordered with them only by [`CommandList::wait_for`].
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`], or a failed call.
@@ -161,7 +161,7 @@ impl CommandList {
         self.recorder.leave_concurrent();
     }
 
-    /// As [`CommandList::concurrent`] for all that is still to come in this list.
+    /// As [`CommandList::concurrent`] for all later operations of this list.
     pub fn all_concurrent(&mut self) {
         self.recorder.enter_concurrent();
     }
@@ -194,25 +194,25 @@ impl CommandList {
         }
     }
 
-    /// Lets nothing of this list run before `earlier`, a submission of any queue of this device, has finished, and lets
-    /// it see all that `earlier` wrote. The host does not wait. It counts for the whole list, wherever it is said;
-    /// earlier submissions of the list's own queue need no word.
+    /// Delays the whole list until `earlier`, a submission of any queue of this device, has finished, and lets it see
+    /// all writes of `earlier`. The host does not wait. The position of the call in the list does not matter; earlier
+    /// submissions of the list's own queue need no call.
     pub fn wait_for(&mut self, earlier: &Submission) {
         if self.same_device(earlier.label(), Arc::as_ptr(earlier.gpu().device())) {
             self.waits.raise(earlier.lane, earlier.value);
         }
     }
 
-    /// Switches timestamps around the operations that follow. Without timestamps on the device there are no timings.
+    /// Switches timestamps around the later operations. Without timestamps on the device there are no timings.
     pub fn profile(&mut self, on: bool) {
         self.recorder.set_timing(on);
     }
 
-    /// Hands the list to the GPU and returns at once.
+    /// Submits the list to the GPU and returns at once.
     ///
     /// # Errors
-    /// The first mistake made while recording ([`GpuError::Usage`]), [`GpuError::DeviceLost`], or a failed call.
-    /// Nothing runs then.
+    /// The first error made while recording ([`GpuError::Usage`]), [`GpuError::DeviceLost`], or a failed call. Nothing
+    /// runs then.
     pub fn submit(self) -> Result<Submission, GpuError> {
         let opened = Arc::clone(self.gpu.opened());
         let submission = self.enqueue()?;
@@ -250,7 +250,7 @@ impl CommandList {
         }
     }
 
-    /// Checks that `bytes` at `offset` lie in `range`, keeps it alive, and says where in which buffer they are.
+    /// Checks that `bytes` at `offset` lie in `range`, keeps it alive, and returns their buffer and position.
     fn place(&mut self, range: &dyn DeviceRange, offset: u64, bytes: u64) -> Option<(vk::Buffer, u64)> {
         if self.error.is_some() {
             return None;

@@ -9,7 +9,7 @@ use crate::range::DeviceRange;
 use crate::range::sealed::{RangeParts, ToRangeParts};
 use crate::submit::kept::HeldResource;
 
-/// A stretch of device memory. Dropping it does not wait; see [`Buffer`](crate::Buffer).
+/// A range of device memory. Dropping it does not wait; see [`Buffer`](crate::Buffer).
 #[derive(Debug)]
 pub struct HeapRange {
     memory: Arc<RangeMemory>,

@@ -43,8 +43,8 @@ impl Gpu {
         self.device().report.host_memory
     }
 
-    /// A view of all memory that there is now. `written` are the buffers that are read and written by words; all others
-    /// are read only. None where device memory is not the host's.
+    /// A view of all memory that exists now. `written` are the buffers that are read and written by words; all others
+    /// are read only. `None` if the device does not share the memory of the host.
     #[must_use]
     pub fn host_view(&self, written: &[&Buffer]) -> Option<HostView> {
         let device = self.device();
@@ -72,7 +72,7 @@ impl HostView {
         (offset < span.bytes).then_some((span, offset))
     }
 
-    /// The bytes from `address` to the end of its buffer; none where there is no memory, or where it is written.
+    /// The bytes from `address` to the end of its buffer; empty if there is no memory, or if it is written.
     #[inline]
     #[must_use]
     pub fn bytes(&self, address: u64) -> HostBytes<'_> {
@@ -93,7 +93,7 @@ impl HostView {
         near.all.from(address.wrapping_sub(near.start))
     }
 
-    /// The buffer that `address` lies in, if it is one that is read.
+    /// The buffer that contains `address`, if it is one that is read.
     #[inline(never)]
     fn span_at(&self, address: u64) -> HostSpan<'_> {
         let found = self.find(address).filter(|(span, _)| !span.is_written);
@@ -103,7 +103,7 @@ impl HostView {
         })
     }
 
-    /// The words from `address` to the end of its buffer, which is one of those that are written; else none.
+    /// The words from `address` to the end of its buffer, if it is one of those that are written; else none.
     #[must_use]
     pub fn words(&self, address: u64) -> HostWords<'_> {
         let found = self.find(address).filter(|(span, _)| span.is_written && address.is_multiple_of(4));
@@ -178,7 +178,7 @@ impl HostBytes<'_> {
         self.bytes == 0
     }
 
-    /// Asks the processor to bring `count` of `T` near, from the `index`-th on; nothing where they do not fit.
+    /// Prefetches `count` values of `T`, from the `index`-th on; does nothing if they do not fit.
     #[inline(always)]
     pub fn prefetch<T>(&self, index: usize, count: usize) {
         let (Some(at), Some(bytes)) = (index.checked_mul(size_of::<T>()), count.checked_mul(size_of::<T>())) else {
@@ -191,7 +191,7 @@ impl HostBytes<'_> {
         prefetch(unsafe { self.at.add(at) }, bytes);
     }
 
-    /// A copy of the `index`-th `T` from here; none where it does not fit.
+    /// A copy of the `index`-th `T` from here; `None` if it does not fit.
     #[inline]
     #[must_use]
     pub fn get<T: AnyBitPattern>(&self, index: usize) -> Option<T> {
@@ -214,7 +214,7 @@ impl HostBytes<'_> {
         Some(unsafe { from.read_unaligned() })
     }
 
-    /// A copy of the `T` that begins at byte `at` from here; none where it does not fit.
+    /// A copy of the `T` that begins at byte `at` from here; `None` if it does not fit.
     #[inline]
     #[must_use]
     pub fn at_byte<T: AnyBitPattern>(&self, at: usize) -> Option<T> {
@@ -236,7 +236,7 @@ fn prefetch(at: *const u8, bytes: usize) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        /// Bytes of a line of the caches of all processors that there is a prefetch for here.
+        /// Bytes of a cache line of all processors for which there is a prefetch here.
         const LINE: usize = 64;
         let mut byte = 0;
         while byte < bytes {
@@ -275,7 +275,7 @@ impl HostWords<'_> {
         Some(unsafe { &*at })
     }
 
-    /// Asks the processor to bring `count` words near; nothing where they do not fit.
+    /// Prefetches `count` words; does nothing if they do not fit.
     #[inline(always)]
     pub fn prefetch(&self, index: usize, count: usize) {
         if count > 0 && count <= self.count && index <= self.count - count {

@@ -61,7 +61,7 @@ impl Pipeline {
         Ok(Self { inner: Arc::new(made?) })
     }
 
-    /// The name it was made with; the name of its dispatches in timings, labels and crash reports.
+    /// Name that it was created with, which its dispatches have in timings, labels and crash reports.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.inner.name

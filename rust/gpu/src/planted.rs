@@ -23,7 +23,7 @@ impl Gpu {
         self.device().watch.memory()
     }
 
-    /// Most bytes that the budget ever had on its books, of host and device together.
+    /// Maximum of the bytes that the budget counted so far, of host and device together.
     #[must_use]
     pub fn most_on_the_books(&self) -> u64 {
         self.device().budget.most()

@@ -4,7 +4,7 @@
 //! [`DeviceRange`] is implemented by [`Buffer`](crate::Buffer), [`HeapRange`](crate::HeapRange) and
 //! [`StagingSlice`](crate::StagingSlice) only. Any thread.
 
-/// A stretch of device memory: a whole [`Buffer`](crate::Buffer), a [`HeapRange`](crate::HeapRange) or a
+/// A range of device memory: a whole [`Buffer`](crate::Buffer), a [`HeapRange`](crate::HeapRange) or a
 /// [`StagingSlice`](crate::StagingSlice). Sealed.
 pub trait DeviceRange: sealed::ToRangeParts {
     /// Device address of the first byte, as shaders use it.
@@ -15,9 +15,9 @@ pub trait DeviceRange: sealed::ToRangeParts {
     fn name(&self) -> &str;
 
     /// Lends bytes from an offset on to a function, if the range lies in host memory of a heap
-    /// ([`BufferUsage::Shared`](crate::BufferUsage::Shared)); false, and nothing happens, if not. Threads take turns.
-    /// Seen by every submission made after this returns; no submission in flight uses these bytes: the caller sees to
-    /// that.
+    /// ([`BufferUsage::Shared`](crate::BufferUsage::Shared)); otherwise it does nothing and returns false. Threads are
+    /// serialised. Every submission made after this returns sees the bytes; the caller ensures that no submission in
+    /// flight uses them.
     ///
     /// # Errors
     /// [`GpuError::Usage`](crate::GpuError::Usage) when the bytes do not fit the range.

@@ -44,7 +44,7 @@ pub struct StagingSlice {
 }
 
 impl StagingRing {
-    /// Makes a ring of `bytes`.
+    /// Creates a ring of `bytes`.
     ///
     /// # Errors
     /// As [`Buffer::new`](crate::Buffer::new); [`GpuError::Usage`] for no bytes, or more than the host can address.
@@ -119,7 +119,7 @@ impl StagingRing {
         StagingSlice { part: Arc::new(StagingPart::new(&self.memory, part)), length }
     }
 
-    /// Waits, not longer than [`POLL`], for something to happen that may free space.
+    /// Waits, not longer than [`POLL`], for a change that may free space.
     fn wait(&self, state: MutexGuard<'_, RingState>, turn: u64) -> Result<(), GpuError> {
         let submitted =
             state.oldest_user(turn).and_then(|lane| Some((lane, self.opened.queue(lane).oldest_in_flight()?)));

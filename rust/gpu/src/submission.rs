@@ -16,7 +16,7 @@ pub struct Submission {
     pub(crate) lane: QueueLane,
     pub(crate) value: u64,
     label: String,
-    /// Of its parts that had run before it was submitted ([`CommandList::host`](crate::CommandList::host)).
+    /// Timings of its parts that had run before it was submitted ([`CommandList::host`](crate::CommandList::host)).
     earlier: Vec<(String, f64)>,
     timer: Option<Arc<QueryTimer>>,
 }
@@ -41,7 +41,8 @@ impl Submission {
         self.gpu.device().completed().of(self.lane) >= self.value
     }
 
-    /// Ok(true) once it has finished, Ok(false) when `timeout` passed first. Afterwards the host sees all it wrote.
+    /// Returns `Ok(true)` once it has finished, `Ok(false)` if `timeout` passed first. Afterwards the host sees all its
+    /// writes.
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`], or a failed call.

@@ -52,7 +52,7 @@ pub(crate) fn apply(
     Err(PtexError::Edit(at))
 }
 
-/// Replaces one face. `None` if its edit is too short or its face is none.
+/// Replaces one face. `None` if its edit is too short or there is no such face.
 fn replace_face(
     file: &FileBytes,
     header: &PtexHeader,
@@ -74,7 +74,7 @@ fn replace_face(
     let Some((face, block, constant)) = tables.face_mut(number) else { return Ok(None) };
     *face = parse_face(*record, number, header)?;
     face.has_edits = true;
-    // The words of constant faces mean nothing.
+    // The words of constant faces have no meaning.
     let stored = if face.is_constant { 0 } else { bytes };
     if u64::from(stored) > left {
         return Ok(None);

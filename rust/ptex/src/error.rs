@@ -14,7 +14,7 @@ pub enum PtexError {
     /// The file has another major version, whose layout differs.
     #[error("Ptex files of version {0} are not supported (only 1 is)")]
     Version(u32),
-    /// A field of the header has a value that the format does not have, or above the limits of this crate.
+    /// A field of the header has a value that the format does not allow, or above the limits of this crate.
     #[error("the header's {field} is {value}")]
     Header {
         /// Name of the field.
@@ -25,7 +25,7 @@ pub enum PtexError {
     /// A part lies, wholly or in part, beyond the end of the part or file that contains it.
     #[error("{0} does not end inside the file: cut short, or its length is wrong")]
     Truncated(&'static str),
-    /// A compressed part is to be more than its compressed bytes can hold.
+    /// A compressed part claims to inflate to more than its compressed bytes can.
     #[error("{part} is to be {bytes} bytes, compressed to {stored}, which cannot be")]
     Ratio {
         /// Name of the part.
@@ -54,7 +54,7 @@ pub enum PtexError {
         /// Bytes once inflated.
         bytes: u64,
     },
-    /// An edit that the format does not have, or one more than [`crate::MAX_EDITS`].
+    /// An edit of an unknown kind, or one more than [`crate::MAX_EDITS`].
     #[error("the edit at byte {0} is damaged")]
     Edit(u64),
     /// There is no memory for this many bytes.

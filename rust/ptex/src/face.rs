@@ -51,8 +51,8 @@ pub enum BorderMode {
 pub struct PtexFace {
     /// Logarithms of base 2 of the texels along u and v.
     pub log2: [u8; 2],
-    /// The face beyond each edge, and which edge of that face it is; `None` at the border of the mesh, and where the
-    /// file names a face or an edge that is none.
+    /// The face beyond each edge, and the index of that face's edge; `None` at the border of the mesh, and if the file
+    /// names a face or an edge that does not exist.
     pub adjacent: [Option<(u32, u8)>; 4],
     /// True if all texels are equal and only one is stored.
     pub is_constant: bool,

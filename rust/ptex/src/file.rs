@@ -7,8 +7,8 @@ use crate::inflate::FileBytes;
 use crate::tables::{FaceTables, FileParts};
 use crate::{BorderMode, DataType, MeshType, PtexError, PtexFace, ReadAt};
 
-/// An open Ptex file. Immutable; any number of threads may use it at once. It keeps the table of faces and one texel
-/// for each, about 80 bytes a face, and no others.
+/// An open Ptex file. Immutable; any number of threads may use it at once. It stores the table of faces and one texel
+/// for each face, about 80 bytes a face, and no other texels.
 pub struct PtexFile {
     pub(crate) bytes: FileBytes,
     mesh_type: MeshType,

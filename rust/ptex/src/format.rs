@@ -7,7 +7,7 @@ use crate::{BorderMode, DataType, MAX_CHANNELS, MAX_FACES, MAX_LOG2, MeshType, P
 
 pub(crate) const MAGIC: [u8; 4] = *b"Ptex";
 pub(crate) const VERSION: u32 = 1;
-/// The minor version that [`crate::PtexWriter`] says. Readers do not look at it.
+/// Minor version that [`crate::PtexWriter`] writes. Readers ignore it.
 const MINOR_VERSION: u32 = 4;
 pub(crate) const HEADER_BYTES: u32 = 64;
 pub(crate) const EXTENDED_BYTES: u32 = 40;
@@ -19,10 +19,10 @@ pub(crate) const BARRIER_BYTES: u32 = 8;
 const IS_CONSTANT: u8 = 1;
 const HAS_EDITS: u8 = 2;
 const IS_SUBFACE: u8 = 8;
-/// Bits of a block's word that are its length; the two above are its encoding.
+/// Number of bits of a block's word that are its length; the two above are its encoding.
 const LENGTH_BITS: u32 = 30;
 
-/// Fields one after the other. A field beyond the end is zero: extended headers of old files are shorter.
+/// Reads fields one after the other. A field beyond the end is zero: extended headers of old files are shorter.
 pub(crate) struct FieldReader<'a>(pub(crate) &'a [u8]);
 
 impl FieldReader<'_> {
@@ -276,7 +276,7 @@ pub(crate) enum BlockEncoding {
     Tiled,
 }
 
-/// Splits a block's word into how it is encoded and its length in the file, bytes.
+/// Splits a block's word into its encoding and its length in the file, bytes.
 pub(crate) fn parse_block(word: u32) -> (BlockEncoding, u32) {
     let encoding = match word >> LENGTH_BITS {
         0 => BlockEncoding::Constant,

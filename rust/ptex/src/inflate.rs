@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Bytes of the file, and compressed parts of it: nothing is read, inflated or allocated before its length is known to
-//! be possible.
+//! Reads bytes of the file and inflates its compressed parts: nothing is read, inflated or allocated before its length
+//! is known to be possible.
 
 use flate2::{Decompress, FlushDecompress, Status};
 
@@ -53,7 +53,7 @@ impl FileBytes {
     }
 }
 
-/// Inflates parts, one after the other. Keeps its memory between them.
+/// Inflates parts, one after the other. It reuses its memory between them.
 pub(crate) struct Inflater {
     decompress: Decompress,
     stored: Vec<u8>,

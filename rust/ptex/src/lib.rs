@@ -88,7 +88,7 @@ pub use write::PtexWriter;
 pub const MAX_FACES: u32 = 1 << 26;
 /// Largest number of channels of a texel.
 pub const MAX_CHANNELS: u32 = 64;
-/// Most texels of a face along u and along v, as a logarithm of base 2.
+/// Largest number of texels of a face along u and along v, as a logarithm of base 2.
 pub const MAX_LOG2: u8 = 14;
 /// Most bytes of the texels of a face, and of each table of a file once inflated.
 pub const MAX_BYTES: u64 = 1 << 31;

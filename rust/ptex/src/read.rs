@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Reading the texels of a face. Each call reads the file anew and keeps nothing.
+//! Reads the texels of a face. Each call reads the file again and caches nothing.
 
 use crate::file::PtexFile;
 use crate::format::{BlockEncoding, FieldReader, parse_block};
@@ -112,7 +112,7 @@ impl FaceReader<'_> {
         }
     }
 
-    /// Reads a block that has been checked to a rectangle of `out`.
+    /// Reads a block that has been checked into a rectangle of `out`.
     fn block(&mut self, block: TexelBlock, rect: FaceRect, out: &mut [u8]) -> Result<(), PtexError> {
         let texel = self.file.tables.texel;
         let bytes = &self.file.bytes;

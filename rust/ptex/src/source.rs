@@ -9,7 +9,7 @@ pub trait ReadAt: Send + Sync {
     /// Size of the file, bytes.
     fn size(&self) -> u64;
 
-    /// Fills `out` from `offset` on, or fails, when `out` may hold anything.
+    /// Fills `out` from `offset` on, or fails, in which case `out` may contain anything.
     fn read_at(&self, offset: u64, out: &mut [u8]) -> Result<()>;
 }
 

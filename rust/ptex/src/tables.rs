@@ -15,7 +15,7 @@ pub(crate) struct FaceTables {
     pub(crate) faces: Vec<PtexFace>,
     /// Block of texels of each face.
     pub(crate) blocks: Vec<TexelBlock>,
-    /// For each face, its only texel, or (of those that are not constant) the average.
+    /// For each face, its only texel, or (for those that are not constant) the average.
     pub(crate) constants: Vec<u8>,
 }
 
@@ -33,7 +33,7 @@ impl FaceTables {
         let texel = TexelLayout { data_type: header.data_type, channels: header.channels.into() };
         let count = u64::from(header.faces);
         let [face_bytes, constant_bytes] = [count * u64::from(FACE_BYTES), count * texel.bytes() as u64];
-        // Before anything is inflated, so that a file that lies of the number of its faces costs nothing.
+        // This check comes before anything is inflated, so that a file with a wrong number of faces costs nothing.
         check_table(parts.faces, face_bytes)?;
         check_table(parts.constants, constant_bytes)?;
         let mut inflater = Inflater::new();

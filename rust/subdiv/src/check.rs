@@ -5,16 +5,16 @@ use std::collections::BTreeSet;
 
 use crate::{ControlMesh, Error, PackedValues, SubdivisionScheme, SurfaceData};
 
-/// Most pieces of an edge. A quad that is cut into as many along each side has 2^23 triangles.
+/// Largest number of pieces of an edge. A quad that is cut into as many along each side has 2^23 triangles.
 pub const MAX_RATE: i32 = 2048;
 /// Largest number of points of a face.
 pub const MAX_FACE_POINTS: usize = 256;
-/// Most faces around a point; with sharp edges at it, and where many points have many faces, fewer.
+/// Largest number of faces around a point; less with sharp edges at it, and if many points have many faces.
 pub const MAX_VALENCE: u16 = 256;
 /// Largest work of a mesh at its points with many faces. It grows with the third power of the faces, once for all
-/// points that are alike; with the fourth where sharpness makes all faces differ. Some seconds.
+/// points that are alike; with the fourth if sharpness makes all faces differ. It takes some seconds.
 const MAX_WORK: u64 = 1 << 28;
-/// Points with more faces than this, and faces with more points, count.
+/// Only points with more faces than this, and faces with more points, count as work.
 const MANY: u64 = 8;
 
 /// A length as a C++ `int`.

@@ -38,7 +38,7 @@ mod bridge {
     struct Cut<'a> {
         /// Number of pieces of each edge.
         rates: &'a [i32],
-        /// Number of the first inner place of each edge; control vertices are places, too.
+        /// Number of the first inner place of each edge; control vertices are places too.
         edge_sites: &'a [i32],
         first_face: i32,
         end_face: i32,

@@ -52,7 +52,7 @@ pub enum BoundaryRule {
     EdgeAndCorner,
 }
 
-/// `faceVaryingLinearInterpolation`: where face-varying values are not smoothed.
+/// Values of `faceVaryingLinearInterpolation`: the places at which face-varying values are interpolated linearly.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum FaceVaryingLinear {
     /// No value is interpolated linearly.
@@ -179,8 +179,8 @@ pub struct LimitFacets {
     pub triangles: Vec<u32>,
     /// Control face of each triangle.
     pub faces: Vec<u32>,
-    /// For each vertex the first one that lies where it does, on the edges and corners of the same control faces. Those
-    /// that only touch are none.
+    /// For each vertex the first one at the same position on the edges and corners of the same control faces. Vertices
+    /// that only touch are not joined.
     pub places: Vec<u32>,
 }
 
@@ -265,8 +265,8 @@ impl LimitSurface {
         Ok(facets)
     }
 
-    /// Triangles on the surface; `rates` says into how many pieces each of [`Self::edges`] is cut. Blocks of faces are
-    /// cut side by side, on the caller's rayon pool; the result is the same for any number of threads.
+    /// Triangles on the surface; `rates` is the number of pieces of each of [`Self::edges`]. Blocks of faces are cut in
+    /// parallel, on the caller's rayon pool; the result is the same for any number of threads.
     ///
     /// # Errors
     /// When lengths do not fit, or a rate is not in `1..=MAX_RATE`.
@@ -300,7 +300,7 @@ impl LimitSurface {
         Ok(seam.facets)
     }
 
-    /// The number of the first place inside of each edge, and how many places there are: control points come first.
+    /// The number of the first place inside each edge, and the number of all places: control points come first.
     fn edge_sites(&self, rates: &[i32]) -> Result<(Vec<i32>, usize), Error> {
         let mut sites = self.point_count;
         let first = |rate: &i32| {
@@ -314,7 +314,7 @@ impl LimitSurface {
     }
 }
 
-/// Faces that are cut together: so many that about [`BLOCK_FACETS`] triangles come out.
+/// Ranges of faces that are cut together, so many that about [`BLOCK_FACETS`] triangles result.
 fn blocks(expected: &[u64]) -> Vec<Range<usize>> {
     let (mut blocks, mut start, mut facets) = (Vec::new(), 0, 0);
     for (face, of_face) in expected.iter().enumerate() {
@@ -328,7 +328,7 @@ fn blocks(expected: &[u64]) -> Vec<Range<usize>> {
     blocks
 }
 
-/// As OpenSubdiv numbers them (`Sdc::SchemeType`, `Sdc::Options`).
+/// Rules as OpenSubdiv numbers them (`Sdc::SchemeType`, `Sdc::Options`).
 fn rules(rules: SubdivisionRules) -> ffi::Rules {
     ffi::Rules {
         scheme: match rules.scheme {

@@ -5,9 +5,9 @@ use crate::{Error, LimitFacets, ffi};
 
 /// Marks the absence of a vertex.
 const NONE: u32 = u32::MAX;
-/// Normals with a larger cosine are one normal. As in C++, within blocks.
+/// Normals with a larger cosine than this count as equal. As in C++, within blocks.
 const SAME_NORMAL: f64 = 1.0 - 1e-4;
-/// Values that differ by less than this share of their size are one value.
+/// Values that differ by less than this share of their size count as equal.
 const SAME_VALUE: f32 = 1e-4;
 
 /// The result of the blocks joined so far.
@@ -52,7 +52,7 @@ impl SeamJoiner {
         Ok(())
     }
 
-    /// Puts a vertex behind the first one at its place, whose position is everybody's.
+    /// Links a vertex after the first one at its place, whose position is shared.
     fn link(&mut self, head: u32, vertex: u32) {
         let behind = self.next.get_mut(head as usize).map(|next| std::mem::replace(next, vertex));
         if let (Some(behind), Some(slot)) = (behind, self.next.get_mut(vertex as usize)) {
@@ -73,11 +73,11 @@ impl SeamJoiner {
         }
         let own = values(&self.facets.face_varying, self.width, vertex);
         let other = values(block.face_varying(), self.width, at);
-        // NaN is like nothing.
+        // NaN is not equal to anything.
         own.iter().zip(other).all(|(a, b)| (a - b).abs() <= SAME_VALUE * (1.0 + a.abs()))
     }
 
-    /// A new vertex like that of the block, where `head` is if there is one.
+    /// Adds a vertex like that of the block, at `head` if there is one.
     fn push(&mut self, block: &ffi::Facets, at: usize, head: u32) -> Result<u32, Error> {
         let count = self.facets.places.len();
         let vertex = u32::try_from(count).ok().filter(|vertex| *vertex != NONE);

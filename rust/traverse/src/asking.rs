@@ -12,7 +12,7 @@ const QUESTION_WORDS: usize = size_of::<DeferredAlphaTest>() / 4;
 /// The deferred alpha test of a ray, and the answer that it came with.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CutoutQuestions {
-    /// The nearest cutout, in the item with the smallest key, that cannot be answered because a tile is absent.
+    /// The nearest cutout, in the item with the smallest key, that cannot be tested because a tile is absent.
     question: Option<(PendingItem, DeferredAlphaTest)>,
     /// Item and answer that the ray came back with.
     answer: Option<(PendingItem, DeferredAlphaTest)>,
@@ -24,7 +24,7 @@ impl CutoutQuestions {
         (self.question, self.answer) = (None, answer);
     }
 
-    /// Asks about something in an item, unless something before it was asked already.
+    /// Defers the alpha test of a cutout in an item, unless one before it was deferred already.
     pub(crate) fn ask(&mut self, item: PendingItem, q: DeferredAlphaTest) {
         let is_next = self.question.as_ref().is_none_or(|(asked, other)| {
             if item == *asked { before((q.t, q.id), (other.t, other.id)) } else { item.is_before(asked) }

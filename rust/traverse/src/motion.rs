@@ -51,7 +51,7 @@ impl TraversalScene<'_> {
         target & !flags
     }
 
-    /// `placed_map`: the map of a record of `instances`; none where its keys are not in memory.
+    /// Map of a record of `instances`, as `placed_map` of the shaders; `None` if its keys are not in memory.
     #[inline(always)]
     pub(crate) fn placed_map(&self, instances: HostBytes<'_>, record: &GpuInstance, time: f32) -> Option<AffineRows> {
         if self.has(Features::MOTION) && record.target & TARGET_MOVING != 0 {

@@ -8,7 +8,7 @@ use std::hint::select_unpredictable;
 /// Mask of the number of an inner node, or of a leaf's first item.
 pub(crate) const NUMBER: u32 = 0x0fff_ffff;
 
-/// The ray of a level, as boxes are tested with it; a fourth number is 0.
+/// The ray of a level, in the form that box tests use; the fourth numbers are 0.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(16))]
 pub(crate) struct BoxRay {
@@ -39,7 +39,7 @@ pub(crate) struct EnteredChildren {
     pub(crate) mask: u32,
 }
 
-/// The children of a node of a mesh: nodes first, as many as `first_child` says, then leaves.
+/// The children of a node of a mesh: `first_child` nodes first, then leaves.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MeshChildren {
     inner: u32,
@@ -109,7 +109,8 @@ static LEAVES: [LeafCounts; 256] = {
     all
 };
 
-/// The points of a leaf that says which bundle it has, of so many points: `bundle_members` of the shaders.
+/// The points of a leaf, which has the number of its bundle, of a mesh with this number of points: `bundle_members` of
+/// the shaders.
 #[inline(always)]
 pub(crate) fn bundle_members(leaf: u32, points: u32) -> u32 {
     if leaf < LEAF || leaf == ABSENT {

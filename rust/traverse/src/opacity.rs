@@ -13,7 +13,7 @@ use oocpt_abi::{
 use oocpt_gpu::HostBytes;
 
 impl TraversalScene<'_> {
-    /// The seed of a ray of a path: `ray` is twice the bounce, and one more for shadow rays.
+    /// Seed of a ray of a path: `ray` is twice the bounce, plus one for shadow rays.
     pub(crate) fn opacity_seed(&self, path: u32, ray: u32) -> u32 {
         if !self.special.features.intersects(Features::OPACITY | Features::CUTOUTS) {
             return 0;
@@ -49,7 +49,7 @@ impl TraversalScene<'_> {
         (seed, pixel & !STREAM_BIT, sample.wrapping_add(row).wrapping_add(place / width))
     }
 
-    /// Streaming: where the radiance of the path in a slot goes when it ends.
+    /// Streaming: place to which the radiance of the path in a slot is written when it ends.
     pub(crate) fn path_place(&self, path: u32) -> u32 {
         self.view.bytes(self.streaming.places).get(path as usize).unwrap_or(0)
     }

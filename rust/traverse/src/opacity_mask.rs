@@ -21,7 +21,7 @@ pub(crate) struct MaskCandidate<'a> {
     pub(crate) cone: f32,
 }
 
-/// `inside_image`: a coordinate in the image; none around a picture that is not continued.
+/// Coordinate in the image, as `inside_image` of the shaders; `None` around a picture that is not continued.
 fn inside_image(s: f32, wrap: u32, narrow: &mut bool) -> Option<f32> {
     let s = near_image(s, wrap);
     if (0.0..=1.0).contains(&s) {
@@ -38,8 +38,8 @@ fn inside_image(s: f32, wrap: u32, narrow: &mut bool) -> Option<f32> {
     }
 }
 
-/// `coverage_in_mask`: how much is there at `st`, in 255 parts, for a lookup as wide as `width` texels; none where
-/// the finest level of the texture says it.
+/// Coverage at `st` in parts of 255, for a lookup as wide as `width` texels, as `coverage_in_mask` of the shaders;
+/// `None` if the finest level of the texture decides.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

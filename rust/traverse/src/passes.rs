@@ -65,7 +65,7 @@ struct QueuePushes {
 /// Traces the closest hits of a round.
 ///
 /// # Errors
-/// [`TraceError::NoMemory`] where a table of the frame is not there.
+/// [`TraceError::NoMemory`] if a table of the frame is missing.
 pub fn closest(view: &HostView, push: PushConstants, special: TraversalConstants) -> Result<(), TraceError> {
     let scene = TraversalScene::new(view, push, special)?;
     let rays = view.words(scene.frame.rays);
@@ -235,7 +235,7 @@ impl<'s, 'v> PassContext<'s, 'v> {
         }
     }
 
-    /// Notes that a ray of the path has finished, and pushes the path when the other one had too.
+    /// Notes that a ray of the path has finished, and pushes the path if the other one had finished too.
     fn finish(&self, path: u32, bits: PathProgress, pushes: &mut QueuePushes) {
         let progress = self.scene.view.words(self.scene.streaming.progress);
         let before = progress.or(path as usize, bits.bits()).unwrap_or(0);

@@ -13,7 +13,7 @@ pub(crate) fn before(a: EntryKey, b: EntryKey) -> bool {
     a.0 < b.0 || (a.0 == b.0 && a.1 < b.1)
 }
 
-/// A chunk instance whose chunk is absent, or, in one that is there, all records of a mesh that the ray enters at one
+/// A chunk instance whose chunk is absent, or, in a resident one, all records of a mesh that the ray enters at one
 /// distance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct PendingItem {

@@ -68,7 +68,7 @@ impl<'v> MeshPose<'v> {
 }
 
 impl<'v> TraversalScene<'v> {
-    /// The triangles of a mesh at a time. `near`: where items were found last.
+    /// The triangles of a mesh at a time. `near`: the buffers in which items were found last.
     #[inline(always)]
     pub(crate) fn pose_of(&self, mesh: &GpuMesh, time: f32, near: &mut HostSpan<'v>) -> MeshPose<'v> {
         let still = MeshPose { triangles: self.view.bytes_near(mesh.triangles, near), ..MeshPose::NONE };

@@ -102,7 +102,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
     fn texel(&self, material: u32, input: &GpuInput, triangle: u32, t: f32, uv: [f32; 2]) -> Option<OpacitySource> {
         let scene = self.scene;
         let set = (input.kind >> INPUT_SET_SHIFT) & 3;
-        // A shadow ray starts as wide as its surface was seen and stays so.
+        // A shadow ray starts as wide as the ray that saw its surface, and keeps that width.
         let (cone, d) = (scene.cone_width(self.world.path, if ANY_HIT { 0.0 } else { t }), self.direction());
         let mut st = [0.0; 2];
         if set != INPUT_NO_SET {

@@ -48,13 +48,13 @@ impl TriangleCorners {
         [0, 1, 2, 3].map(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v)
     }
 
-    /// The first two numbers of the mean, by weight even where all corners are the same.
+    /// The first two numbers of the interpolated value; it is weighted even if all corners are equal.
     pub(crate) fn mixed(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         let Self([a, b, c]) = *self;
         [0, 1].map(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v)
     }
 
-    /// By how much its first two numbers grow from the first corner to the others.
+    /// Change of its first two numbers from the first corner to the others.
     pub(crate) fn growth(&self) -> [[f32; 2]; 2] {
         let Self([a, b, c]) = *self;
         [[b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]]
@@ -62,7 +62,7 @@ impl TriangleCorners {
 }
 
 impl TraversalScene<'_> {
-    /// `take_value`: the value that `row` of a table of instance values has for a primvar, if it has one.
+    /// Value that `row` of a table of instance values has for a primvar, if it has one, as `take_value` of the shaders.
     fn row_value(&self, table: u64, row: u32, name: u32) -> Option<PrimvarValue> {
         let attributes = self.view.bytes(table);
         let mut value = None;
@@ -102,7 +102,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         Some(TriangleCorners(if i == j && j == k { [a; 3] } else { [a, at(j), at(k)] }))
     }
 
-    /// `instance_primvar`: that of the innermost level that has one.
+    /// Value of the innermost level that has one, as `instance_primvar` of the shaders.
     pub(crate) fn instance_primvar(&self, name: u32) -> Option<PrimvarValue> {
         let scene = self.scene;
         if !scene.has(Features::INSTANCE_PRIMVARS) || name == NO_NAME {

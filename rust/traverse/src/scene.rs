@@ -118,7 +118,7 @@ impl<'v> TraversalScene<'v> {
 
     /// Counts rays that enter a unit.
     pub(crate) fn count_rays(&self, unit: u32, rays: u32) {
-        // Memory that is not there counts nothing.
+        // Missing memory counts nothing.
         self.view.words(self.streaming.unit_rays).add(unit as usize, rays).unwrap_or_default();
     }
 

@@ -29,11 +29,11 @@ pub(crate) struct EdgeFunctions {
 
 /// The tests, for one instruction set.
 pub(crate) trait Simd: Copy + Debug + Send + Sync {
-    /// Calls `op`, and lets the compiler use these instructions in all that it inlines there.
+    /// Calls `op`, and lets the compiler use these instructions in all code that it inlines there.
     fn vectorize<O: pulp::NullaryFnOnce>(self, op: O) -> O::Output;
 
-    /// The children of a box grid that the ray enters before `limit`, which is no NaN, as if all four were there;
-    /// `entry` is where it enters the node.
+    /// The children of a box grid that the ray enters before `limit`, which is not NaN, as if all four existed; `entry`
+    /// is the distance at which it enters the node.
     fn meet(self, grid: &NodeGrid, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren;
 
     /// Mask with one bit for each child of a level's node that exists.
@@ -59,8 +59,8 @@ pub(crate) trait Simd: Copy + Debug + Send + Sync {
     /// The ray from `o` along `d` against boxes that are padded by `pad`.
     fn box_ray(self, o: V3, d: V3, pad: f32) -> BoxRay;
 
-    /// The edge functions of a triangle as seen from `o`, in the plane whose two axes these rows give. Each corner has
-    /// a fourth number, which is nothing.
+    /// The edge functions of a triangle relative to `o`, in the plane with these two axes as rows. The fourth number of
+    /// each corner is ignored.
     fn edges(self, corners: &[[f32; 4]; 3], o: V3, plane: [V3; 2]) -> EdgeFunctions;
 }
 

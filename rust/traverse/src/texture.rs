@@ -36,9 +36,9 @@ pub(crate) struct TextureLookup {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum LookupResult {
     Texel(f32),
-    /// There is no image, or none that could be read; with `TEXTURE_BORDER` that is a texel.
+    /// There is no image, or none that could be read; with `TEXTURE_BORDER` this value is a texel.
     Fallback(f32),
-    /// Streaming: a tile is absent. So many of the eight texels are done, and this is their mean.
+    /// Streaming: a tile is absent. It has the number of the eight texels that are done, and their mean.
     Waits {
         page: u32,
         taps: u32,
@@ -120,7 +120,7 @@ pub(crate) fn near_image(s: f32, wrap: u32) -> f32 {
     }
 }
 
-/// `select_level`: the finer of two levels up to `coarsest`, and the share of the next one.
+/// Finer of two levels up to `coarsest`, and share of the next one, as `select_level` of the shaders.
 pub(crate) fn select_level(coarsest: u32, width: f32) -> (u32, f32) {
     #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN is the finest level")]
     if !(width > 1.0) {
@@ -134,12 +134,12 @@ pub(crate) fn select_level(coarsest: u32, width: f32) -> (u32, f32) {
     (level, f32::from_bits((bits & 0x007f_ffff) | 0x3f80_0000) - 1.0)
 }
 
-/// `texel_place`: the lower of the two texels around s, and the share of the upper one.
+/// Lower of the two texels around s, and share of the upper one, as `texel_place` of the shaders.
 #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "as the shader")]
 fn texel_place(s: f32, size: u32) -> (i32, f32) {
     let bits = s.to_bits();
     let exponent = (bits >> 23) & 0xff;
-    // s is its mantissa / 2^shift; larger ones than 4 are not asked for.
+    // s is its mantissa / 2^shift; sizes above 4 do not occur.
     let shift = 150_u32.saturating_sub(exponent).max(1);
     if shift > 60 {
         return (-1, 0.5);
@@ -193,7 +193,7 @@ impl TraversalScene<'_> {
     /// continues without absent tiles.
     pub(crate) fn look_up(&self, path: u32, lookup: &TextureLookup) -> LookupResult {
         let TextureLookup { texture, st, width, channel } = *lookup;
-        // Where the tables have no such texture, all is there.
+        // If the tables have no such texture, the surface is opaque.
         let Some(part) = self.texture_part(texture, st) else { return LookupResult::Fallback(1.0) };
         let (t, st) = match part {
             UdimPart::Found(t, st) if t.levels > 0 => (t, st),
@@ -257,7 +257,7 @@ impl TraversalScene<'_> {
     /// A channel of a texel, as in `decode_texel` of the shaders; 0 without memory.
     fn texel(&self, t: &GpuTexture, tile: HostBytes<'_>, offset: usize, index: usize, channel: u32) -> f32 {
         let channels = t.flags & TEXTURE_CHANNELS;
-        // Which number of a texel it is: (r), (r, a) and (r, g, b, a) stand for four channels.
+        // Index of the number in a texel: (r), (r, a) and (r, g, b, a) stand for four channels.
         let number = match (channels, channel) {
             (1, 3) => return 1.0,
             (1, _) => 0,
@@ -317,7 +317,7 @@ mod tests {
         ] {
             assert_eq!(texel_place(s, size), (place, share), "{s} of {size}");
         }
-        // Whatever the bits are, there is an answer.
+        // Any bits give an answer.
         for s in [f32::MAX, f32::INFINITY, f32::NAN, -f32::MAX, f32::MIN_POSITIVE, 1.0e-45] {
             let (_, share) = texel_place(s, u32::MAX);
             assert!((0.0..=1.0).contains(&share), "{s}: {share}");

@@ -30,8 +30,8 @@ use oocpt_gpu::{HostBytes, HostSpan};
 
 /// Largest number of steps of a ray, a thousand times as many as rays of the largest scenes take.
 const MOST_STEPS: u32 = 1 << 24;
-/// Geometry of fewer bytes is taken to be in the caches: a ray goes on as long as [`LONG_TURN`] says. Of more each step
-/// may wait for memory: the ray asks for it, and others take their turns until it is there.
+/// Bytes of geometry below which it counts as cached: a ray then continues for [`LONG_TURN`] steps. With more bytes
+/// each step may wait for memory: the ray prefetches it, and other rays take their turns until it has arrived.
 const CACHED_BYTES: u64 = 16 << 20;
 /// Number of steps (nodes, leaves or instances) of a long turn.
 const LONG_TURN: u32 = 256;
@@ -50,7 +50,7 @@ pub(crate) struct WorldRay {
     pub(crate) flags: u32,
     /// Seed of the decisions about opacity.
     pub(crate) seed: u32,
-    /// Of the path, in the shutter; with something that moves only.
+    /// Time of the path in the shutter; valid only if something moves.
     pub(crate) time: f32,
     /// Category of the prims that block the ray, for any hit; 0: all.
     pub(crate) shadow_link: u32,
@@ -205,7 +205,7 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
             self.found.chain[..self.scene.special.levels()].fill(0);
         }
         let limit = if self.hit_before { self.found.t * CULL_PAD } else { world.t_max };
-        // NaN: nothing is nearer, and boxes are entered as if there were no limit.
+        // NaN: no hit is nearer, and boxes are entered as if there were no limit.
         self.limit = if limit.is_nan() { f32::INFINITY } else { limit };
         (self.entry, self.level, self.in_mesh) = (0.0, 0, false);
         (self.hit, self.visits) = (false, 0);
@@ -221,7 +221,8 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
         }
     }
 
-    /// A few nodes or a leaf further, to where memory is read next, which is asked for; false at the end of the walk.
+    /// Advances by a few nodes or a leaf, to the next read of memory, which is prefetched; returns false at the end of
+    /// the walk.
     #[inline(always)]
     pub(crate) fn step(&mut self, simd: impl Simd) -> bool {
         let mut turn = self.turn;
@@ -276,7 +277,7 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
         instance.and_then(|instance| self.scene.chunk(instance.chunk)).is_some_and(|chunk| chunk.nodes != 0)
     }
 
-    /// Behind it nothing is visited that was put off: a ray that any hit ends takes whatever comes.
+    /// Distance behind which deferred references are not visited: a ray that any hit ends takes all.
     #[inline(always)]
     fn pop_limit(&self) -> f32 {
         if ANY_HIT { f32::INFINITY } else { self.limit }

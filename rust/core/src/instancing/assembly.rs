@@ -12,8 +12,8 @@ use super::placement::PlacedInstance;
 use super::run::InstanceRun;
 use crate::mesh::Aabb;
 
-/// Bytes that an instance record counts when chunks are sized. On the device it takes 64, and a third of a node of 64
-/// (`mesh::level`); as many as a node each are counted, so that scenes keep the chunks and the bits that they had.
+/// Bytes that an instance record counts as when chunks are sized. On the device it takes 64, and a third of a node of
+/// 64 (`mesh::level`); a whole node is counted for each, so that scenes keep the chunks and the bits that they had.
 pub const RECORD_BYTES: u64 = 128;
 /// Device bytes of a key of a placement that moves.
 pub const KEY_BYTES: u64 = size_of::<oocpt_abi::GpuMotionKey>() as u64;
@@ -43,12 +43,12 @@ pub struct InstanceRecord {
     pub object_from_parent: [[f32; 4]; 3],
     /// The mesh or assembly that is placed.
     pub target: InstanceTarget,
-    /// Prim id of the mesh prim; -1 when the target is an assembly.
+    /// Prim id of the mesh prim; -1 if the target is an assembly.
     pub prim_id: i32,
-    /// Rank of the instance among the unmasked instances of its prototype; 0 when not placed by an instancer.
+    /// Rank of the instance among the unmasked instances of its prototype; 0 if no instancer places it.
     pub index_in_prototype: u32,
-    /// Number of unmasked instances of the prototype; 1 when not placed by an instancer. The instance id of a hit is
-    /// 0, then for every record from the outermost in: `id = id * prototype_count + index_in_prototype`.
+    /// Number of unmasked instances of the prototype; 1 if no instancer places it. The instance id of a hit is 0, then
+    /// for every record from the outermost in: `id = id * prototype_count + index_in_prototype`.
     pub prototype_count: u32,
     /// Box of the placed target in the assembly's frame: min, max. Conservative for the f32 matrix above.
     pub bounds: [[f32; 3]; 2],
@@ -85,7 +85,7 @@ pub(crate) struct AssemblyMember {
     pub(crate) prim_id: i32,
     /// Path of the mesh or the instancer.
     pub(crate) path: Arc<str>,
-    /// Prototype of the instancer and set of collections, cluster of the mesh, else 0.
+    /// Index of the prototype of the instancer and of its set of collections, or of the cluster of the mesh; else 0.
     pub(crate) slot: usize,
     /// Primvars of the instancer that something below reads.
     pub(crate) primvars: Vec<MemberPrimvar>,
@@ -100,7 +100,7 @@ impl AssemblyMember {
     }
 }
 
-/// The content of the world or of a prototype. Holds no records: they are computed from the borrowed arrays.
+/// The content of the world or of a prototype. It stores no records: they are computed from the borrowed arrays.
 #[derive(Debug)]
 pub struct Assembly {
     key: u64,
@@ -135,7 +135,7 @@ impl Assembly {
         &self.members
     }
 
-    /// True when the members are the clusters of one mesh: users count it as that.
+    /// True if the members are the clusters of one mesh, which users see as one.
     #[must_use]
     pub fn is_split_mesh(&self) -> bool {
         self.is_split_mesh
@@ -147,7 +147,7 @@ impl Assembly {
     }
 
     /// A stamp, unique in its [`crate::scene::SceneDb`]: an assembly whose records differ in any bit has another key,
-    /// one that an edit did not touch keeps it. An edit that undoes itself may give a new key.
+    /// and one that an edit did not touch keeps it. An edit that undoes an earlier one may give a new key.
     #[must_use]
     pub fn key(&self) -> u64 {
         self.key
@@ -175,8 +175,8 @@ impl Assembly {
         self.len() == 0
     }
 
-    /// Bytes that its records, their hierarchy and their values count when chunks are sized: no fewer than they take on
-    /// the device.
+    /// Bytes that its records, their hierarchy and their values count as when chunks are sized: at least those that
+    /// they take on the device.
     #[must_use]
     pub fn device_bytes(&self) -> u64 {
         let records = (RECORD_BYTES + value_bytes(&self.columns)).saturating_mul(self.len() as u64);
@@ -195,9 +195,8 @@ impl Assembly {
         &self.columns
     }
 
-    /// Writes the values that records `range` have in `column`, one after the other, [`InstanceColumn::width`] floats
-    /// each; [`NO_VALUE`](oocpt_abi::NO_VALUE) in all of them for a record without. As [`Assembly::encode`]
-    /// otherwise.
+    /// Writes the values of records `range` in `column`, one after the other, [`InstanceColumn::width`] floats each;
+    /// all are [`NO_VALUE`](oocpt_abi::NO_VALUE) for a record without a value. Otherwise as [`Assembly::encode`].
     pub fn encode_values(&self, column: InstanceColumn, range: Range<usize>, out: &mut [f32]) {
         let width = column.width.max(1) as usize;
         let end = range.end.min(self.len()).min(range.start.saturating_add(out.len() / width));
@@ -251,7 +250,7 @@ impl Assembly {
         self.members.iter().zip(&self.starts).map(keys).sum()
     }
 
-    /// Gives `visit` the keys of those of the records `range` that move, in order.
+    /// Calls `visit` with the keys of the moving ones of the records `range`, in order.
     pub fn encode_keys(&self, range: Range<usize>, mut visit: impl FnMut(&[MotionKey])) {
         if !self.moves {
             return;
@@ -294,7 +293,7 @@ impl Assembly {
     }
 }
 
-/// Takes a record, its member, its rank and, where it moves, its keys.
+/// Takes a record, its member, its rank and, if it moves, its keys.
 pub(crate) type RecordVisitor<'a> = &'a mut dyn FnMut(InstanceRecord, &AssemblyMember, u32, Option<PlacementKeys>);
 
 impl AssemblyMember {

@@ -22,8 +22,8 @@ pub(crate) struct ChangedNumbers {
 }
 
 impl ChangedNumbers {
-    /// The instances whose elements differ bit for bit, or that one side only has; `None` unless the same arrays are
-    /// there, of the same types, and with equal masks.
+    /// The instances whose elements differ bit for bit, or that only one side has; `None` unless both have the same
+    /// arrays, of the same types, and equal masks.
     pub(crate) fn between(old: &InstanceArrays, new: &InstanceArrays) -> Option<Self> {
         let [old_mask, old_arrays @ ..] = old.all();
         let [new_mask, new_arrays @ ..] = new.all();
@@ -77,7 +77,7 @@ impl ChangedNumbers {
     fn add(&mut self, old: &[u8], new: &[u8], size: usize) {
         let words = old.len().max(new.len()).div_ceil(size).div_ceil(64);
         if self.bits.len() < words {
-            // Zeroed by the system, as a rule.
+            // The system usually zeroes this memory.
             let known = std::mem::replace(&mut self.bits, vec![0; words]);
             self.bits.iter_mut().zip(known).for_each(|(word, known)| *word = known);
         }
@@ -92,7 +92,7 @@ impl ChangedNumbers {
         });
     }
 
-    /// True when so many changed that a run of `ranks` instances is better scanned anew.
+    /// True if so many changed that a run of `ranks` instances is better scanned anew.
     pub(crate) fn is_most_of(&self, ranks: u32) -> bool {
         self.len > 8 + ranks as usize / 4
     }

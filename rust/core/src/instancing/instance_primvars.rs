@@ -52,7 +52,7 @@ pub(crate) struct InstancePrimvar {
 }
 
 impl InstancePrimvar {
-    /// Those of `desc`; taken over from `old` where nothing changed.
+    /// The instance-rate primvars of `desc`; taken from `old` if nothing changed.
     pub(crate) fn all_of(desc: &InstancerDesc, old: &[Arc<Self>]) -> Vec<Arc<Self>> {
         let is_instance_rate =
             |primvar: &Primvar| primvar.interpolation == Interpolation::Instance && !primvar.values.is_empty();
@@ -117,7 +117,7 @@ impl InstancePrimvar {
         })
     }
 
-    /// Values that are replaced by 0: not finite, or with an index out of range.
+    /// Number of values that are replaced by 0: not finite, or with an index out of range.
     pub(crate) fn bad_values(&self) -> u64 {
         self.findings().bad
     }
@@ -179,7 +179,7 @@ impl<'a> ValueReader<'a> {
         Self { values: primvar.values.view(), indices, width: primvar.width().unwrap_or(otherwise) }
     }
 
-    /// `None` when it is not finite in single precision or there is none.
+    /// The value of an instance; `None` if it is missing or not finite in single precision.
     #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
     fn at(&self, number: usize) -> Option<[f32; 4]> {
         let at = match &self.indices {

@@ -24,7 +24,7 @@ pub(crate) struct ItemKey {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct PlacementItem {
-    /// The Morton code; before it is placed: x and y of the centre.
+    /// Morton code; before the item is on a lattice: x and y of the centre.
     code: u64,
     /// Member and rank; before the item is on a lattice: z of the centre and the rank.
     id: u64,
@@ -90,7 +90,7 @@ impl PlacementItem {
         float(self.spread)
     }
 
-    /// Says where it lies on the lattice of its assembly, as placement of `member`. The centre is forgotten.
+    /// Sets its position on the lattice of its assembly, as placement of `member`. The centre is lost.
     #[inline]
     pub(crate) fn set_place(&mut self, code: u64, member: u32) {
         let rank = self.id >> 32;

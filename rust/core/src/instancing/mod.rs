@@ -34,7 +34,7 @@ pub(crate) enum GroupId {
     Prototype(InstancedBy),
     /// The clusters of a mesh that was split: the hash of the first, and the prim id.
     Clusters(u128, i32),
-    /// A prototype seen in collections of lights' links that instancers above it are in, sorted.
+    /// A prototype seen in collections of light linking that instances above it are in, sorted.
     Linked(Box<Self>, Arc<[Arc<str>]>),
     /// The placements of an instancer that moves as a whole: its path, and the group that it is in.
     Moving(Arc<str>, Box<Self>),

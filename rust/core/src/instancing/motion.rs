@@ -12,11 +12,11 @@ use super::placement::is_regular;
 
 /// Largest number of keys of a placement.
 pub const MAX_KEYS: usize = 16;
-/// Rotation between two places at which a swept box is measured, radians.
+/// Rotation between two positions at which a swept box is measured, radians.
 const STEP: f64 = 0.1;
 /// Rounding of a moving map in single precision and of its evaluation, in units of the magnitudes involved: 64 x 2^-24.
 pub(crate) const KEY_ERROR: f64 = 64.0 / 16_777_216.0;
-/// Steps of the polar decomposition: Newton's iteration converges quadratically once the scaling has done its work.
+/// Number of steps of the polar decomposition: Newton's iteration converges quadratically after the scaling.
 const POLAR_STEPS: usize = 48;
 
 /// Transform at one time: `p' = translation + rotation * stretch * p`.
@@ -43,7 +43,7 @@ impl MotionKey {
         stretch: DMat3::IDENTITY,
     };
 
-    /// The key of a map with independent columns; `None` when it cannot be decomposed.
+    /// The key of a map with independent columns; `None` if it cannot be decomposed.
     pub(crate) fn of(time: f32, m: &DAffine3) -> Option<Self> {
         if !(m.is_finite() && is_regular(&m.matrix3, m.matrix3.determinant())) {
             return None;
@@ -68,7 +68,7 @@ impl MotionKey {
     }
 }
 
-/// The rotation nearest to `m`, or to `-m` where `m` mirrors (Higham 1986, "Computing the polar decomposition").
+/// The rotation nearest to `m`, or to `-m` if `m` mirrors (Higham 1986, "Computing the polar decomposition").
 fn rotation_of(m: &DMat3) -> Option<DMat3> {
     let size = m.x_axis.abs().max(m.y_axis.abs()).max(m.z_axis.abs()).max_element();
     let m = *m * if m.determinant() < 0.0 { -1.0 / size } else { 1.0 / size };
@@ -126,7 +126,7 @@ impl PlacementKeys {
         self.all.get(..self.count).unwrap_or_default()
     }
 
-    /// Appends a key later than the last; false when there is no room, or when it mirrors and the last did not.
+    /// Appends a key later than the last; returns false if there is no room, or if it mirrors and the last did not.
     pub(crate) fn push(&mut self, mut key: MotionKey) -> bool {
         if let Some(last) = self.count.checked_sub(1).and_then(|at| self.all.get_mut(at)) {
             let mirrors = |key: &MotionKey| key.stretch.x_axis.x < 0.0;
@@ -153,8 +153,8 @@ impl PlacementKeys {
         map_at(self.as_slice(), time)
     }
 
-    /// The box of `center +- half` while the shutter is open. Between two measured places a point leaves its chord by
-    /// at most `h^2 / 8` of its largest acceleration; only rotation accelerates: by `angle^2 * radius`, and with a
+    /// The box of `center +- half` while the shutter is open. Between two measured positions a point leaves its chord
+    /// by at most `h^2 / 8` of its largest acceleration; only rotation accelerates: by `angle^2 * radius`, and with a
     /// stretch that changes by twice `angle * change` more.
     pub(crate) fn sweep(&self, center: DVec3, half: DVec3) -> SweptBounds {
         let keys = self.as_slice();
@@ -201,8 +201,8 @@ impl PlacementKeys {
     }
 }
 
-/// The keys of maps at times, which are in order; at most [`MAX_KEYS`] of them. `None` where a map cannot be
-/// decomposed, or mirrors and the one before does not.
+/// The keys of maps at times, which are in order; at most [`MAX_KEYS`] of them. `None` if a map cannot be decomposed,
+/// or mirrors while the one before does not.
 pub(crate) fn motion_keys(maps: &[(f64, DAffine3)]) -> Option<Vec<MotionKey>> {
     let mut maps = maps.to_vec();
     super::array_motion::thin_out(&mut maps);

@@ -17,7 +17,7 @@ pub(crate) struct KeyPlacer<'a> {
 }
 
 impl<'a> InstancePlacer<'a> {
-    /// The same at another time, when the arrays are these and `drift` has gone on.
+    /// The same placer at another time, with these arrays and with `drift` advanced.
     pub(crate) fn at_time(&self, arrays: [Option<&'a TypedArray>; 4], drift: Option<VelocityMotion<'a>>) -> Self {
         let [translations, rotations, scales, transforms] = arrays.map(|array| array.map(TypedArray::view));
         Self { translations, rotations, scales, transforms, drift, keys: None, ..self.clone() }
@@ -39,7 +39,7 @@ impl<'a> InstancePlacer<'a> {
         let all = self.keys.as_ref()?;
         let mut keys = PlacementKeys::new();
         let usable = all.iter().all(|key| {
-            // Decided in the parent's frame, whichever this one is.
+            // Usability is decided in the parent's frame, whatever this frame is.
             let map = key.placer.matrix(number).filter(|m| {
                 let farthest = (m.translation + self.origin).abs() + m.matrix3 * self.center.abs() + self.half;
                 m.is_finite() && farthest.max_element() <= f64::from(MAX_MAGNITUDE)

@@ -15,11 +15,11 @@ use crate::desc::DroppedData;
 use crate::desc::InstancerDesc;
 use crate::mesh::Aabb;
 
-/// Columns are called dependent when `det^2` is below this times the product of their squared lengths.
+/// Columns are dependent if `det^2` is below this times the product of their squared lengths.
 const SINGULAR: f64 = 1e-24;
 /// Largest number of a record: its square is finite in single precision.
 pub(super) const MAX_MAGNITUDE: f32 = 1e18;
-/// Numbers of a record that add up to less are all well below [`MAX_MAGNITUDE`].
+/// If the numbers of a record add up to less than this, all are well below [`MAX_MAGNITUDE`].
 const USUAL_MAGNITUDE: f64 = 1e17;
 /// Rounding of the f32 matrix and of its evaluation, in units of the magnitudes involved: 4 x 2^-24.
 pub(crate) const MATRIX_ERROR: f64 = 4.0 / 16_777_216.0;
@@ -86,8 +86,8 @@ impl InstanceArrays {
             })
     }
 
-    /// Checks the element types. A mask of the wrong type is ignored; any other wrong array leaves no instance whose
-    /// place is known, and gives false.
+    /// Checks the element types. A mask of the wrong type is ignored; any other wrong array makes all instances
+    /// unusable, and the result false.
     pub(crate) fn check_types(&mut self, dropped: &mut DroppedData) -> bool {
         if self.mask.as_ref().is_some_and(|a| a.element() != ElementType::Bool) {
             self.mask = None;
@@ -104,7 +104,7 @@ impl InstanceArrays {
         !usable.contains(&false)
     }
 
-    /// Instances described: the shortest array, or no limit without arrays.
+    /// Number of instances described: the length of the shortest array, or no limit without arrays.
     pub(crate) fn len(&self) -> usize {
         let [_, rest @ ..] = self.all();
         rest.into_iter().flatten().map(TypedArray::len).min().unwrap_or(usize::MAX)
@@ -144,13 +144,13 @@ pub(crate) struct InstanceFootprint {
     pub(crate) center: DVec3,
     /// Half sides of the placed box, without rounding errors.
     pub(crate) half: DVec3,
-    /// Maximum norm of `|M| |M^-1|`: how much the rounding of the f32 map is magnified, per unit of distance.
+    /// Maximum norm of `|M| |M^-1|`: factor by which the rounding of the f32 map is magnified, per unit of distance.
     pub(crate) spread: f64,
     /// Distance (maximum norm) of the placed box's centre from the placed origin of the target.
     pub(crate) lever: f64,
 }
 
-/// Everything needed to place the instances of one run: `before * T * R * S * M * after`.
+/// The data that place the instances of one run: `before * T * R * S * M * after`.
 #[derive(Clone, Debug)]
 pub(crate) struct InstancePlacer<'a> {
     pub(super) before: DAffine3,
@@ -206,7 +206,7 @@ impl<'a> InstancePlacer<'a> {
         self
     }
 
-    /// Local matrix of instance `number`; `None` when an array is too short.
+    /// Local matrix of instance `number`; `None` if an array is too short.
     #[inline]
     fn local(&self, number: usize) -> Option<DAffine3> {
         let mut m = DAffine3::IDENTITY;
@@ -235,7 +235,7 @@ impl<'a> InstancePlacer<'a> {
         Some(m)
     }
 
-    /// Reads a byte of everything that [`InstancePlacer::matrix`] will need: for loops that go through memory without
+    /// Reads a byte of all data that [`InstancePlacer::matrix`] will need: for loops that access memory in random
     /// order.
     #[inline]
     pub(crate) fn touch(&self, number: usize) -> u8 {
@@ -243,7 +243,7 @@ impl<'a> InstancePlacer<'a> {
         views.into_iter().flatten().fold(0, |sum, view| sum ^ view.touch(number))
     }
 
-    /// Matrix of instance `number` in f64, or of the one thing of a run without instances.
+    /// Matrix of instance `number` in f64, or of the single placement of a run without instances.
     #[inline]
     pub(crate) fn matrix(&self, number: Option<usize>) -> Option<DAffine3> {
         let Some(number) = number else {
@@ -253,8 +253,8 @@ impl<'a> InstancePlacer<'a> {
         Some(if self.after_is_identity { m } else { m * self.after })
     }
 
-    /// Places instance `number` (see [`InstancePlacer::matrix`]); `None` when its matrix is singular, not finite, or
-    /// too extreme for single precision.
+    /// Places instance `number` (see [`InstancePlacer::matrix`]); `None` if its matrix is singular, not finite, or too
+    /// extreme for single precision.
     #[inline]
     pub(crate) fn place(&self, number: Option<usize>) -> Option<PlacedInstance> {
         let m = self.matrix(number)?;
@@ -312,8 +312,8 @@ impl<'a> InstancePlacer<'a> {
         sound.then_some(PlacedInstance { object_from_parent, bounds, flags })
     }
 
-    /// Box of the target placed by `m`, and also where the f32 rounding `A + E` of the inverse `A = (rows, offset)`
-    /// puts it: a point x moves by `M E x`, with `|E| <= 2^-24 |A|`.
+    /// Box of the target placed by `m`, including the positions to which the f32 rounding `A + E` of the inverse
+    /// `A = (rows, offset)` moves it: a point x moves by `M E x`, with `|E| <= 2^-24 |A|`.
     #[inline]
     fn placed_box(&self, m: &DAffine3, inverse: &InversePlacement) -> ([DVec3; 2], InstanceFootprint) {
         let InversePlacement { rows, offset, .. } = inverse;

@@ -70,7 +70,7 @@ impl RunReader<'_> {
 
     /// As [`RunReader::item`], for the first usable rank.
     pub(crate) fn first_item(&self) -> Option<PlacementItem> {
-        // The first rank that is no bad one.
+        // The first rank that is not a bad one.
         let first = (0_u32..).zip(self.bad).take_while(|(rank, bad)| rank == *bad).count();
         self.item(u32::try_from(first).ok()?)
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs: the placements that one prim contributes to an assembly. A run knows which of its instances are shown and
+//! Runs: the placements that one prim contributes to an assembly. A run lists which of its instances are shown and
 //! usable; their matrices stay in the borrowed arrays. Immutable once scanned.
 
 use std::sync::{Arc, Mutex, Weak};
@@ -21,7 +21,7 @@ pub(crate) struct PrototypeInstances {
     pub(crate) arrays: Arc<InstanceArrays>,
     /// Numbers of the instances that show this prototype.
     pub(crate) indices: TypedArray,
-    /// The places in `indices` that count, in order; `None`: all of them.
+    /// Positions in `indices` that are used, in order; `None`: all of them.
     pub(crate) chosen: Option<Arc<Vec<u32>>>,
 }
 
@@ -111,7 +111,7 @@ pub(crate) struct InstanceRun {
     pub(super) spec: RunSpec,
     /// Instance numbers left by the mask, by rank; `None` = all indices.
     pub(super) unmasked: Option<Arc<Vec<u32>>>,
-    /// Of chosen instances, by rank: the rank that each had if all were chosen; and how many that would be.
+    /// For chosen instances, by rank: the rank that each would have if all were chosen; and the number of ranks then.
     pub(super) among_all: Option<(Arc<Vec<u32>>, u32)>,
     /// Ranks that are not usable, in order.
     pub(super) bad: Vec<u32>,
@@ -128,8 +128,8 @@ pub(crate) struct InstanceRun {
 }
 
 impl InstanceRun {
-    /// `old` again if it is of the same spec, or a run made from it where little changed; `None` where all has to be
-    /// scanned.
+    /// Returns `old` again if it is of the same spec, or a run made from it if little changed; `None` if everything has
+    /// to be scanned.
     pub(crate) fn reuse(old: Option<&Arc<Self>>, spec: &RunSpec) -> Option<Arc<Self>> {
         let old = old?;
         if old.spec.is_same(spec) { Some(old.clone()) } else { Self::edited(old, spec).map(Arc::new) }
@@ -150,7 +150,7 @@ impl InstanceRun {
             kept: Mutex::default(),
         };
         if run.spec.target_bounds.is_empty() {
-            // Nothing was left of the target: nothing to place, and nothing bad here.
+            // The target is empty: there is nothing to place, and nothing is bad here.
             return run;
         }
         match run.spec.instances.clone() {
@@ -207,7 +207,7 @@ impl InstanceRun {
     }
 
     /// Calls `write` with the position in `places`, the rank and the placement of each of the run's placements
-    /// `places`. No allocation.
+    /// `places`. It does not allocate.
     pub(crate) fn encode(&self, places: std::ops::Range<usize>, mut write: impl FnMut(usize, u32, &PlacedInstance)) {
         let placer = self.spec.placer();
         let numbers = self.numbers();
@@ -220,7 +220,7 @@ impl InstanceRun {
 
     /// Calls `visit` with the position in `places` and the rank of each of the run's placements `places`.
     pub(crate) fn each_rank(&self, places: std::ops::Range<usize>, mut visit: impl FnMut(usize, u32)) {
-        // Bad ranks before a place: those whose own place would not be after it.
+        // Bad ranks before a place are those whose own place would not be after it.
         let (mut low, mut high) = (0, self.bad.len());
         while low < high {
             let middle = usize::midpoint(low, high);
@@ -262,7 +262,7 @@ impl InstanceRun {
         self.among_all.as_ref().map_or(rank, |(of, _)| of.get(rank as usize).copied().unwrap_or(rank))
     }
 
-    /// A reader of single placements as seen from `origin` (given in the assembly's frame).
+    /// A reader of single placements relative to `origin` (given in the assembly's frame).
     pub(crate) fn reader(&self, origin: Option<DVec3>) -> RunReader<'_> {
         let placer = self.spec.placer();
         let placer = match origin {

@@ -17,7 +17,7 @@ use crate::mesh::Aabb;
 
 /// Number of instances scanned by one task: a whole number of blocks.
 pub(super) const TASK: usize = 1 << 14;
-/// Instances whose box is kept, so that a few edits do not make all others be placed again.
+/// Number of instances with one box, so that a few edits do not make all others be placed again.
 pub(super) const BLOCK: usize = 1 << 10;
 /// Runs of fewer instances are sampled completely.
 const FEW: usize = 64;
@@ -94,7 +94,7 @@ impl RunSpec {
         self.instances.as_ref().map_or(1, |instances| instances.len() as u64)
     }
 
-    /// Boxes and items of every `stride`-th instance, of few all, without looking at masks.
+    /// Boxes and items of every `stride`-th instance, or of all if they are few, ignoring masks.
     pub(crate) fn samples(&self, stride: usize) -> Vec<(Aabb, PlacementItem)> {
         if self.target_bounds.is_empty() {
             return Vec::new();
@@ -225,7 +225,7 @@ impl InstanceRun {
 }
 
 impl RankScan {
-    /// Scans one stretch of ranks. `slots` begin at the given rank.
+    /// Scans consecutive ranks. `slots` begin at the given rank.
     pub(super) fn add_block(
         &mut self,
         numbers: &InstanceNumbers<'_>,
@@ -254,7 +254,7 @@ impl RankScan {
     }
 }
 
-/// The instance numbers that the mask leaves, or `None` when it hides none. Numbers beyond the mask are shown; negative
+/// The instance numbers that the mask leaves, or `None` if it hides none. Numbers beyond the mask are shown; negative
 /// ones are kept (as bit patterns) to be counted as out of range later.
 fn apply_mask(indices: &ArrayView<'_>, mask: &ArrayView<'_>, dropped: &mut DroppedData) -> Option<Vec<u32>> {
     let mut beyond = false;
@@ -269,8 +269,8 @@ fn apply_mask(indices: &ArrayView<'_>, mask: &ArrayView<'_>, dropped: &mut Dropp
     (left.len() != indices.len()).then_some(left)
 }
 
-/// The numbers of the chosen instances that the mask leaves, which of all that it leaves they are, and how many these
-/// are. Numbers are kept as by [`apply_mask`].
+/// The numbers of the chosen instances that the mask leaves, their ranks among all that it leaves, and the number of
+/// these. Numbers are kept as by [`apply_mask`].
 fn choose(
     indices: &ArrayView<'_>,
     mask: Option<&ArrayView<'_>>,

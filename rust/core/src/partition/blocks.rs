@@ -11,7 +11,7 @@ use crate::instancing::item::PlacementItem;
 /// Number of records of a new block.
 pub(crate) const BLOCK: u32 = 256;
 
-/// Outermost numbers of some records: lower corner (negative), upper corner, largest spread, 0.
+/// Extreme values of some records: lower corner (negated), upper corner, largest spread, 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RecordPeaks(pub(crate) [f32; 8]);
 
@@ -59,7 +59,7 @@ impl RecordBlock {
         blocks
     }
 
-    /// True when the block is one of these items, whatever it was before.
+    /// True if the block consists of these items, whatever it was before.
     pub(crate) fn is_of(&self, items: &[PlacementItem], lattice: &MortonLattice) -> bool {
         let mut block = Self { len: 0, peaks: [f32::NEG_INFINITY; 7], ..*self };
         items.iter().for_each(|item| block.add(lattice.peaks(item)));

@@ -17,13 +17,13 @@ use crate::instancing::item::PlacementItem;
 use crate::instancing::scan::{ItemBucketing, UNUSABLE};
 use crate::mesh::Aabb;
 
-/// In place of a bucket: the item is in a cell without samples.
+/// Stands in place of a bucket for an item in a cell without samples.
 pub(crate) const STRAY: u8 = UNUSABLE - 1;
 /// Largest number of cells. Fits the 16 bits of [`OrderBuckets::first`].
 const MAX_CELLS: usize = 4096;
 /// Number of bits of a code that are looked up in tables.
 const TABLE_BITS: u32 = 16;
-/// One sample in so many at either end may be outside the tables.
+/// At most one in so many samples at either end is outside the tables.
 const FEW: usize = 64;
 /// Number of samples that are wanted of an assembly.
 const SAMPLES: u64 = 1 << 18;
@@ -37,9 +37,9 @@ pub(crate) struct OrderBuckets {
     cells: Vec<BucketCell>,
     /// The range of most codes: the smallest code, and the number of bits below those that the tables distinguish.
     dense: (u64, u32),
-    /// By the upper bits of a code there: the bucket, or [`UNUSABLE`] where cells begin among such codes.
+    /// Bucket by the upper bits of a code there, or [`UNUSABLE`] if cells begin among such codes.
     table: Vec<u8>,
-    /// By the upper bits: the cell of the smallest such code; and of the largest of all.
+    /// Cell of the smallest code by the upper bits; the last entry is that of the largest of all.
     first: Vec<u16>,
 }
 
@@ -68,7 +68,7 @@ impl OrderBuckets {
     }
 
     /// Buckets of an assembly of `records` placements, of which about `at_once` may become items at a time. The lattice
-    /// is that of the samples: that of all members most likely.
+    /// is that of the samples, which most likely equals that of all members.
     pub(crate) fn of_samples(samples: &[(Aabb, PlacementItem)], records: u64, at_once: u64) -> Self {
         let bounds = samples.iter().fold(Aabb::EMPTY, |all, (bounds, _)| all.union(bounds));
         Self::on(MortonLattice::around(&bounds), samples, records, at_once)
@@ -86,7 +86,7 @@ impl OrderBuckets {
         Self::of_codes(lattice, &codes, usize::try_from(full).unwrap_or(usize::MAX).max(1))
     }
 
-    /// Buckets of at most `full` of the sorted codes where that is possible.
+    /// Buckets of at most `full` of the sorted codes, if that is possible.
     fn of_codes(lattice: MortonLattice, codes: &[u64], full: usize) -> Self {
         let mut open = BinaryHeap::from([OpenCell { samples: codes.len(), start: 0, bits: 0, first: 0 }]);
         let mut done: Vec<OpenCell> = Vec::new();
@@ -181,7 +181,7 @@ impl OrderBuckets {
                 cuts.push(first..last + 1);
                 continue;
             }
-            // Cells are prefixes, and none holds another: the first bit in which two of them differ is that of their
+            // Cells are prefixes, and none contains another: the first bit in which two of them differ is that of their
             // members.
             let bit = 1_u64 << differing.ilog2();
             let at = first + self.cells[first..=last].partition_point(|cell| cell.start & bit == 0);
@@ -277,7 +277,7 @@ mod tests {
     #[test]
     fn cuts_follow_the_morton_codes() {
         let codes = codes(40_000);
-        // Samples know nothing of the sparse cluster.
+        // Samples miss the sparse cluster.
         let samples: Vec<u64> = codes.iter().copied().filter(|code| code >> 32 != 0x1234_5678).step_by(10).collect();
         let buckets = OrderBuckets::of_codes(MortonLattice::around(&Aabb::EMPTY), &samples, 20);
         let starts =

@@ -17,13 +17,13 @@ use super::lattice::MortonLattice;
 use crate::instancing::assembly::InstanceTarget;
 use crate::instancing::item::PlacementItem;
 
-/// A cell is cut where one of its halves is smaller than its box by more than this: in a chunk's frame of single
+/// A cell is cut if one of its halves is smaller than its box by more than this factor: in a chunk's frame of single
 /// precision the half would have 6 bits fewer than in its own.
 const APART: f64 = 64.0;
 /// Cells with more members are cut in parallel.
 const PARALLEL: u64 = 1 << 15;
 
-/// A stretch of an assembly's order. Stretches of one list follow each other.
+/// A part of an assembly's order. The parts of one list are consecutive.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum OrderPiece<'a> {
     /// A chunk from an earlier partition, whole and unchanged.
@@ -185,8 +185,7 @@ impl ChunkCutter<'_> {
         out
     }
 
-    /// The items of a chunk from before, measured again from its own arrays. Records of members that are gone are left
-    /// out.
+    /// The items of an earlier chunk, measured again from its own arrays. Records of removed members are left out.
     pub(crate) fn melt(&self, chunk: &Chunk) -> Vec<PlacementItem> {
         let members = chunk.members();
         let numbers: Vec<Option<u32>> = chunk.ids.iter().map(|id| self.member_of.get(id).copied()).collect();

@@ -14,23 +14,23 @@ use crate::instancing::diff::ChangedNumbers;
 pub(super) struct MemberChanges {
     /// Lasting id of each present member, in the order of the assembly; unused for those without records in chunks.
     pub(super) ids: Vec<u32>,
-    /// Number of the member of each lasting id that is still there.
+    /// Number of the member of each lasting id that still exists.
     pub(super) member_of: FxHashMap<u32, u32>,
     /// Members all of whose records are new, by number.
     pub(super) added: Vec<u32>,
-    /// Members with some changed records: number, old place among the known ones, ranks.
+    /// Members with some changed records: number, old index among the known ones, ranks.
     pub(super) edited: Vec<(u32, usize, Arc<Vec<u32>>)>,
     /// Ids with another run but the same records where not edited.
     pub(super) rebound: FxHashSet<u32>,
-    /// Ids whose instances have other values of primvars: which, or `None` for all.
+    /// Ids whose instances have other values of primvars: which ones, or `None` for all.
     pub(super) revalued: FxHashMap<u32, Option<ChangedNumbers>>,
-    /// True when the records of members that are gone are taken out one by one.
+    /// True if the records of removed members are removed one by one.
     pub(super) takes_gone_records: bool,
     pub(super) next_id: u32,
 }
 
 impl MemberChanges {
-    /// True when some record of a chunk has another value of a primvar.
+    /// True if some record of a chunk has another value of a primvar.
     pub(super) fn revalues(&self, chunk: &Chunk) -> bool {
         if self.revalued.is_empty() {
             return false;

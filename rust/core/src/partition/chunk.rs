@@ -45,7 +45,7 @@ pub struct Chunk {
     moves: bool,
     /// Morton codes of the first and the last record.
     pub(crate) codes: [u64; 2],
-    /// Members that have records here, in the order of the assembly: lasting ids, and the number of records.
+    /// Members that have records in the chunk, in the order of the assembly: lasting ids, and the number of records.
     pub(crate) ids: Vec<u32>,
     pub(crate) counts: Vec<u32>,
     /// Members of the records, in the order of `ids`. Replaced when arrays are, if that changes no record of the chunk.
@@ -145,7 +145,7 @@ impl Chunk {
         Self { key: 0, origin, bounds, targets, columns, moves, codes, ids, counts, members, ranks, which, blocks }
     }
 
-    /// A stamp, unique in its [`crate::scene::SceneDb`]: chunks of equal keys have the same records bit for bit, a
+    /// A stamp, unique in its [`crate::scene::SceneDb`]: chunks of equal keys have the same records bit for bit, and a
     /// chunk that an edit did not touch keeps its key.
     #[must_use]
     pub fn key(&self) -> u64 {
@@ -158,7 +158,7 @@ impl Chunk {
         self.origin
     }
 
-    /// Box of all records in the chunk's frame; holds the boxes that [`Chunk::encode`] gives.
+    /// Box of all records in the chunk's frame; contains the boxes that [`Chunk::encode`] gives.
     #[must_use]
     pub fn bounds(&self) -> Aabb {
         self.bounds
@@ -182,7 +182,7 @@ impl Chunk {
         &self.targets
     }
 
-    /// The cell: the part of the Morton code that all records share, and its number of bits (64 where all are equal).
+    /// The cell: the part of the Morton code that all records share, and its number of bits (64 if all are equal).
     #[must_use]
     pub fn cell(&self) -> (u64, u32) {
         let [first, last] = self.codes;
@@ -294,8 +294,8 @@ impl Chunk {
         true
     }
 
-    /// Calls `visit` with number, member, rank and reader of each record of `range`, in order. The records lie without
-    /// order in memory: those of a batch are touched first, so that the waits for them overlap.
+    /// Calls `visit` with number, member, rank and reader of each record of `range`, in order. The records are in
+    /// random order in memory: those of a batch are touched first, so that the waits for them overlap.
     pub(crate) fn each<'a>(
         &self,
         range: Range<usize>,
@@ -324,7 +324,7 @@ impl Chunk {
         Some((self.which.get(at).unwrap_or(0), *self.ranks.get(at)?))
     }
 
-    /// True when both have the same records of members, in the same order, with equal boxes.
+    /// True if both have the same records of members, in the same order, with equal boxes.
     pub(crate) fn has_places_of(&self, other: &Self) -> bool {
         self.codes == other.codes
             && self.ids == other.ids
@@ -356,7 +356,7 @@ pub(crate) struct MemberReaders<'a> {
 }
 
 impl<'a> MemberReaders<'a> {
-    /// Readers of placements as seen from `origin`, or from the assembly's.
+    /// Readers of placements relative to `origin`, or to the assembly's.
     pub(crate) fn new(members: &'a [AssemblyMember], origin: Option<DVec3>) -> Self {
         let known = if members.len() <= KEPT_READERS { vec![None; members.len()] } else { Vec::new() };
         Self { members, origin, known, last: None }

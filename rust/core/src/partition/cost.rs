@@ -7,11 +7,11 @@ use crate::instancing::assembly::{Assembly, InstanceTarget};
 use crate::mesh::SceneMesh;
 use std::sync::Arc;
 
-/// A cell with several targets may need this many times the chunk size.
+/// Factor of the chunk size that a cell with several targets may need.
 const CLOSURE: u64 = 8;
-/// Records at which a cell is no longer cut for its closure alone.
+/// Number of records below which a cell is no longer cut for its closure alone.
 const FEW_RECORDS: u64 = 1024;
-/// No cell of more than one record may need more than this many times the chunk size.
+/// Factor of the chunk size that no cell of more than one record may exceed.
 const MAX_CLOSURE: u64 = 64;
 
 /// Device bytes of the assets of a snapshot.
@@ -62,7 +62,7 @@ impl AssetCosts {
         self.assemblies.get(index).map_or(0, |a| a.closure)
     }
 
-    /// Bytes of distinct targets with everything in them, each asset once.
+    /// Bytes of distinct targets with everything in them; each asset counts once.
     pub(crate) fn closure(&self, targets: &[InstanceTarget]) -> u64 {
         self.closure_above(targets, 0)
     }
@@ -114,7 +114,7 @@ impl CutRule<'_> {
         (self.chunk_bytes / self.record_bytes.max(1)).max(1)
     }
 
-    /// True when a cell of `records` that places `targets` (each once, with the number of placements) must be cut.
+    /// True if a cell of `records` that places `targets` (each once, with the number of placements) must be cut.
     pub(crate) fn must_cut(&self, records: u64, targets: &[(InstanceTarget, u64)]) -> bool {
         if records <= 1 {
             return false;

@@ -23,7 +23,7 @@ struct BucketTask<'a> {
     counts: [u32; BUCKETS],
 }
 
-/// The items of all parts, sorted. `most_bytes`: where both they and their copy would take more, parts are appended.
+/// The items of all parts, sorted. `most_bytes`: if they and their copy would take more, parts are appended instead.
 pub(super) fn sorted(mut parts: Vec<Vec<PlacementItem>>, most_bytes: u64) -> Vec<PlacementItem> {
     let total: usize = parts.iter().map(Vec::len).sum();
     if total < FEW || (2 * total * size_of::<PlacementItem>()) as u64 > most_bytes {

@@ -15,15 +15,14 @@ use crate::mesh::Aabb;
 
 /// Number of bits per axis.
 const BITS: u32 = 21;
-/// Lattice steps that the longest side of the box takes at most; the code has room for twice as many, wherever it
-/// begins.
+/// Largest number of lattice steps of the box's longest side; the code has room for twice as many, wherever it begins.
 const STEPS: f64 = 1_048_576.0;
 /// Members with a half side above this many quanta are kept apart: between 1/32 and 1/16 of the longest side.
 const LARGE: f64 = 32_768.0;
 /// Slack of a lattice cell in quanta, for the rounding of positions far from 0.
 const CELL_SLACK: f64 = 1.0 / 256.0;
 
-/// Rounding of [`MortonLattice::peaks`], two additions of single precision at most.
+/// Rounding of [`MortonLattice::peaks`]: at most two additions in single precision.
 const NUMBER_ERROR: f64 = 1.0 / 2_097_152.0;
 
 /// A power-of-two lattice with an aligned lower corner.
@@ -43,7 +42,8 @@ impl MortonLattice {
         }
         let min = DVec3::from(bounds.min.map(f64::from));
         let side = (DVec3::from(bounds.max.map(f64::from)) - min).max_element();
-        // Coincident points may have no extent at all: any quantum does, down to the smallest difference of floats.
+        // Coincident points may have no extent at all: any quantum is valid then, down to the smallest difference of
+        // floats.
         let quantum = power_of_two(side.max(f64::from(f32::MIN_POSITIVE))) / STEPS;
         let step = quantum * STEPS;
         Self { base: (min / step).floor() * step, quantum, steps: 1.0 / quantum }
@@ -74,7 +74,7 @@ impl MortonLattice {
         RecordPeaks([low[0], low[1], low[2], high[0], high[1], high[2], item.spread(), 0.0])
     }
 
-    /// The box that peaks mean, in the assembly's frame, and the largest spread.
+    /// The box of the peaks in the assembly's frame, and the largest spread.
     pub(crate) fn box_of(&self, peaks: RecordPeaks) -> ([DVec3; 2], f64) {
         let [a, b, c, d, e, f, spread, _] = peaks.0.map(f64::from);
         let (low, high) = (-DVec3::new(a, b, c), DVec3::new(d, e, f));
@@ -91,11 +91,11 @@ fn power_of_two(v: f64) -> f64 {
     if bits & MANTISSA == 0 { floor } else { 2.0 * floor }
 }
 
-/// The whole steps in `v`, which is not negative but for rounding.
+/// Number of whole steps in `v`, which is not negative except for rounding.
 #[inline]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 21 bits")]
 fn lattice_step(v: f64) -> u64 {
-    // To 32 bits first: that takes a fraction of the instructions.
+    // Conversion to 32 bits first takes a fraction of the instructions.
     u64::from(v.clamp(0.0, f64::from((1_u32 << BITS) - 1)) as u32)
 }
 

@@ -142,7 +142,7 @@ impl AssemblyPart {
     ) -> Option<Vec<Arc<Chunk>>> {
         let members: Vec<(u32, &AssemblyMember)> = job.inside().collect();
         let records: u64 = members.iter().map(|(_, member)| member.run.len() as u64).sum();
-        // A cell that has more is cut whatever it is.
+        // A cell with more items is always cut.
         let most = at_once(job.item_bytes, records).max(cutter.rule.most_records());
         if !cuts_in_stretches(changes.fresh(job.assembly.members()), records, most) {
             return None;
@@ -161,7 +161,7 @@ impl AssemblyPart {
         Some(self.with_known(chunks, changes, cutter.roster.members))
     }
 
-    /// The chunks, those from before in place of new ones that are the same.
+    /// The chunks, with earlier ones in place of new ones that are the same.
     fn with_known(
         &self,
         mut chunks: Vec<Arc<Chunk>>,
@@ -181,7 +181,7 @@ impl AssemblyPart {
         chunks
     }
 
-    /// Chunks made of those from before, with everything that is new sorted at once.
+    /// Chunks made from the earlier ones, with all new items sorted at once.
     fn cut_again(&self, cutter: &ChunkCutter<'_>, changes: &MemberChanges, item_bytes: u64) -> Vec<Arc<Chunk>> {
         let (roster, lattice) = (cutter.roster, cutter.lattice);
         let gained = sorted(new_items(roster.members, changes, lattice), item_bytes);
@@ -216,8 +216,8 @@ impl AssemblyPart {
         cutter.cut(&pieces(done.iter().filter_map(UpdatedChunk::chunk), &items))
     }
 
-    /// Records that go, as they were, with lasting ids in place of members; sorted. Without those of members that are
-    /// gone when they are many.
+    /// The removed records as they were, with lasting ids in place of members; sorted. Records of removed members are
+    /// left out if they are many.
     fn lost_items(&self, changes: &MemberChanges, lattice: &MortonLattice) -> Vec<PlacementItem> {
         let mut lost: Vec<PlacementItem> = Vec::new();
         let mut add = |known: &KnownMember, ranks: &[u32]| {
@@ -261,7 +261,7 @@ impl AssemblyPart {
         fates
     }
 
-    /// Compares the members with those of the last time; both are in the order of paths and slots.
+    /// Compares the members with those of the last partition; both are in the order of paths and slots.
     fn changes(&self, job: PartitionJob<'_>) -> MemberChanges {
         let mut changes = MemberChanges {
             ids: vec![u32::MAX; job.assembly.members().len()],
@@ -342,7 +342,7 @@ fn loose(gained: Vec<PlacementItem>, edits: &[ChunkEdits], done: &[UpdatedChunk]
     items
 }
 
-/// The items of added members and of edited records, in parts, not sorted.
+/// The items of added members and of edited records, in unsorted parts.
 fn new_items(members: &[AssemblyMember], changes: &MemberChanges, lattice: &MortonLattice) -> Vec<Vec<PlacementItem>> {
     let of = |number: u32| members.get(number as usize);
     let (single, many): (Vec<u32>, Vec<u32>) =
@@ -373,7 +373,7 @@ fn new_items(members: &[AssemblyMember], changes: &MemberChanges, lattice: &Mort
     parts.into_iter().map(|(_, part)| part).chain([items]).filter(|part| !part.is_empty()).collect()
 }
 
-/// Makes a kept chunk read the present arrays, so that old ones can go. Changes no record.
+/// Makes a kept chunk read the present arrays, so that old ones can be freed. It changes no record.
 fn rebind(chunk: &Chunk, changes: &MemberChanges, members: &[AssemblyMember]) {
     if chunk.ids.iter().any(|id| changes.rebound.contains(id)) {
         let present = chunk.ids.iter().filter_map(|id| members.get(*changes.member_of.get(id)? as usize).cloned());

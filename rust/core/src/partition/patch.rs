@@ -13,13 +13,14 @@ use super::chunk::{Chunk, ChunkContent, MemberReaders};
 use super::which::IndexSet;
 use crate::instancing::item::PlacementItem;
 
-/// Chunks with fewer records are made anew. Enough for patched ones to have more than [`super::chunk::SCATTERED`].
+/// Chunks with fewer records are made anew. It is large enough for patched chunks to have more than
+/// [`super::chunk::SCATTERED`].
 const FEW: usize = 80;
-/// Chunks of which more than one record in so many is edited are made anew.
+/// Chunks in which more than one in so many records is edited are made anew.
 pub(super) const SHARE: usize = 12;
 /// Chunks of more blocks than this, and four times as many as they need, are made anew.
 const MANY_BLOCKS: usize = 8;
-/// More items than this between two chunks are no edit of either.
+/// If more items than this lie between two chunks, they are not edits of either.
 const GAP: usize = 256;
 
 /// Edits of one chunk.
@@ -32,8 +33,8 @@ pub(crate) struct ChunkEdits {
 }
 
 impl ChunkEdits {
-    /// By chunk: which items, both sorted, are edits of it. Items between two chunks are taken to belong to the one
-    /// with which they share more of their code. Chunks of equal codes may share items.
+    /// Ranges of items, both sorted, that are edits of each chunk. Items between two chunks belong to the one with
+    /// which they share more of their code. Chunks of equal codes may share items.
     pub(crate) fn of_chunks(
         chunks: &[std::sync::Arc<Chunk>],
         lost: &[PlacementItem],
@@ -82,19 +83,19 @@ struct ChunkPatch<'a> {
     cutter: &'a ChunkCutter<'a>,
     chunk: &'a Chunk,
     readers: MemberReaders<'a>,
-    /// By member of the chunk: its present number, or that of the next one and false when it is gone.
+    /// By member of the chunk: its present number, or that of the next one and false if it was removed.
     order: Vec<(u32, bool)>,
     /// First record of each block.
     starts: Vec<usize>,
     /// Positions of the lost records.
     lost: Vec<(usize, PlacementItem)>,
-    /// Gained records: block, and the old record before which each goes.
+    /// Gained records: block, and the old record before which each is inserted.
     gained: Vec<(usize, usize, PlacementItem)>,
 }
 
 impl ChunkCutter<'_> {
-    /// A chunk after edits, without key; `None` when it cannot be patched: then it must be made anew. `lost` have
-    /// lasting ids in place of members, `gained` are in order; no other chunk has records of the same codes.
+    /// A chunk after edits, without key; `None` if it cannot be patched and must be made anew. `lost` have lasting ids
+    /// in place of members, `gained` are in order; no other chunk has records of the same codes.
     pub(crate) fn patch(&self, chunk: &Chunk, lost: &[PlacementItem], gained: &[PlacementItem]) -> Option<Chunk> {
         let members = chunk.members();
         let starts = chunk.blocks.iter().scan(0, |at, block| Some(std::mem::replace(at, *at + block.len as usize)));
@@ -112,7 +113,7 @@ impl ChunkCutter<'_> {
         let blocks = patch.blocks()?;
         let left = (chunk.len() + gained.len()).saturating_sub(lost.len());
         if blocks.len() > MANY_BLOCKS + 4 * left / BLOCK as usize {
-            // Blocks emptied one by one over many edits.
+            // Such blocks were emptied one by one over many edits.
             return None;
         }
         let codes = [blocks.first()?.first, patch.last_code()?];
@@ -196,7 +197,7 @@ impl ChunkPatch<'_> {
 
     fn find_gained(&mut self, gained: &[PlacementItem]) -> Option<()> {
         let chunk = self.chunk;
-        // Codes of the records of the last block looked at, as far as known.
+        // Codes of the records of the last block that was measured, as far as they are known.
         let mut known: (usize, Vec<Option<u64>>) = (usize::MAX, Vec::new());
         for item in gained {
             let is_before = |k: usize| self.is_before(self.starts[k], chunk.blocks[k].first, item);

@@ -34,7 +34,7 @@ impl PlacedValue {
 pub struct PlacedValues {
     /// Primvars that have values.
     pub columns: Vec<InstanceColumn>,
-    /// By column: bits of floats, [`InstanceColumn::width`] for each row; [`NO_VALUE`] where a row has none.
+    /// Bits of floats by column: [`InstanceColumn::width`] for each row; [`NO_VALUE`] if a row has none.
     pub values: Vec<Vec<u32>>,
 }
 

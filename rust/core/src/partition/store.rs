@@ -66,7 +66,7 @@ impl Default for PartitionStore {
 }
 
 impl PartitionStore {
-    /// Takes other options from the next commit on; true when they differ.
+    /// Sets other options from the next commit on; returns true if they differ.
     pub(crate) fn set_options(&mut self, options: PartitionOptions) -> bool {
         std::mem::replace(&mut self.options, options) != options
     }
@@ -180,7 +180,7 @@ impl PartitionSource<'_> {
         opened
     }
 
-    /// Opened assemblies that `at` places, with the run of each member that does.
+    /// Opened assemblies that `at` places, with the run of each member that places one.
     fn openings(
         &self,
         opened: &[bool],

@@ -25,7 +25,7 @@ const FEW: usize = 256;
 const LANES: usize = 32;
 /// Number of ranks that are measured together.
 const BATCH: usize = 64;
-/// Bytes of a placement that a chunk keeps, of the 24 of an item: as chunks are made, less is left for items.
+/// Bytes of a placement that a chunk keeps, of the 24 of an item: as chunks are made, less memory remains for items.
 const KEPT_SHARE: u64 = 6;
 
 /// The inputs of a partition in stretches.
@@ -74,7 +74,7 @@ impl RankStretches<'_> {
         }
         let mut left: u64 = counts.iter().sum();
         let most = |left: u64| self.most.saturating_add(left / KEPT_SHARE);
-        // As stretches shrink, cells must be no larger than the last ones.
+        // As stretches shrink, cells must not be larger than the last ones.
         let cuts = self.buckets.cuts(&counts, self.most);
         let (mut chunks, mut items): (Vec<Arc<Chunk>>, Vec<PlacementItem>) = (Vec::new(), Vec::new());
         let mut at = 0;
@@ -103,7 +103,7 @@ impl RankStretches<'_> {
         chunks
     }
 
-    /// Items that are in no bucket's count: those of small members, and strays. Sorted.
+    /// Items that no bucket counts: those of small members, and strays; sorted.
     fn loners(&self, few: &[(u32, &AssemblyMember)], tasks: &[StretchTask<'_>]) -> Vec<PlacementItem> {
         let lattice = self.cutter.lattice;
         let of_few = few.par_iter().flat_map_iter(|(number, member)| {
@@ -145,7 +145,7 @@ impl RankStretches<'_> {
         Some(item)
     }
 
-    /// Fills `items` with those of a stretch, sorted; gives their number.
+    /// Fills `items` with those of a stretch, sorted; returns their number.
     fn gather(
         &self,
         stretch: &[Range<usize>],
@@ -177,7 +177,7 @@ impl RankStretches<'_> {
                 continue;
             }
             for ((task, slots), taken) in tasks.iter().zip(&mut slots).zip(&mut taken) {
-                // Buckets come in order: each is looked for where the last one was.
+                // Buckets come in order: the search for each begins at the last one.
                 let counts = &task.counts[*taken..];
                 *taken += counts.iter().take_while(|(b, _)| *b < bucket).count();
                 if let Some((_, count)) = task.counts.get(*taken).filter(|(b, _)| *b == bucket) {
@@ -200,7 +200,7 @@ impl RankStretches<'_> {
         total as u64
     }
 
-    /// Measures the ranks of a task that are of the slots' buckets, which follow each other but for gaps.
+    /// Measures the ranks of a task that are of the slots' buckets, which are consecutive except for gaps.
     fn fill(&self, task: &StretchTask<'_>, slots: &mut [BucketSlot<'_>]) {
         let [Some(low), Some(high)] = [slots.first(), slots.last()].map(|slot| slot.map(|(bucket, _)| *bucket)) else {
             return;
@@ -210,7 +210,7 @@ impl RankStretches<'_> {
         let is_inside = |bucket: u8| bucket.wrapping_sub(low) <= high - low;
         let mut batch: Vec<(u32, u8)> = Vec::with_capacity(BATCH + LANES);
         let mut flush = |batch: &mut Vec<(u32, u8)>| {
-            // They lie apart in memory: all are touched first, so that the waits for them overlap.
+            // The ranks are apart in memory: all are touched first, so that the waits for them overlap.
             std::hint::black_box(batch.iter().fold(0, |sum, (rank, _)| sum ^ task.reader.touch(*rank)));
             for (rank, bucket) in batch.drain(..) {
                 let slot = slots.get_mut(usize::from(slot_of[usize::from(bucket)])).and_then(|(_, slot)| slot.next());
@@ -235,7 +235,7 @@ impl<'a> StretchTask<'a> {
     fn new(member: u32, reader: &'a RunReader<'a>, first: usize, buckets: &'a [u8]) -> Self {
         let mut all = [0_u16; 256];
         buckets.iter().for_each(|&bucket| all[usize::from(bucket)] += 1);
-        // Without the last one: not usable.
+        // The last bucket, of unusable ranks, is left out.
         let counts = (0..u8::MAX).zip(all).filter(|(_, count)| *count > 0).collect();
         Self { member, reader, first: u32::try_from(first).unwrap_or(u32::MAX), buckets, counts }
     }

@@ -31,7 +31,7 @@ pub enum WorldError {
         /// The broken invariant.
         what: &'static str,
     },
-    /// The chunks of an assembly do not hold its records, or are not its canonical cells.
+    /// The chunks of an assembly do not contain its records, or are not its canonical cells.
     #[error("chunks of assembly {assembly}: {what}")]
     Assembly {
         /// Assembly index.
@@ -63,7 +63,7 @@ struct PartitionCheck<'a> {
     part: OpenedAssembly,
     job: PartitionJob<'a>,
     lattice: MortonLattice,
-    /// Number of each member by the address of its run; the runs of an assembly are all distinct.
+    /// Number of each member by the address of its run; the runs of an assembly are distinct.
     numbers: FxHashMap<usize, u32>,
 }
 
@@ -167,7 +167,7 @@ impl PartitionCheck<'_> {
             let keys = self.chunk(at).map_err(|what| WorldError::Chunk { chunk: at, what })?;
             let ordered = keys.windows(2).all(|pair| pair[0] < pair[1]);
             if !ordered || keys.first().is_none_or(|first| last.is_some_and(|last| last >= *first)) {
-                // Strictly ascending: so no record is there twice either.
+                // The order is strictly ascending, so no record is there twice.
                 return Err(WorldError::Chunk { chunk: at, what: "it is empty or not in order" });
             }
             last = keys.last().copied();
@@ -180,7 +180,7 @@ impl PartitionCheck<'_> {
         self.cells(&self.world.chunks[range]).map_err(wrong)
     }
 
-    /// Checks one chunk by itself; gives the places of its records in the order of the assembly.
+    /// Checks one chunk by itself; returns the positions of its records in the order of the assembly.
     fn chunk(&self, at: usize) -> Result<Vec<ItemKey>, &'static str> {
         let chunk = &self.world.chunks[at];
         let members = chunk.members();
@@ -353,7 +353,7 @@ fn is_at(instance: &ChunkInstance, frame: &DAffine3, chunk: &Chunk) -> bool {
     is_near_one && (instance.origin - origin).abs().max_element() <= 1e-9 * (origin.abs() + size).max_element()
 }
 
-/// The box holds the chunk's box as the f32 map and an origin of two floats put it.
+/// Checks that the box contains the chunk's box as the f32 map and an origin of two floats place it.
 fn check_bounds(instance: &ChunkInstance, chunk: &Chunk) -> Result<(), &'static str> {
     let rows = instance.chunk_from_world.map(|row| DVec3::from(row.map(f64::from)));
     let back = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose().inverse();

@@ -31,7 +31,7 @@ impl ResidencyPlanner {
         let wanted: Vec<UnitId> = plan.demanded.iter().copied().filter(absent).collect();
         let rays = |unit: &UnitId| (f64::from(at(plan.demand.waiting, *unit)), *unit);
         for (_, unit) in top(wanted.iter().map(rays).collect(), ROOMY) {
-            // Worth nothing, so that nothing goes for it.
+            // The value is 0, so that nothing is evicted for it.
             let tried = self.try_load(plan, unit, LoadPriority::Worth(0.0));
             if tried == LoadOutcome::Full || self.in_flight[LoadKind::Demanded as usize] >= limit {
                 break;

@@ -5,7 +5,7 @@
 use super::{AssetId, UnitId};
 use std::ops::Range;
 
-/// Bytes per asset and assets per unit (compressed rows). Every unit's own block is an asset of its own.
+/// Bytes per asset and assets per unit (compressed rows). Every unit's own block is an asset.
 #[derive(Clone, Debug, Default)]
 pub struct UnitCatalog {
     bytes: Vec<u64>,
@@ -40,7 +40,8 @@ pub enum CatalogError {
 }
 
 impl UnitCatalog {
-    /// `bytes[asset]`, and the assets of every unit in order; an asset named twice by a unit counts once.
+    /// Creates a catalog of `bytes[asset]` and the assets of every unit in order; an asset named twice by a unit counts
+    /// once.
     pub fn new<I>(bytes: Vec<u64>, units: I) -> Result<Self, CatalogError>
     where
         I: IntoIterator,
@@ -59,15 +60,15 @@ impl UnitCatalog {
         Ok(catalog)
     }
 
-    /// The first `count` units are *bases*: a ray that waits for any other of the units that there are by now may need
-    /// one of them at the same time. Units that are added later stand alone, such as tiles of textures.
+    /// Makes the first `count` units *bases*: a ray that waits for any other of the present units may need one of them
+    /// at the same time. Units that are added later stand alone, such as tiles of textures.
     #[must_use]
     pub fn with_bases(self, count: usize) -> Self {
         let in_pairs = self.closures.len();
         Self { bases: count.min(in_pairs), in_pairs, ..self }
     }
 
-    /// Adds `bytes.len()` assets of so many bytes, and for each a unit that consists of it alone.
+    /// Adds `bytes.len()` assets, and for each a unit that consists of it alone.
     pub fn push_singles(&mut self, bytes: &[u64]) -> Result<(), CatalogError> {
         id_count(self.closures.len() + bytes.len())?;
         let first = self.bytes.len();
@@ -165,7 +166,7 @@ impl UnitCatalog {
     }
 }
 
-/// The last id of `count` things, an error when ids do not reach.
+/// The last id of `count` items, an error if ids do not reach.
 fn id_count(count: usize) -> Result<u32, CatalogError> {
     u32::try_from(count).map(|count| count.saturating_sub(1)).map_err(|_out_of_range| CatalogError::TooMany(count))
 }

@@ -20,12 +20,12 @@ pub(super) struct UnitEntry {
     pub(super) state: UnitState,
     /// Number of loads that completed.
     pub(super) loads: u32,
-    /// Step since which rays wait without a gap, and the loads begun before it.
+    /// Step since which rays wait without a gap, and the number of loads begun before it.
     pub(super) since: u32,
     pub(super) since_loads: u32,
     /// The last step that saw waiting rays.
     pub(super) seen: u32,
-    /// The last step in which it was of use: waited for, visited or loaded.
+    /// Last step in which rays waited for it or visited it, or in which it was loaded.
     pub(super) used: u32,
     /// The step after which it became usable.
     pub(super) usable: u32,
@@ -86,7 +86,7 @@ impl UnitEntry {
         self.used = step;
     }
 
-    /// `rays` wait for it in `step`; the same rays as a step before, hence no sum.
+    /// Records that `rays` wait for it in `step`; they are the same rays as a step before, hence no sum.
     pub(super) fn waited_for(&mut self, step: u32, rays: u32) {
         self.heat = self.heat_at(step).max(rays_f32(rays));
         self.used = step;

@@ -44,7 +44,7 @@ impl AssetHoldings {
         self.assets.get(asset as usize).is_some_and(|asset| asset.holders > 0)
     }
 
-    /// Bytes the unit would add, `None` while one of its assets is on its way for another unit.
+    /// Bytes that the unit would add; `None` while one of its assets is being loaded for another unit.
     pub(super) fn missing(&self, catalog: &UnitCatalog, unit: UnitId) -> Option<u64> {
         let mut bytes = 0;
         for &id in catalog.assets(unit) {
@@ -104,7 +104,7 @@ impl AssetHoldings {
         }
     }
 
-    /// The assets are on the device now; returns the bytes of those that had been there before.
+    /// Marks the assets as being on the device; returns the bytes of those that had been there before.
     pub(super) fn arrived(&mut self, catalog: &UnitCatalog, assets: &[AssetId]) -> u64 {
         let mut again = 0;
         for &id in assets {

@@ -8,7 +8,7 @@ use super::planner::ResidencyPlanner;
 use super::policy::top;
 use super::step::DemandPlan;
 
-/// Units that are tried in a step; bytes in flight bound them too.
+/// Largest number of units that are tried in a step; bytes in flight limit them too.
 const CANDIDATES: usize = 4096;
 
 impl ResidencyPlanner {

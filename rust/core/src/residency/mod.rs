@@ -56,28 +56,28 @@ pub struct RayDemand<'a> {
     pub waiting: &'a [u32],
     /// Rays that wait for another unit first and have this one further down their list.
     pub next: &'a [u32],
-    /// 1 + a unit that rays which wait for this one need at the same time; 0: none. Rays that need two units wait for
-    /// both, whether the other one is resident or not.
+    /// 1 + a unit that the rays which wait for this one need at the same time; 0: none. Rays that need two units wait
+    /// for both, whether the other one is resident or not.
     pub partners: &'a [u32],
     /// Rays that visited this unit since the last step because it was resident or `mapped`. May be empty if visits are
     /// not counted; then resident units are judged by the demand that was seen before their load.
     pub visits: &'a [u32],
     /// Units that rays can read in host memory while they are absent, so that none waits for them. They are loaded for
-    /// their visits alone, where the policy has a measure for it.
+    /// their visits alone, if the policy has a measure for it.
     pub mapped: &'a [bool],
-    /// Resident units below this one go only where they are `mapped`, and none is loaded for its visits.
+    /// Resident units below this one are evicted only if they are `mapped`, and none is loaded for its visits.
     pub keep_below: UnitId,
     /// Rays that can be traced now.
     pub active: u64,
     /// The units of which `waiting` or `next` is not 0, ascending, each once; others may be among them. `None`: the
-    /// planner looks at all.
+    /// planner scans all units.
     pub asked: Option<&'a [UnitId]>,
 }
 
 /// An action for the caller, to be performed in the order of the list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ResidencyCommand {
-    /// Bring `assets` to the device, then say [`ResidencyPlanner::loaded`] or [`ResidencyPlanner::failed`].
+    /// Copy `assets` to the device, then call [`ResidencyPlanner::loaded`] or [`ResidencyPlanner::failed`].
     Load {
         /// The unit that becomes usable.
         unit: UnitId,

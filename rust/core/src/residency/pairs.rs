@@ -45,8 +45,8 @@ impl ResidencyPlanner {
         tried
     }
 
-    /// Lets go of pairs that rays could use, and of those that came apart: after a failed load, or because the budget
-    /// was lowered. Cost: the loads under way.
+    /// Releases pairs that rays could use, and those that came apart: after a failed load, or because the budget was
+    /// lowered. The cost is a scan of the loads in flight.
     pub(super) fn settle_pairs(&mut self) {
         let pairs = std::mem::take(&mut self.pairs);
         for pair in pairs {
@@ -63,7 +63,8 @@ impl ResidencyPlanner {
         }
     }
 
-    /// Loads a unit that starves, with its partner if that is gone. `false` when one of them has to wait for room.
+    /// Loads a unit that starves, with its partner if that is absent. Returns `false` if one of them has to wait for
+    /// room.
     pub(super) fn load_with_partner(&mut self, plan: &mut DemandPlan<'_>, unit: UnitId) -> bool {
         let is_mapped = |unit: &UnitId| plan.demand.mapped.get(*unit as usize) == Some(&true);
         let partner = self.partner(&plan.demand, unit).filter(|unit| !self.is_held(*unit) && !is_mapped(unit));
@@ -75,8 +76,9 @@ impl ResidencyPlanner {
         self.pay_owed(plan)
     }
 
-    /// Goes on with two units that starve together. `false` when one of them has to wait for room: then nothing else is
-    /// loaded, so that the room comes, and the other one stays meanwhile. Without that, each could go for the other.
+    /// Continues with two units that starve together. Returns `false` if one of them has to wait for room: then nothing
+    /// else is loaded, so that room becomes free, and the other one is kept meanwhile. Otherwise each could be evicted
+    /// for the other.
     pub(super) fn pay_owed(&mut self, plan: &mut DemandPlan<'_>) -> bool {
         let Some(pair) = self.owed else { return true };
         for (unit, other) in [(pair[0], pair[1]), (pair[1], pair[0])] {
@@ -86,7 +88,7 @@ impl ResidencyPlanner {
             if !self.is_demanded(unit) || self.entries[unit as usize].pauses(self.step) {
                 return self.forgive(pair);
             }
-            // Of partners only this one stays: with another one there might never be room.
+            // Of all partners only this one is kept: with another one there might never be room.
             match self.try_load_beside(plan, unit, Some(other), LoadPriority::Must) {
                 LoadOutcome::Issued => {}
                 LoadOutcome::Refused => return self.forgive(pair),

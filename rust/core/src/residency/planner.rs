@@ -14,7 +14,7 @@ pub enum PlanError {
     /// The budget is smaller than units that must be resident together.
     #[error("units {units:?} need {bytes} bytes of device memory at once, the budget is {budget}")]
     TooLarge {
-        /// The largest base and the largest other unit, as far as there are such, or a unit that stands alone.
+        /// The largest base and the largest other unit, as far as they exist, or a unit that stands alone.
         units: [Option<UnitId>; 2],
         /// Bytes of these units with all their assets.
         bytes: u64,
@@ -26,15 +26,15 @@ pub enum PlanError {
 /// Settings of a planner that depend on the device rather than on the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PlannerOptions {
-    /// Bytes of demanded loads in flight at a time (one load is always allowed; four times as many when the device
-    /// would idle). 0 = an eighth of the budget (a half when idle), 128 MiB at most. Less = demand is read again
-    /// sooner.
+    /// Bytes of demanded loads in flight at a time (one load is always allowed; four times as many if the device would
+    /// idle). 0 = an eighth of the budget (half of it when idle), at most 128 MiB. With fewer bytes demand is read
+    /// again sooner.
     pub in_flight_bytes: u64,
-    /// Steps that see a unit usable before it may be evicted, 0 = 2: with one submission in flight the first step
-    /// after a load still sees the demand of before. More submissions in flight need as many more.
+    /// Number of steps that see a unit usable before it may be evicted, 0 = 2: with one submission in flight the first
+    /// step after a load still sees the earlier demand. Each further submission in flight needs one more.
     pub pin_steps: u32,
-    /// Units from this one on are tiles of textures, of which no visits are counted. They stay while they take less
-    /// than a third of the budget and leave room for the least budget. None = there are none.
+    /// Units from this one on are tiles of textures, whose visits are not counted. They are kept while they take less
+    /// than a third of the budget and leave room for the least budget. `None` = there are none.
     pub first_tile: Option<UnitId>,
 }
 
@@ -144,7 +144,8 @@ impl ResidencyPlanner {
         true
     }
 
-    /// A load is done: the unit is in the unit table of the next submission. Ignored for a unit that is not loading.
+    /// Notes that a load is done: the unit is in the unit table of the next submission. Ignored for a unit that is not
+    /// loading.
     pub fn loaded(&mut self, unit: UnitId) {
         let Some(load) = self.take_load(unit) else { return };
         let again = self.holdings.arrived(&self.catalog, &load.assets);
@@ -233,7 +234,7 @@ impl ResidencyPlanner {
         self.entries.get(unit as usize).map_or(0, |entry| entry.loads)
     }
 
-    /// The usable units, in no order that means anything (but the same for the same calls).
+    /// The usable units, in no meaningful order (but the same for the same calls).
     pub fn resident_units(&self) -> &[UnitId] {
         &self.residents
     }
@@ -265,8 +266,8 @@ impl ResidencyPlanner {
         self.tile_bytes = self.tile_bytes.saturating_sub(self.bytes_of_tile(unit));
     }
 
-    /// Bytes that tiles may take before one of them has to go. Failed loads lower it, so that tiles keep no memory in
-    /// pieces for ever.
+    /// Bytes that tiles may take before one of them is evicted. Failed loads lower it, so that tiles do not keep memory
+    /// fragmented for ever.
     fn tile_share(&self) -> u64 {
         (self.budget / TILE_SHARE).min(self.allowance.saturating_sub(self.largest))
     }
@@ -276,7 +277,7 @@ impl ResidencyPlanner {
         self.tile_share().saturating_sub(self.tile_bytes)
     }
 
-    /// The unit is a tile, and these take so little that none has to go.
+    /// Returns true if the unit is a tile and tiles take so little that none is evicted.
     pub(super) fn is_tile_to_stay(&self, unit: UnitId) -> bool {
         self.options.first_tile.is_some_and(|first| unit >= first) && self.tile_bytes <= self.tile_share()
     }

@@ -57,7 +57,7 @@ const DIMENSION: u32 = 0x0005_eed0;
 /// Costs of the picture, as far as they are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoadPrices {
-    /// Seconds that the picture is done sooner for each byte that is not loaded.
+    /// Seconds by which the picture is finished sooner for each byte that is not loaded.
     pub secs_per_byte: f64,
     /// Seconds of a path, including its share of loads.
     pub secs_per_path: f64,
@@ -77,7 +77,7 @@ pub struct LoadStakes {
     /// Second moment of the contributions that the waiting rays bring to a pixel together, relative to it, summed over
     /// the pixels. Infinite: they must be traced.
     pub worth: f64,
-    /// Their share of the load, which others will use as well; 0 to 1.
+    /// Share of these rays in the load, which others will use as well; 0 to 1.
     pub share: f64,
 }
 
@@ -108,8 +108,8 @@ pub struct LoadRoulette {
     draws: Vec<u32>,
     /// Variance spent on each unit since its last load, and in all.
     lost: Vec<f64>,
-    /// Variance spent in all, in paths' worth of relative variance: over `variance * paths` the share of the picture's
-    /// own.
+    /// Variance spent in all, in units of the relative variance of a path: divided by `variance * paths` it is the
+    /// share of the picture's own.
     pub spent: f64,
     /// Units whose state is not `Open`.
     judged: Vec<UnitId>,
@@ -156,7 +156,7 @@ impl LoadRoulette {
         self.judge_by(stakes, step, |lost, spent| probability(stakes, prices, lost, spent))
     }
 
-    /// As [`Self::judge`], where `p` gives the probability for the variance spent on the unit and in all.
+    /// As [`Self::judge`], where `p` gives the probability from the variance spent on the unit and in all.
     pub fn judge_by(&mut self, stakes: &LoadStakes, step: u64, p: impl FnOnce(f64, f64) -> f64) -> bool {
         let Some(state) = self.states.get_mut(stakes.unit as usize) else { return true };
         if *state != RouletteState::Open {
@@ -194,8 +194,8 @@ impl LoadRoulette {
     }
 }
 
-/// The probability of a load, [`LEAST`] to [`MOST`] or 1, where `lost` and `spent` was spent on its unit and in all; 1
-/// where something is not known.
+/// The probability of a load, [`LEAST`] to [`MOST`] or 1, if `lost` and `spent` were spent on its unit and in all; 1 if
+/// something is not known.
 #[must_use]
 pub fn probability(stakes: &LoadStakes, prices: &LoadPrices, lost: f64, spent: f64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "an estimate")]

@@ -17,7 +17,8 @@ pub struct ResidencyStats {
     pub evictions: u64,
     /// Number of loads that failed for lack of memory.
     pub failed_loads: u64,
-    /// Failures since the last load that completed. Many, with nothing resident: the device has less than one unit.
+    /// Failures since the last load that completed. Many of them with nothing resident mean that the device has less
+    /// memory than one unit.
     pub failures_in_a_row: u64,
     /// Bytes of completed loads.
     pub bytes_loaded: u64,

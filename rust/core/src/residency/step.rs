@@ -11,7 +11,8 @@ use super::{AssetId, RayDemand, ResidencyCommand, UnitId, at};
 
 /// Number of candidates that a policy is asked for in a step.
 const CANDIDATES: usize = 256;
-/// As many more that are small, tiles of textures for instance: so many of them weigh no more than a few units.
+/// Number of further candidates that are small, such as tiles of textures: together they weigh no more than a few
+/// units.
 const SMALL_CANDIDATES: usize = 4096;
 const SMALL_BYTES: u64 = 256 << 10;
 /// Number of candidates without room after which the step gives up.
@@ -19,7 +20,7 @@ const REFUSALS: usize = 16;
 /// A unit starves when this many loads per demanded unit went before it, or this many steps.
 const PATIENCE: u32 = 4;
 const PATIENCE_MIN: u32 = 64;
-/// The device idles when so many times more rays wait than can be traced.
+/// The device idles if so many times more rays wait than can be traced.
 const IDLE_RATIO: u64 = 64;
 /// Prefetches have one in so many of the bytes in flight.
 pub(super) const PREFETCH_SHARE: u64 = 4;
@@ -29,7 +30,7 @@ const DEFAULT_IN_FLIGHT_MAX: u64 = 128 << 20;
 /// Factor by which more bytes may be in flight when the device idles.
 const IDLE_IN_FLIGHT: u64 = 4;
 
-/// Resident units that are looked at in a step for one to evict, as long as one of them may go.
+/// Number of resident units that are considered for eviction in a step, as long as one of them may be evicted.
 const VICTIMS: usize = 4096;
 
 /// Result of an attempt to load.
@@ -42,7 +43,7 @@ pub(super) enum LoadOutcome {
     Full,
     /// An asset is being loaded for another unit.
     Shared,
-    /// The caller of [`ResidencyPlanner::step_if`] does not want it.
+    /// The caller of [`ResidencyPlanner::step_if`] refused it.
     Refused,
 }
 
@@ -92,7 +93,7 @@ impl ResidencyPlanner {
         self.step_if(demand, &mut |_| true)
     }
 
-    /// As [`Self::step`], but begins only such loads of demanded units as `agrees` agrees to; another step asks again.
+    /// As [`Self::step`], but begins only those loads of demanded units that `agrees` accepts; another step asks again.
     pub fn step_if(
         &mut self,
         demand: &RayDemand<'_>,
@@ -201,7 +202,8 @@ impl ResidencyPlanner {
         let small = plan.demanded.iter().filter(is_small).count().min(SMALL_CANDIDATES);
         let candidates = self.policy.order(&view, &plan.demanded, CANDIDATES + small);
         let refusals = self.try_each(plan, &candidates);
-        // Rays wait, none can be traced, nothing comes: whatever the policy thinks of the swap, it is progress.
+        // Rays wait, none can be traced, and nothing is loading: whatever the policy thinks of the swap, it is
+        // progress.
         if plan.issued == 0 && self.loading.is_empty() && plan.is_idle() {
             for &(_, unit) in candidates.iter().take(REFUSALS) {
                 if self.try_load(plan, unit, LoadPriority::Must) == LoadOutcome::Issued {
@@ -278,7 +280,7 @@ impl ResidencyPlanner {
         LoadOutcome::Issued
     }
 
-    /// Releases victims until no more is held than `allowance`; releases nothing when that cannot be.
+    /// Releases victims until no more than `allowance` is held; releases nothing if that is not possible.
     fn make_room(
         &mut self,
         plan: &mut DemandPlan<'_>,
@@ -334,8 +336,8 @@ impl ResidencyPlanner {
         }
     }
 
-    /// Lists who may go: first some of the resident units, from a hand that goes round; when these are used up the
-    /// rest.
+    /// Lists units that may be evicted: first some of the resident units, from an index that cycles; after these are
+    /// used up the rest.
     fn find_victims(&mut self, plan: &mut DemandPlan<'_>) {
         let mut victims = plan.victims.take().unwrap_or_else(|| {
             let count = self.residents.len();
@@ -399,8 +401,8 @@ impl ResidencyPlanner {
     }
 }
 
-/// Calls `visit` for the values above 0 of the first `count`, ascending: those of `asked`, or it skips zeros 16 at a
-/// time.
+/// Calls `visit` for the values above 0 of the first `count`, ascending: those of `asked`, or all, skipping zeros 16 at
+/// a time.
 pub(super) fn for_each_nonzero(
     asked: Option<&[UnitId]>,
     values: &[u32],

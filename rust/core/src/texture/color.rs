@@ -19,7 +19,7 @@ pub fn srgb_from_linear(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// The four channels that an image of fewer stands for: (r, r, r, 1), (r, r, r, g), (r, g, b, 1).
+/// Expands an image with fewer channels to four: (r, r, r, 1), (r, r, r, g), (r, g, b, 1).
 pub fn expand(channels: &[f64]) -> [f64; 4] {
     match *channels {
         [r] => [r, r, r, 1.0],

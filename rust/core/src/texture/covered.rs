@@ -59,7 +59,7 @@ impl CutoutImage {
 }
 
 impl CoveredImage {
-    /// Reads an image; none where nothing is known of it, or all of it is there.
+    /// Reads an image; `None` if nothing is known of it, or all of it is kept.
     pub(crate) fn read(image: &CutoutImage, files: &dyn HeightFiles) -> Option<Self> {
         if !image.texture.is_udim() {
             return CellBits::read(image, 0, files).map(|grid| Self(CoveredParts::One(grid)));
@@ -210,7 +210,7 @@ impl CellBits {
         self.is_around && (is_out(0) || is_out(1))
     }
 
-    /// Cells along an axis in the part of a range that lies in a unit; none where nothing can be.
+    /// Cells along an axis in the part of a range that lies in a unit; `None` if there is none.
     fn span(&self, axis: usize, [low, high]: [f64; 2], unit: i64, wrap: Wrap) -> Option<CellSpan> {
         let last = self.size[axis] - 1;
         #[expect(clippy::cast_precision_loss, reason = "not far away")]

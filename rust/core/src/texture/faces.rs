@@ -38,7 +38,7 @@ impl FaceBlock {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FaceLayout {
     log2: Vec<[u8; 2]>,
-    /// By class, then by face; 0 where the face has no such reduction.
+    /// First texels of blocks by class, then by face; 0 if the face has no such reduction.
     first: Vec<u32>,
     classes: u32,
     texels: u32,
@@ -89,7 +89,7 @@ impl FaceLayout {
         self.classes
     }
 
-    /// Texels of all blocks and of the gaps between them, a multiple of [`TILE_SIDE`].
+    /// Number of texels of all blocks and of the gaps between them, a multiple of [`TILE_SIDE`].
     #[must_use]
     pub fn texels(&self) -> u32 {
         self.texels
@@ -118,7 +118,7 @@ impl FaceLayout {
     }
 }
 
-/// Texels of a face's reduction of a class; `None` above its own size.
+/// Texels along the sides of a face's reduction of a class; `None` above its own size.
 #[must_use]
 pub fn class_size(log2: [u8; 2], class: u32) -> Option<[u32; 2]> {
     let level = u32::from(log2[0].max(log2[1])).checked_sub(class)?;

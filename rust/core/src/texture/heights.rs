@@ -13,18 +13,18 @@ use rustc_hash::FxHashMap;
 
 use super::{ColorSpace, TextureRef, TextureSampler, TileLayout, Wrap};
 
-/// Most texels of a level, each channel counted: a quarter of a gibibyte.
+/// Largest number of texels of a level, each channel counted: a quarter of a gibibyte.
 const MOST_TEXELS: u64 = 1 << 26;
 /// Number of the first member of a set of files.
 const FIRST_MEMBER: u32 = 1001;
 
-/// Opens height textures. Called by several threads at once; must not wait for work of the rayon pool.
+/// Opens height textures. It is called by several threads at once, and must not wait for work of the rayon pool.
 pub trait HeightFiles: Send + Sync + Debug {
-    /// Opens the file of a texture, or where that is a set, the member of that number (1001 to 1100); `None` for a
-    /// member that is not there.
+    /// Opens the file of a texture, or, if that is a set, the member of that number (1001 to 1100); `None` for a
+    /// missing member.
     ///
     /// # Errors
-    /// Why it cannot be had, for the user.
+    /// The reason why it cannot be read, for the user.
     fn open(&self, texture: &TextureRef, member: u32) -> Result<Option<Arc<dyn HeightImage>>, String>;
 }
 
@@ -40,13 +40,14 @@ pub trait HeightImage: Send + Sync + Debug {
     /// by row from the bottom.
     ///
     /// # Errors
-    /// Why it cannot be had, for the user.
+    /// The reason why it cannot be read, for the user.
     fn channel(&self, level: u32, channel: u8) -> Result<Vec<f32>, String>;
 
-    /// Gives a channel of level 0 to `sink`, some rows at a time from the bottom on, with the bits that the device has.
+    /// Gives a channel of level 0 to `sink`, some rows at a time from the bottom on, with the same bits as on the
+    /// device.
     ///
     /// # Errors
-    /// Why it cannot be had, for the user.
+    /// The reason why it cannot be read, for the user.
     fn rows(&self, channel: u8, sink: &mut dyn FnMut(&[f32])) -> Result<(), String> {
         sink(&self.channel(0, channel)?);
         Ok(())
@@ -80,10 +81,10 @@ impl HeightCache {
     }
 
     /// The `channels` (bit k: channel k) of the level of a texture (or of the member of a set) for pieces that cover
-    /// `area` of its unit square each; `None` for a member that is not there.
+    /// `area` of its unit square each; `None` for a missing member.
     ///
     /// # Errors
-    /// Why it cannot be had, for the user.
+    /// The reason why it cannot be read, for the user.
     pub(crate) fn level(
         &self,
         texture: &TextureRef,
@@ -135,14 +136,14 @@ fn once<K: Clone + Eq + std::hash::Hash, V: Clone>(
     })
 }
 
-/// The coarsest level whose texels are not larger than pieces of `area`, and that has not too many texels in so many
-/// channels.
+/// The coarsest level whose texels are not larger than pieces of `area`, and that does not have too many texels in this
+/// number of channels.
 fn level_for(layout: &TileLayout, area: f64, channels: u32) -> u32 {
     let texels =
         |level: u32| layout.level_size(level).into_iter().map(u64::from).product::<u64>() * u64::from(channels.max(1));
     let coarsest = layout.levels().saturating_sub(1);
     let [width, height] = layout.size().map(f64::from);
-    // Texels of level 0 in a piece: each level has a quarter as many.
+    // Number of texels of level 0 in a piece: each level has a quarter as many.
     let wanted = 0.5 * (area * width * height).log2();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 32; NaN is 0")]
     let wanted = wanted.floor().clamp(0.0, 32.0) as u32;
@@ -162,7 +163,8 @@ pub(crate) struct HeightLevel {
 }
 
 impl HeightLevel {
-    /// The value at a place; of a member of a set, within the member. 0 in channels that were not asked for.
+    /// The value at texture coordinates, which for a member of a set are within the member. 0 in channels that were not
+    /// asked for.
     pub(crate) fn at(&self, st: [f64; 2]) -> [f64; 4] {
         let width = self.layout.size()[0] as usize;
         let texel = |_: u32, x: u32, y: u32| {
@@ -175,14 +177,14 @@ impl HeightLevel {
     }
 }
 
-/// The member of a set of files that a place is in, counted from 1 (the one that ends on 1001); 0 for places that no
-/// member can have.
+/// The member of a set of files that contains texture coordinates, counted from 1 (the one whose name ends in 1001); 0
+/// for coordinates that no member can have.
 pub(crate) fn member_of(st: [f64; 2]) -> u8 {
     let (number, _) = member_at(st);
     u8::try_from(number.saturating_sub(FIRST_MEMBER - 1)).unwrap_or(0)
 }
 
-/// Number in the file's name and lower left corner of a member counted from 1; 0 and the origin of 0.
+/// Number in the file's name and lower left corner of a member counted from 1; 0 and the origin for member 0.
 pub(crate) fn numbered(member: u8) -> (u32, [f64; 2]) {
     match member.checked_sub(1) {
         Some(at) => (u32::from(at) + FIRST_MEMBER, [f64::from(at % 10), f64::from(at / 10)]),
@@ -190,7 +192,8 @@ pub(crate) fn numbered(member: u8) -> (u32, [f64; 2]) {
     }
 }
 
-/// The member of a set of files that a place is in, and its lower left corner; 0 for places that no member can have.
+/// The member of a set of files that contains texture coordinates, and its lower left corner; 0 for coordinates that no
+/// member can have.
 fn member_at(st: [f64; 2]) -> (u32, [f64; 2]) {
     let corner = st.map(f64::floor);
     let is_there = (0.0..10.0).contains(&corner[0]) && (0.0..10.0).contains(&corner[1]);

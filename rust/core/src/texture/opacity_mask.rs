@@ -29,7 +29,7 @@ const FINE_SIDE: u32 = 256;
 const PLACE_SLACK: f64 = 1.0 / 1024.0;
 /// A cell that is kept only within this part of the range of its values counts as empty.
 const RIM: f64 = 1.0 / 1024.0;
-/// The same, as a share of the largest texel: rounding of the mean of four.
+/// As [`RIM`], as a share of the largest texel: rounding of the mean of four.
 const ROUNDING: f64 = 1.0e-5;
 
 /// The parameters by which a material compares a texture with its threshold.
@@ -43,7 +43,7 @@ pub struct OpacityQuery {
     pub scale: f32,
     /// Summand after the factor.
     pub bias: f32,
-    /// As `Material::opacity_threshold`; 0: the opacity is a probability.
+    /// Threshold, as `Material::opacity_threshold`; 0: the opacity is a probability.
     pub threshold: f32,
 }
 
@@ -69,7 +69,8 @@ impl OpacityQuery {
         if !largest.is_finite() || !self.scale.is_finite() || !self.bias.is_finite() || self.threshold.is_nan() {
             return [true; 2];
         }
-        // There from this opacity on, and missed below the other one: a number from 0 up to but not 1 is compared.
+        // The surface exists from this opacity on, and is missed below the other one: it is compared with a number in
+        // [0, 1).
         let [least, sure] = if self.is_chance() { [0.0, 1.0] } else { [self.threshold; 2] }.map(f64::from);
         let factor = f64::from(self.scale).abs();
         let rounding = 2.0 * ROUNDING * (largest * factor + f64::from(self.bias).abs());
@@ -107,7 +108,7 @@ impl OpacityMask {
     pub(super) fn cells(&self) -> Option<([u32; 2], &[u8])> {
         let [size, modes, cells @ ..] = self.words.as_slice() else { return None };
         let sides = [size & 0xffff, size >> 16].map(|side| (side >> (modes >> 8 & 31)).max(1) << (modes >> 4 & 7));
-        // Shaders read little-endian bytes; so are those of all hosts that have a device.
+        // Shaders read little-endian bytes; all hosts that have a device are little-endian too.
         let cells: &[u8] = bytemuck::cast_slice(cells);
         Some((sides, cells.get(..sides[0] as usize * sides[1] as usize)?))
     }
@@ -167,7 +168,7 @@ pub struct OpacityMaskMaker {
 }
 
 impl OpacityMaskMaker {
-    /// Of an image, of at most `most_side` texels a side; none where its sides are too long for a mask.
+    /// Begins the mask of an image, of at most `most_side` texels a side; `None` if its sides are too long for a mask.
     #[must_use]
     pub fn new(layout: &TileLayout, query: &OpacityQuery, most_side: u32) -> Option<Self> {
         let size = layout.size();
@@ -199,7 +200,7 @@ impl OpacityMaskMaker {
         self.recent = rows[rows.len().saturating_sub(2)..].iter().map(|row| row.to_vec()).collect();
     }
 
-    /// The cells of a row of texels, those along a texel's side one row after the other.
+    /// The cells of a row of texels; the cells along a texel's side are in consecutive rows.
     fn cells_of(&self, rows: [&[f32]; 3]) -> Vec<OpacityCell> {
         cells::of_row(&self.query, rows, self.kept.fine)
     }

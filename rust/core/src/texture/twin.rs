@@ -24,8 +24,8 @@ pub fn select_level(width: f64, levels: u32) -> (u32, f64) {
 /// Number of steps along u and v of a packed Ptex position.
 const PTEX_STEPS: f64 = oocpt_abi::PTEX_STEPS as f64;
 
-/// A place in a Ptex file as two floats, `pack_ptex` of `shaders/texture/ptex.glsl`: 26 bits for the face, 17 each for
-/// u and v in 0 to 1.
+/// A position in a Ptex file as two floats, `pack_ptex` of `shaders/texture/ptex.glsl`: 26 bits for the face, 17 each
+/// for u and v in 0 to 1.
 pub fn pack_ptex(face: u32, uv: [f64; 2]) -> [f32; 2] {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2^17 - 1")]
     let [u, v] = uv.map(|x| (x * PTEX_STEPS).clamp(0.0, PTEX_STEPS - 1.0) as u32);
@@ -50,8 +50,8 @@ pub struct PtexSampler<'a, T> {
 }
 
 impl<T: Fn(u32) -> [f64; 4]> PtexSampler<'_, T> {
-    /// The value at a place of a face, by a filter of `width` texels of its own size; `None` for a face that is not
-    /// there.
+    /// The value at a position of a face, by a filter of `width` texels of its own size; `None` if there is no such
+    /// face.
     pub fn lookup(&self, face: u32, uv: [f64; 2], width: f64) -> Option<[f64; 4]> {
         let own = (0..self.layout.classes()).rev().find(|class| self.layout.block(*class, face).is_some())?;
         let (level, blend) = select_level(width, own + 1);

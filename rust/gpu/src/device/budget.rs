@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Counts bytes against the hard budget. Pure bookkeeping, no Vulkan.
 //!
-//! Guarantee: `used <= budget` after every successful `reserve`, whatever threads do; `reserve` comes before the driver
-//! is asked, `release` after the driver has freed. Any thread.
+//! Guarantee: `used <= budget` after every successful `reserve`, for any use by threads; `reserve` comes before the
+//! driver is asked, `release` after the driver has freed. Any thread.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -13,7 +13,7 @@ use crate::error::GpuError;
 pub(crate) enum MemoryAccount {
     /// Device memory, which the budget bounds.
     Device,
-    /// Memory of the host that the device reaches (staging, readback): counted, not bounded.
+    /// Memory of the host that the device reaches (staging, readback), which is counted but not limited.
     Host,
 }
 

@@ -13,9 +13,9 @@ use crate::error::GpuError;
 pub(crate) struct HeapCounters {
     /// Most bytes of memory; `u64::MAX` = no limit.
     limit: AtomicU64,
-    /// Memory of arenas and of ranges with memory of their own, until it is freed.
+    /// Bytes of arenas and of ranges with memory of their own, until they are freed.
     held: AtomicU64,
-    /// Memory of ranges with memory of their own, until it is freed.
+    /// Bytes of ranges with memory of their own, until they are freed.
     dedicated: AtomicU64,
     /// Bytes of ranges that have an owner.
     live: AtomicU64,

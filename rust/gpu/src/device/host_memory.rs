@@ -10,7 +10,7 @@ use crate::device::raw_buffer::{RawBuffer, RetiredBuffer};
 use crate::device::retire::RetireQueue;
 use crate::instance::lane::TimelinePoints;
 
-/// All mapped buffers of a device, and how many views of them there are.
+/// All mapped buffers of a device, and the number of their views.
 #[derive(Debug, Default)]
 pub(crate) struct HostMemory(Mutex<HostMemoryState>);
 
@@ -58,7 +58,7 @@ impl HostMemory {
         self.lock().views > 0
     }
 
-    /// Starts a view: device address, bytes and place of each buffer, in the order of addresses.
+    /// Starts a view: device address, bytes and mapped pointer of each buffer, in the order of addresses.
     pub(crate) fn look(&self) -> Vec<(u64, u64, MappedPointer)> {
         let mut state = self.lock();
         state.views += 1;

@@ -42,7 +42,7 @@ mod system {
         Some(at)
     }
 
-    /// Has the kernel make these pages; older ones do so when they are written.
+    /// Makes the kernel allocate these pages; older kernels do so when the pages are written.
     pub(super) fn touch(at: *mut c_void, bytes: usize) {
         // SAFETY: the caller's own pages; they keep what is in them.
         if let Err(error) = unsafe { madvise(at, bytes, Advice::LinuxPopulateWrite) } {
@@ -75,7 +75,7 @@ impl HostPages {
     /// Alignment of sizes: no system that we support has larger pages.
     pub(crate) const GRANULE: u64 = 64 << 10;
 
-    /// Pages of `bytes`, a multiple of [`Self::GRANULE`]; they hold zeros. None where the system has none.
+    /// Pages of `bytes`, a multiple of [`Self::GRANULE`], filled with zeros. `None` if the system has none.
     pub(crate) fn new(bytes: usize) -> Option<Self> {
         let at = system::map(bytes)?;
         let pages = Self { at: MappedPointer(NonNull::new(at.cast())?), bytes };

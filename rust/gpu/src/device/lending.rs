@@ -26,12 +26,12 @@ pub(crate) struct LentPages {
 }
 
 impl PageLender {
-    /// For a device that takes pages at multiples of `granule`, with the extension enabled.
+    /// Creates the lender of a device that takes pages at multiples of `granule`, with the extension enabled.
     pub(crate) fn new(instance: &Instance, device: &ash::Device, granule: u64) -> Self {
         Self { calls: ash::ext::external_memory_host::Device::new(&instance.raw, device), granule }
     }
 
-    /// New pages of at least `bytes`, to be freed by the caller; None where there are none or the driver takes none.
+    /// New pages of at least `bytes`, to be freed by the caller; `None` if there are none or the driver takes none.
     pub(crate) fn pages(&self, bytes: u64) -> Option<LentPages> {
         let bytes = bytes.checked_next_multiple_of(self.granule.max(HostPages::GRANULE))?;
         let pages = HostPages::new(usize::try_from(bytes).ok()?)?;

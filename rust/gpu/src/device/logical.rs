@@ -180,7 +180,7 @@ impl LogicalDevice {
         TimelinePoints(QueueLane::ALL.map(|lane| self.timeline(lane).last_submitted()))
     }
 
-    /// The newest submission of each lane that has finished; everything, when the device is lost.
+    /// The newest submission of each lane that has finished; all submissions, if the device is lost.
     pub(crate) fn completed(&self) -> TimelinePoints {
         let mut completed = TimelinePoints::START;
         for lane in QueueLane::ALL {
@@ -197,7 +197,7 @@ impl LogicalDevice {
         completed
     }
 
-    /// Ok(true) once submission `value` of a lane has finished, Ok(false) after `timeout_ns`.
+    /// Returns `Ok(true)` once submission `value` of a lane has finished, `Ok(false)` after `timeout_ns`.
     pub(crate) fn wait(&self, lane: QueueLane, value: u64, timeout_ns: u64) -> Result<bool, GpuError> {
         self.check_alive()?;
         match self.timeline(lane).wait(&self.raw, value, timeout_ns) {
@@ -215,7 +215,7 @@ impl LogicalDevice {
         Ok(())
     }
 
-    /// Destroys a buffer after these submissions: at once if they have passed.
+    /// Destroys a buffer after these submissions, or at once if they have finished.
     pub(crate) fn retire(&self, points: TimelinePoints, buffer: RetiredBuffer) {
         self.retired.push(points, buffer);
         self.release(self.completed());
@@ -229,7 +229,7 @@ impl LogicalDevice {
         }
     }
 
-    /// The points after which all that is retired now can go; None when nothing is.
+    /// The points after which everything retired now can be destroyed; `None` if nothing is retired.
     pub(crate) fn last_retired(&self) -> Option<TimelinePoints> {
         self.retired.last_points()
     }
@@ -262,7 +262,7 @@ impl LogicalDevice {
     }
 }
 
-/// The logical device with the queues of its lanes and everything that was found switched on.
+/// The logical device with the queues of its lanes and every capability that was found enabled.
 fn create_raw(instance: &Instance, probed: &ProbedDevice, choices: &QueueChoices) -> Result<ash::Device, GpuError> {
     let priorities = [1.0_f32; LANES];
     let [main, transfer] = *choices;

@@ -7,7 +7,7 @@ use std::ffi::CString;
 
 use ash::vk;
 
-/// Gives names to objects and labels to stretches of command buffers; does nothing without the extension.
+/// Names objects and labels parts of command buffers; does nothing without the extension.
 #[derive(Clone, Default)]
 pub(crate) struct DebugNames {
     utils: Option<ash::ext::debug_utils::Device>,

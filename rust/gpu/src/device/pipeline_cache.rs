@@ -23,10 +23,11 @@ use crate::instance::vulkan::vulkan_error;
 
 /// Most bytes of a cache that is read or written.
 const MOST_BYTES: u64 = 64 << 20;
-/// Most bytes of all files of the folder, and how many: those not used for longest go.
+/// Most bytes of all files of the folder; their largest number follows. The files that were not used for longest are
+/// removed.
 const MOST_IN_ALL: u64 = 256 << 20;
 const MOST_FILES: usize = 16;
-/// A file is marked as used no more often than this; one under way that is older was left by a process that died.
+/// A file is marked as used no more often than this; an unfinished one that is older was left by a process that died.
 const DAY: Duration = Duration::from_secs(24 * 60 * 60);
 /// Beginning and end of the names of files, and the end of names of unfinished files (`oocpt_files::replace`).
 const PREFIX: &str = "pipelines-";
@@ -35,7 +36,7 @@ const UNDER_WAY: &str = "tmp";
 const MAGIC: [u8; 8] = *b"OocPTpc1";
 /// Bytes of the header: magic, payload length, payload checksum.
 const HEADER_BYTES: usize = 24;
-/// Of Vulkan's own header (version one), with which the payload begins.
+/// Bytes of Vulkan's own header (version one), with which the payload begins.
 const VULKAN_HEADER_BYTES: u32 = 32;
 
 /// The file of one device.
@@ -107,7 +108,7 @@ impl CacheFile {
             let used = file.metadata().and_then(|metadata| metadata.modified()).ok();
             used.is_some_and(|used| now.duration_since(used).is_ok_and(|age| age > DAY))
         };
-        // The times of a folder that cannot be written do not matter.
+        // If the folder cannot be written, the times of its files do not matter.
         let marked =
             oocpt_files::open(&self.path).and_then(|file| if is_old(&file) { file.set_modified(now) } else { Ok(()) });
         tracing::trace!(?marked, "used");
@@ -182,7 +183,7 @@ fn payload_of<'a>(file: &'a [u8], vulkan_header: &[u8]) -> Result<&'a [u8], &'st
     Ok(payload)
 }
 
-/// The pipelines compiled so far; written to its file, if it has one, when it is dropped.
+/// The pipelines compiled so far; written to the file, if there is one, when it is dropped.
 #[derive(Debug)]
 pub(crate) struct PipelineCache {
     device: Arc<LogicalDevice>,

@@ -27,8 +27,8 @@ pub(crate) struct RawBuffer {
 }
 
 impl RawBuffer {
-    /// Destroys the parts and gives the bytes back to the budget. The GPU no longer uses them, and no other copy is
-    /// used later.
+    /// Destroys the parts and returns the bytes to the budget. The GPU no longer uses them, and no other copy is used
+    /// later.
     pub(crate) fn destroy(self, device: &ash::Device, budget: &MemoryBudget) {
         // SAFETY: the caller says that no submission uses it any more; null is allowed.
         unsafe { device.destroy_buffer(self.buffer, None) };

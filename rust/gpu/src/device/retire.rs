@@ -30,7 +30,7 @@ impl<T> RetireQueue<T> {
         self.lock().entry(points).or_default().push(item);
     }
 
-    /// Everything whose points are at or below `completed` in both lanes, in the order of the main lane.
+    /// Takes all items whose points are at or below `completed` in both lanes, in the order of the main lane.
     pub(crate) fn take_ready(&self, completed: TimelinePoints) -> Vec<T> {
         let mut waiting = self.lock();
         // The map is sorted by the main lane first: items behind this range cannot be ready.
@@ -45,7 +45,7 @@ impl<T> RetireQueue<T> {
         self.lock().is_empty()
     }
 
-    /// The points after which everything waiting now can go; None when nothing waits.
+    /// The points after which every waiting item can be destroyed; `None` if nothing waits.
     pub(crate) fn last_points(&self) -> Option<TimelinePoints> {
         self.lock().keys().copied().reduce(TimelinePoints::later)
     }

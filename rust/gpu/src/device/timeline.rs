@@ -45,7 +45,8 @@ impl TimelineSemaphore {
         self.submitted.load(Ordering::Acquire)
     }
 
-    /// Submission `value` was made, one above the newest before. The caller lets no other be made meanwhile.
+    /// Notes that submission `value` was made, one above the newest before. The caller prevents other submissions
+    /// meanwhile.
     pub(crate) fn advance(&self, value: u64) {
         self.submitted.store(value, Ordering::Release);
     }
@@ -56,7 +57,7 @@ impl TimelineSemaphore {
         unsafe { device.get_semaphore_counter_value(self.semaphore) }
     }
 
-    /// Waits until submission `value` has finished; [`vk::Result::TIMEOUT`] when it has not.
+    /// Waits until submission `value` has finished; [`vk::Result::TIMEOUT`] if it has not.
     pub(crate) fn wait(&self, device: &ash::Device, value: u64, timeout_ns: u64) -> Result<(), vk::Result> {
         let (semaphores, values) = ([self.semaphore], [value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);

@@ -13,18 +13,18 @@ use ash::vk::{self, Handle as _};
 /// Contents of new memory: no zeros, which drivers give though they need not. As a count it is too large for anything,
 /// as a float it is -431 602 080.
 pub(crate) const POISON: u8 = 0xCD;
-/// Most bytes of an allocation that are poisoned, from its start: the rest is not worth the time.
+/// Bytes of an allocation that are poisoned at most, from its start: the rest is not worth the time.
 const MOST_POISON: u64 = 64 << 20;
 
 /// A call that can be made to fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriverCall {
-    /// [`Buffer::new`](crate::Buffer::new), [`Heap::alloc`](crate::Heap::alloc) and
-    /// [`Heap::try_alloc`](crate::Heap::try_alloc), whatever they would take it from.
+    /// Calls of [`Buffer::new`](crate::Buffer::new), [`Heap::alloc`](crate::Heap::alloc) and
+    /// [`Heap::try_alloc`](crate::Heap::try_alloc), from whatever memory.
     Request,
     /// Calls of [`Buffer::new`](crate::Buffer::new).
     Buffer,
-    /// [`Heap::alloc`](crate::Heap::alloc) and [`Heap::try_alloc`](crate::Heap::try_alloc) alone.
+    /// Calls of [`Heap::alloc`](crate::Heap::alloc) and [`Heap::try_alloc`](crate::Heap::try_alloc).
     Range,
     /// Calls of `vkAllocateMemory`.
     Memory,
@@ -38,7 +38,7 @@ pub enum DriverCall {
     Submit,
 }
 
-/// A failure that a test plants: for lack of memory, but for [`DriverCall::Submit`].
+/// A failure that a test plants: a lack of memory, except for [`DriverCall::Submit`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlantedFailure {
     /// Call that fails.
@@ -78,7 +78,7 @@ struct DriverWatchState {
     is_lost: bool,
 }
 
-/// The watches of open devices, by handle: a function of the driver's knows no more.
+/// The watches of open devices by handle, which is all that a driver function knows.
 static WATCHES: Mutex<BTreeMap<u64, Arc<DriverWatch>>> = Mutex::new(BTreeMap::new());
 
 fn watches() -> MutexGuard<'static, BTreeMap<u64, Arc<DriverWatch>>> {

@@ -29,7 +29,7 @@ pub struct DeviceCapabilities {
 
     /// `VK_EXT_memory_budget`: the driver reports free memory.
     pub memory_budget: bool,
-    /// `VK_EXT_external_memory_host`: the driver can be lent pages of this process.
+    /// `VK_EXT_external_memory_host`: pages of this process can be lent to the driver.
     pub external_memory_host: bool,
     /// The compute queue writes timestamps.
     pub timestamps: bool,
@@ -143,7 +143,7 @@ pub(crate) fn hide(capabilities: &mut DeviceCapabilities) {
     }
 }
 
-/// The structures that switch features on, kept together because they are chained by address.
+/// The structures that enable features, kept together because they are chained by address.
 #[derive(Debug)]
 pub(crate) struct FeatureChain {
     pub(crate) core: vk::PhysicalDeviceFeatures,

@@ -72,14 +72,14 @@ pub(crate) struct QueueChoice {
     pub(crate) index: u32,
     /// Valid bits of its timestamps; 0 = none.
     pub(crate) timestamp_bits: u32,
-    /// The family computes: all stages of ours are allowed, and debug labels.
+    /// True if the family computes: all stages that are used here are allowed, and debug labels.
     pub(crate) computes: bool,
 }
 
-/// The queue of each lane; the same one twice when there is none to spare.
+/// The queue of each lane; the same one twice if there is none to spare.
 pub(crate) type QueueChoices = [QueueChoice; LANES];
 
-/// Main: the first family that computes. Transfer: a family made for transfers, else a second queue beside the main
+/// Main: the first family that computes. Transfer: a family made for transfers, else a second queue besides the main
 /// one.
 pub(crate) fn choose_queues(families: &[vk::QueueFamilyProperties]) -> Option<QueueChoices> {
     let choice = |family: u32, index, found: &vk::QueueFamilyProperties| QueueChoice {
@@ -90,7 +90,7 @@ pub(crate) fn choose_queues(families: &[vk::QueueFamilyProperties]) -> Option<Qu
     };
     let numbered = || (0_u32..).zip(families).filter(|(_, family)| family.queue_count > 0);
     let (main, found) = numbered().find(|(_, family)| family.queue_flags.contains(vk::QueueFlags::COMPUTE))?;
-    // Video and optical flow engines can copy too, but slowly: only pure copy engines are wanted.
+    // Video and optical flow engines can copy too, but slowly: only pure copy engines are used.
     let extras = vk::QueueFlags::SPARSE_BINDING | vk::QueueFlags::PROTECTED;
     let copies = |family: &vk::QueueFamilyProperties| {
         let flags = family.queue_flags;

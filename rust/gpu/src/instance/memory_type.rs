@@ -6,14 +6,14 @@ use ash::vk;
 /// Location and purpose of a buffer's memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BufferUsage {
-    /// Device memory, not reachable by the host. Counts against the budget.
+    /// Device memory, not reachable by the host. It counts against the budget.
     Device,
-    /// Host memory that the host writes and the device reads; mapped all the time.
+    /// Host memory that the host writes and the device reads; always mapped.
     Upload,
-    /// Host memory that the device writes and the host reads; mapped all the time.
+    /// Host memory that the device writes and the host reads; always mapped.
     Readback,
-    /// Host memory that both read and write, the host through [`DeviceRange::fill`](crate::DeviceRange::fill). Where
-    /// the driver can be lent pages (`VK_EXT_external_memory_host`), it is several times faster to make than the
+    /// Host memory that both read and write, the host through [`DeviceRange::fill`](crate::DeviceRange::fill). If pages
+    /// can be lent to the driver (`VK_EXT_external_memory_host`), it is several times faster to allocate than the
     /// others.
     Shared,
 }

@@ -126,7 +126,7 @@ fn has_extension(instance: &Instance, physical: vk::PhysicalDevice, name: &CStr)
     Ok(extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name)))
 }
 
-/// See [`ProbedDevice::lent_granule`]. The device has `VK_EXT_external_memory_host`.
+/// Computes [`ProbedDevice::lent_granule`]. The device has `VK_EXT_external_memory_host`.
 fn lent_granule(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
     let mut host = vk::PhysicalDeviceExternalMemoryHostPropertiesEXT::default();
     let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut host);
@@ -146,7 +146,7 @@ pub(crate) fn read_heaps(instance: &Instance, physical: vk::PhysicalDevice, budg
     memory.memory_heaps_as_slice().iter().zip(budgets.heap_budget.iter().zip(&budgets.heap_usage)).map(report).collect()
 }
 
-/// Bytes that the driver says this process uses on device-local heaps. The device has `VK_EXT_memory_budget`.
+/// Bytes that this process uses on device-local heaps according to the driver. The device has `VK_EXT_memory_budget`.
 pub(crate) fn device_usage(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
     let (memory, budgets) = query_memory(instance, physical, true);
     let local = |heap: &vk::MemoryHeap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);

@@ -35,9 +35,9 @@ impl std::fmt::Display for DeviceKind {
 pub struct HeapReport {
     /// Size in bytes.
     pub bytes: u64,
-    /// It is the device's own (or, on a unified device, the only) memory.
+    /// True if it is the device's own (or, on a unified device, the only) memory.
     pub device_local: bool,
-    /// Bytes that the driver says are free to this process now; None without `VK_EXT_memory_budget`.
+    /// Bytes that are free for this process now according to the driver; `None` without `VK_EXT_memory_budget`.
     pub free: Option<u64>,
 }
 
@@ -56,7 +56,7 @@ pub struct DeviceReport {
     pub api: String,
     /// All memory heaps.
     pub heaps: Vec<HeapReport>,
-    /// Its memory is the host's own: it is a processor, and all that buffers get is mapped.
+    /// True if the device shares the memory of the host: it is a processor, and all memory of buffers is mapped.
     pub host_memory: bool,
     /// Capabilities of the device.
     pub capabilities: DeviceCapabilities,

@@ -10,10 +10,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::vk;
 
-/// A message id that is not a fault of ours, and why: the layer version, the driver, and when the line may go.
+/// Id of a message that is not an error of this crate, with the reason: the layer version, the driver, and when the
+/// line may be removed.
 type SuppressedMessage = (&'static str, &'static str);
 
-/// None is known for layer 1.3.239 with the drivers tried so far.
+/// No false alarm is known for layer 1.3.239 with the drivers tried so far.
 const SUPPRESSED: &[SuppressedMessage] = &[];
 
 /// Warnings and errors of the validation layer. Clones share one list. Any thread.

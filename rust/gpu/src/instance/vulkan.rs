@@ -54,8 +54,8 @@ impl Instance {
     /// An instance with this much validation; the shared one without.
     ///
     /// # Errors
-    /// [`GpuError::NoDevice`] when there is no loader, it is older than Vulkan 1.2, or no driver is installed. Tried
-    /// anew by the next call.
+    /// [`GpuError::NoDevice`] when there is no loader, it is older than Vulkan 1.2, or no driver is installed. The next
+    /// call tries again.
     pub(crate) fn get(validation: ValidationLevel) -> Result<Arc<Self>, GpuError> {
         let mut plain = PLAIN.lock().unwrap_or_else(PoisonError::into_inner);
         let shared = match &*plain {
@@ -64,7 +64,7 @@ impl Instance {
         };
         match validation {
             ValidationLevel::Off => Ok(shared),
-            // Under the lock too: instances are made one after the other.
+            // This is under the lock too: instances are made one after the other.
             ValidationLevel::On | ValidationLevel::OnWithSync => Ok(Arc::new(Self::new(validation)?)),
         }
     }

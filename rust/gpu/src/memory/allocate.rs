@@ -22,7 +22,8 @@ use crate::instance::probe::read_heaps;
 /// addresses stay aligned for vectors.
 const SIZE_STEP: u64 = 16;
 
-/// A buffer that is being made: first without memory, then with it, then mapped. It is destroyed if dropped before.
+/// A buffer under construction: first without memory, then with it, then mapped. It is destroyed if it is dropped
+/// before.
 pub(crate) struct NewBuffer<'a> {
     device: &'a LogicalDevice,
     name: &'a str,
@@ -36,7 +37,7 @@ pub(crate) struct NewBuffer<'a> {
 }
 
 impl<'a> NewBuffer<'a> {
-    /// Makes a buffer of at least `bytes`.
+    /// Creates a buffer of at least `bytes`.
     ///
     /// # Errors
     /// `TooLarge`, `DeviceLost`, or another failed call.
@@ -66,7 +67,7 @@ impl<'a> NewBuffer<'a> {
         }
         let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(lending::KIND);
         if usage == BufferUsage::Shared {
-            // It will be bound to no other memory.
+            // The memory will be bound to no other object.
             info = info.push_next(&mut external);
         }
         // SAFETY: the device is alive, the size is not zero, the families differ and are the device's, and
@@ -147,14 +148,14 @@ impl<'a> NewBuffer<'a> {
         }
     }
 
-    /// Makes the memory of pages of this process. False when there are none, or the driver does not take them.
+    /// Makes the memory of pages of this process. Returns false if there are none, or the driver does not take them.
     ///
     /// # Errors
     /// `DeviceLost`.
     pub(crate) fn lend(&mut self, lending: &PageLender) -> Result<bool, GpuError> {
         let Self { device, name, raw, needs: (bytes, _), types, .. } = self;
         let Some(LentPages { pages, bytes, types: of_pages }) = lending.pages(*bytes) else { return Ok(false) };
-        // They go with the buffer, whatever becomes of it.
+        // The pages are freed with the buffer, whatever happens to it.
         raw.pages = Some(pages);
         let known = device.memory_types.memory_types_as_slice();
         let Some(memory_type) = choose_type(known, *types & of_pages, BufferUsage::Shared) else { return Ok(false) };
@@ -211,8 +212,8 @@ impl<'a> NewBuffer<'a> {
     }
 }
 
-/// Has the driver make memory of so many bytes, not none and within `maxMemoryAllocationSize`, and of this type of the
-/// device's list; of pages that the type allows, if there are any.
+/// Allocates memory of this size, not 0 and within `maxMemoryAllocationSize`, and of this type of the device's list; of
+/// pages that the type allows, if there are any.
 fn allocate(
     device: &LogicalDevice,
     (bytes, memory_type): (u64, u32),

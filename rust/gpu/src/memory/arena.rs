@@ -94,7 +94,7 @@ impl MemoryArena {
         self.space.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A place of `bytes`, a multiple of [`GRANULE`]; None when there is no hole of that size.
+    /// A place of `bytes`, a multiple of [`GRANULE`]; `None` if there is no hole of that size.
     pub(crate) fn take(self: &Arc<Self>, bytes: u64) -> Option<ArenaPlace> {
         let units = u32::try_from(bytes / GRANULE).ok()?;
         let mut space = self.lock();
@@ -137,7 +137,8 @@ impl HeapArenas {
         self.lock().iter().find_map(|arena| arena.take(bytes))
     }
 
-    /// Adds an arena of `bytes`, to be asked after the others, and gives a place in it before anybody else can.
+    /// Adds an arena of `bytes`, which is tried after the others, and returns a place in it before any other thread can
+    /// take one.
     pub(crate) fn grow(self: &Arc<Self>, block: MemoryBlock, bytes: u64, place: u64) -> Option<ArenaPlace> {
         let arena = MemoryArena::new(block, bytes, self);
         let place = arena.take(place);
@@ -151,7 +152,7 @@ impl HeapArenas {
         self.lock().insert(0, arena);
     }
 
-    /// Frees a place after these submissions: at once if they have passed.
+    /// Frees a place after these submissions, or at once if they have finished.
     fn retire(&self, points: TimelinePoints, place: ArenaPlace) {
         self.retired.push(points, place);
         self.release(self.device.completed());
@@ -171,12 +172,12 @@ impl HeapArenas {
         }
     }
 
-    /// The points after which all that is retired now can go; None when nothing is.
+    /// The points after which everything retired now can be freed; `None` if nothing is retired.
     pub(crate) fn last_retired(&self) -> Option<TimelinePoints> {
         self.retired.last_points()
     }
 
-    /// Lets go of arenas that hold nothing, all but `keep` of them.
+    /// Frees arenas that contain no range, all but `keep` of them.
     pub(crate) fn trim(&self, keep: usize) {
         let mut empty = Vec::new();
         let mut arenas = self.lock();
@@ -212,12 +213,12 @@ impl ArenaPlace {
     pub(crate) fn retire(self, points: TimelinePoints) {
         match self.arena.siblings.upgrade() {
             Some(arenas) => arenas.retire(points, self),
-            // Nothing is taken from it any more; its memory waits for the GPU by itself.
+            // No place is taken from it any more; its memory waits for the GPU by itself.
             None => drop(self.free()),
         }
     }
 
-    /// Gives the place back, which the GPU no longer uses; the arena if it is empty now.
+    /// Frees the place, which the GPU no longer uses; returns the arena if it is empty now.
     fn free(self) -> Option<Arc<MemoryArena>> {
         let Self { arena, allocation, bytes } = self;
         let mut space = arena.lock();

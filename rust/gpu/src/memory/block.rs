@@ -63,7 +63,7 @@ impl MemoryBlock {
         self.raw.buffer
     }
 
-    /// Says that nothing submitted from now on uses this block by its address.
+    /// Notes that nothing submitted from now on uses this block by its address.
     pub(crate) fn released(&self) {
         self.retire_after.set(self.device.submitted());
     }

@@ -97,7 +97,7 @@ impl RangeMemory {
         Arc::new(self)
     }
 
-    /// Says that nothing submitted from now on uses it by its address.
+    /// Notes that nothing submitted from now on uses it by its address.
     pub(crate) fn released(&self) {
         self.counters.retire(self.counted);
         let points = self.block.device.submitted();

@@ -57,7 +57,7 @@ impl RingMemory {
         state.space.take(bytes.max(1), align).ok_or(state)
     }
 
-    /// Waits for something to happen that may free space, not longer than this.
+    /// Waits for a change that may free space, not longer than this.
     pub(crate) fn wait_for_change(&self, state: MutexGuard<'_, RingState>, most: Duration) {
         drop(self.changed.wait_timeout(state, most).unwrap_or_else(PoisonError::into_inner));
     }
@@ -69,7 +69,7 @@ impl RingState {
         self.space.used()
     }
 
-    /// The lane that holds the oldest part, if it is for `turn` to wait for it: for the first in the queue.
+    /// The lane that holds the oldest part, if `turn` is the one to wait for it: the first in the queue.
     pub(crate) fn oldest_user(&self, turn: u64) -> Option<QueueLane> {
         self.space.oldest_user().filter(|_| self.turns.front() == Some(&turn))
     }

@@ -23,7 +23,7 @@ struct RingPart {
 #[derive(Debug)]
 pub(crate) struct RingSpace {
     bytes: u64,
-    /// Oldest first. `end` of the newest is where the next one may begin.
+    /// Parts, oldest first. The `end` of the newest is the possible start of the next one.
     parts: VecDeque<RingPart>,
     /// Number of the oldest part; later ones count up from it.
     oldest: u64,
@@ -34,8 +34,8 @@ impl RingSpace {
         Self { bytes, parts: VecDeque::new(), oldest: 0 }
     }
 
-    /// Takes `bytes` (not 0) at a multiple of `align`; gives the part's number and its start. None = not now. Numbers
-    /// are used again once the part is back.
+    /// Takes `bytes` (not 0) at a multiple of `align`; returns the part's number and its start. `None` = there is no
+    /// room now. Numbers are used again once the part is back.
     pub(crate) fn take(&mut self, bytes: u64, align: u64) -> Option<(u64, u64)> {
         let start = self.place(bytes, align)?;
         self.parts.push_back(RingPart { start, end: start + bytes, returned: false, user: None });
@@ -49,7 +49,7 @@ impl RingSpace {
             return ends_by(0, self.bytes).then_some(0);
         };
         let next = newest.end.checked_next_multiple_of(align)?;
-        // Parts are not empty, so the newest begins before the oldest exactly when the ring has come round.
+        // Parts are not empty, so the newest begins before the oldest exactly if the ring has wrapped.
         let wrapped = newest.start < oldest.start;
         if wrapped {
             ends_by(next, oldest.start).then_some(next)

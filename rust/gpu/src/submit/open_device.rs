@@ -21,7 +21,7 @@ use crate::submit::queue::{InFlight, Queue};
 pub(crate) enum BudgetWait {
     /// Takes back memory that is free already, but does not wait for the GPU.
     Now,
-    /// Wait for the GPU to release retired memory before giving up.
+    /// Waits for the GPU to release retired memory before giving up.
     WaitForRetired,
 }
 
@@ -43,7 +43,7 @@ impl OpenDevice {
         &self.queues[lane.index()]
     }
 
-    /// Notes a heap, whose empty arenas are given back when memory is short.
+    /// Adds a heap, whose empty arenas are freed if memory is short.
     pub(crate) fn add_heap(&self, arenas: &Arc<HeapArenas>) {
         self.heaps.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::downgrade(arenas));
     }
@@ -92,7 +92,7 @@ impl OpenDevice {
         }
     }
 
-    /// The points after which all that is retired now can go; None when nothing is.
+    /// The points after which everything retired now can be destroyed; `None` if nothing is retired.
     fn last_retired(&self) -> Option<TimelinePoints> {
         let of_heaps = self.heaps().into_iter().filter_map(|heap| heap.last_retired());
         self.device.last_retired().into_iter().chain(of_heaps).reduce(TimelinePoints::later)
@@ -129,7 +129,7 @@ impl OpenDevice {
         new.finish()
     }
 
-    /// A buffer of pages of this process; None where the driver takes none.
+    /// A buffer of pages of this process; `None` if the driver takes none.
     fn lent(&self, name: &str, bytes: u64) -> Result<Option<RawBuffer>, GpuError> {
         let Some(lending) = &self.device.lending else { return Ok(None) };
         let mut new = NewBuffer::new(&self.device, name, bytes, BufferUsage::Shared)?;

@@ -108,7 +108,7 @@ impl Queue {
     }
 
     /// Submits a recorded command buffer and returns its number; label and marks are for the error of a lost device. On
-    /// an error nothing runs and `work` is let go.
+    /// an error nothing runs and `work` is dropped.
     pub(crate) fn submit(
         &self,
         device: &LogicalDevice,
@@ -121,7 +121,8 @@ impl Queue {
         work.value = value;
         #[cfg(feature = "faults")]
         let submitted = if device.watch.loses() {
-            // What a lost device had is over, and its memory goes at once; this one is at work still.
+            // The work of a lost device is over, and its memory is freed at once; otherwise the device is still
+            // working.
             device.wait_for(device.submitted()).ok();
             Err(vk::Result::ERROR_DEVICE_LOST)
         } else {
@@ -198,7 +199,8 @@ impl Queue {
         }
     }
 
-    /// Destroys the slots, and lets go of all that is in flight. The device is idle and no command list is left.
+    /// Destroys the slots, and releases everything that is in flight. The device must be idle, and no command list may
+    /// be left.
     pub(crate) fn close(&self, device: &LogicalDevice) {
         for work in self.take_finished(device, u64::MAX) {
             work.slot.destroy(&device.raw);

@@ -44,7 +44,7 @@ pub(crate) struct CommandRecorder {
     pub(crate) lane: QueueLane,
     buffer: vk::CommandBuffer,
     scope: SyncScope,
-    /// Something before the next operation has to be waited for. True at the start: earlier submissions.
+    /// True if the next operation has to wait for something. It is true at the start: for earlier submissions.
     barrier_pending: bool,
     concurrent_depth: u32,
     has_operations: bool,

@@ -92,7 +92,7 @@ impl<W: Write> PtexWriter<W> {
     }
 
     /// Appends the next face. `texels` is as [`crate::PtexFile::read_face`] gives it, or one texel if the face is
-    /// constant. Faces whose texels are all equal become constant. `face.has_edits` means nothing.
+    /// constant. Faces whose texels are all equal become constant. `face.has_edits` is ignored.
     pub fn push_face(&mut self, face: &PtexFace, texels: &[u8]) -> Result<(), PtexError> {
         if self.faces() >= self.header.faces as usize {
             return Err(PtexError::Caller("more faces than announced"));
@@ -129,7 +129,7 @@ impl<W: Write> PtexWriter<W> {
         Ok(())
     }
 
-    /// Writes the file, and gives the sink back. Fails unless all faces have come.
+    /// Writes the file, and returns the sink. Fails unless all faces were given.
     pub fn finish(mut self) -> Result<W, PtexError> {
         if self.faces() != self.header.faces as usize {
             return Err(PtexError::Caller("fewer faces than announced"));

@@ -38,7 +38,7 @@ impl RoundHit {
         }
     }
 
-    /// The distance and the ball, given how far on the ray the place is from which distances count.
+    /// The distance and the ball of the nearest hit; distances on the ray are relative to `nearest`.
     pub(super) fn nearest(&self, nearest: f32) -> Option<(f32, f32)> {
         if self.entry <= self.exit {
             let enters = nearest + self.entry > 0.0;
@@ -56,7 +56,7 @@ impl RoundHit {
     }
 }
 
-/// `passes_by`: whether the line is so far from the axis that the test would find no hit.
+/// Returns true if the line is so far from the axis that the test would find no hit, as `passes_by` of the shaders.
 fn passes_by(from: V3, d: V3, dd: f32, axis: V3, radius: f32) -> bool {
     let across = cross3(d, axis);
     let apart = dot3(from, across);

@@ -72,8 +72,7 @@ impl Simd for Avx2Simd {
         let y = sse2._mm_srli_si128::<8>(xy);
         let along_y = along(planes(y), avx._mm256_permute_ps::<0x55>(scales), avx._mm256_permute_ps::<0x55>(froms));
         let along_x = along(planes(xy), avx._mm256_permute_ps::<0>(scales), avx._mm256_permute_ps::<0>(froms));
-        // The largest of where the ray enters and, with its sign turned, of where it leaves; of two, the second one
-        // where either is NaN.
+        // The largest entry and, with its sign turned, the largest exit; of two, the second one if either is NaN.
         let nothing = self.halves(sse._mm_setzero_ps(), sse._mm_set1_ps(f32::NEG_INFINITY));
         let reached = avx._mm256_max_ps(along_z, nothing);
         let reached = avx._mm256_max_ps(along_x, avx._mm256_max_ps(along_y, reached));
@@ -97,7 +96,7 @@ impl Simd for Avx2Simd {
         let divisor = sse4_1._mm_blendv_ps(along, signed_tiny, is_tiny);
         let reciprocal = sse._mm_and_ps(sse._mm_div_ps(sse._mm_set1_ps(1.0), divisor), cast(THREE));
         let around = sse._mm_mul_ps(sse._mm_set1_ps(pad), sse._mm_andnot_ps(sign, reciprocal));
-        // 4 where a byte has to come from the other number of its pair.
+        // 4 if a byte has to come from the other number of its pair.
         let backward: __m128i = cast(avx._mm_cmp_ps::<_CMP_LT_OQ>(reciprocal, sse._mm_setzero_ps()));
         let other = sse2._mm_and_si128(backward, cast([4_u8; 16]));
         let xy = sse2._mm_xor_si128(sse2._mm_shuffle_epi32::<0b01_01_00_00>(other), cast(IN_PLACE));
@@ -121,7 +120,7 @@ impl Simd for Avx2Simd {
         let x = axis(sse._mm_shuffle_ps::<0b00_00_01_00>(ab_xy, c), o[0]);
         let y = axis(sse._mm_shuffle_ps::<0b01_01_11_10>(ab_xy, c), o[1]);
         let z = axis(sse._mm_shuffle_ps::<0b10_10_01_00>(ab_z, c), o[2]);
-        // No `map` of arrays here: it stays a call, around which all lanes are kept in memory.
+        // Arrays are not mapped with `map` here: it stays a call, around which all lanes are kept in memory.
         let times = |number: f32, lanes: __m128| sse._mm_mul_ps(sse._mm_set1_ps(number), lanes);
         let apply = |V3([rx, ry, rz]): V3| {
             let yz = sse._mm_add_ps(times(ry, y), times(rz, z));

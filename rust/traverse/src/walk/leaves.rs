@@ -23,7 +23,7 @@ pub(crate) struct CandidateSurface {
 enum CandidateOutcome {
     /// A nearer hit is known.
     Behind,
-    /// Its surface is not there for the ray, or that is not known yet.
+    /// Its surface does not exist for the ray, or that is not known yet.
     Absent,
     /// It is the closest hit so far.
     EnteredChildren,
@@ -87,7 +87,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         false
     }
 
-    /// `points_near`: of the points of a leaf those that the ray may meet, a bit for each.
+    /// Mask of the points of a leaf that the ray may meet, one bit each, as `points_near` of the shaders.
     fn points_near(&self, begin: u32, end: u32) -> u32 {
         let (o, d) = (self.at.ray.origin(), self.at.d);
         let dd = dot3(d, d);
@@ -96,7 +96,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         }
         let inverse = 1.0 / dd;
         let pad = 2.0 * MESH_PAD * (o.largest() + self.mesh.reach);
-        // Side by side, so that the compiler takes several at once.
+        // The loop is written so that the compiler vectorises it.
         let mut from = [[0.0; BUNDLE]; 3];
         let mut radii = [0.0; BUNDLE];
         for (lane, index) in (begin..end).take(BUNDLE).enumerate() {
@@ -115,7 +115,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         is_far.iter().rev().fold(0, |near, &far| near << 1 | u32::from(!far))
     }
 
-    /// `surface_number`, of the first surface of an item: all pieces of a curve have the same.
+    /// Number of the first surface of an item, as `surface_number` of the shaders: all pieces of a curve have the same.
     fn surface_number(&self, kind: u32, index: u32) -> u32 {
         let is_asked = self.scene.special.features.intersects(Features::OPACITY | Features::CUTOUTS);
         if !is_asked || kind != LeafType::ROUND.number {
@@ -124,7 +124,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         self.pose.triangles.get::<GpuTriangle>(index as usize).map_or(index, |item| item.face)
     }
 
-    /// The distance of a surface: not before the boxes above are entered.
+    /// Distance of a surface, but at least that at which the boxes above are entered.
     #[inline(always)]
     fn reached(&self, t: f32) -> f32 {
         let entered = self.entry * ENTRY_SCALE;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The part of a walk inside of a mesh.
+//! The part of a walk inside a mesh.
 
 use super::RayTraversal;
 use super::stack::StackKey;
@@ -14,7 +14,7 @@ pub(super) fn triangles_of(leaf: u32) -> u32 {
 }
 
 impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
-    /// From node to node and leaf to leaf, until the mesh is behind the ray, the walk ends or its turn does.
+    /// Walks nodes and leaves until the mesh is left, or the walk or its turn ends.
     #[inline(always)]
     pub(super) fn walk_mesh(&mut self, simd: impl Simd, turn: &mut u32) {
         let (ray, nodes) = (self.at.ray, self.at.nodes);

@@ -4,7 +4,8 @@
 use crate::node::EnteredChildren;
 use oocpt_abi::{DONE, RETURN};
 
-/// A reference, and above it where the ray enters it: bits of distances that are not negative are in their order.
+/// A reference, with the distance at which the ray enters it above it: bits of non-negative distances are in the order
+/// of the distances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct StackKey(u64);
 
@@ -78,8 +79,8 @@ impl TraversalStack {
         StackKey::DONE
     }
 
-    /// Of the children that are met the nearest; the others are pushed, the farthest first. Without any, the next one
-    /// of the stack.
+    /// Returns the nearest of the children that are met; the others are pushed, the farthest first. Without any, it
+    /// returns the next reference of the stack.
     #[inline(always)]
     pub(super) fn choose(&mut self, met: EnteredChildren, limit: f32, child: impl Fn(u32) -> u32) -> StackKey {
         let mut mask = met.mask;

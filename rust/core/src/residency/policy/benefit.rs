@@ -28,7 +28,7 @@ const AGE_STEPS: f64 = 512.0;
 const DROP: f64 = 0.5;
 /// Weight of recent rays when nothing can be traced: it only orders evictions.
 const IDLE_HEAT: f64 = 1e-9;
-/// Units whose assets are looked at in a step, the best by their whole closures.
+/// Number of units whose assets are examined in a step, the best by their whole closures.
 const LOOKED_AT: usize = 1024;
 /// Bytes that a visit reads in host memory, some nodes and triangles: a unit is worth loading when its recent visits
 /// have read as many bytes there as the load moves.

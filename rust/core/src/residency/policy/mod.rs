@@ -27,17 +27,17 @@ pub trait LoadPolicy: std::fmt::Debug + Send {
     /// Returns true if a load of this value may displace a unit of this loss. A margin here keeps equals from swapping.
     fn displaces(&self, value: f64, loss: f64) -> bool;
 
-    /// The value of a load ahead of demand, `None` if this policy makes none.
+    /// Value of a load ahead of demand; `None` if this policy makes none.
     fn prefetch(&self, _view: &PolicyView<'_>, _unit: UnitId) -> Option<f64> {
         None
     }
 
-    /// The value of loading a unit that rays read in host memory; `None` if this policy does not bring such.
+    /// Value of loading a unit that rays read in host memory; `None` if this policy does not load such units.
     fn visited(&self, _view: &PolicyView<'_>, _unit: UnitId) -> Option<f64> {
         None
     }
 
-    /// The value of [`Self::visited`] from which on other units may go for such a load.
+    /// Value of [`Self::visited`] from which on other units may be evicted for such a load.
     fn least_visited(&self) -> f64 {
         f64::INFINITY
     }

@@ -26,7 +26,7 @@ impl PolicyView<'_> {
         at(self.demand.waiting, unit)
     }
 
-    /// A unit that rays need at the same time as this one, one of several.
+    /// A unit that rays need at the same time as this one; one of several.
     pub fn partner(&self, unit: UnitId) -> Option<UnitId> {
         at(self.demand.partners, unit).checked_sub(1)
     }
@@ -51,7 +51,7 @@ impl PolicyView<'_> {
         f64::from(self.entries[unit as usize].heat_at(self.step))
     }
 
-    /// Steps for which rays have waited for the unit without a gap.
+    /// Number of steps for which rays have waited for the unit without a gap.
     pub fn waited_steps(&self, unit: UnitId) -> u32 {
         self.step.wrapping_sub(self.entries[unit as usize].since)
     }
@@ -66,7 +66,8 @@ impl PolicyView<'_> {
         self.step.wrapping_sub(self.entries[unit as usize].usable)
     }
 
-    /// Bytes a load would bring, `None` while one of its assets is on its way for another unit. Costs its assets.
+    /// Bytes that a load would copy; `None` while one of its assets is being loaded for another unit. The cost is a
+    /// visit of its assets.
     pub fn missing_bytes(&self, unit: UnitId) -> Option<u64> {
         self.holdings.missing(self.catalog, unit)
     }

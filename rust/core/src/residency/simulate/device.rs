@@ -64,16 +64,16 @@ pub struct SimulationReport {
     pub waiting_secs: f64,
     /// Number of unit visits.
     pub visits: u64,
-    /// All paths were done; `false` = given up after too many rounds without progress.
+    /// True if all paths ended; false = given up after too many rounds without progress.
     pub finished: bool,
     /// Counters of the planner.
     pub residency: ResidencyStats,
 }
 
-/// Rounds in a row without any visit after which a simulation gives up.
+/// Number of consecutive rounds without any visit after which a simulation gives up.
 const STUCK_ROUNDS: u32 = 10_000;
 
-/// Traces all paths of the workload under a budget. An error when a unit does not fit the budget.
+/// Traces all paths of the workload under a budget. An error if a unit does not fit the budget.
 pub fn run(
     workload: &SimulatedScene,
     device: &SimulatedDevice,
@@ -192,7 +192,7 @@ impl ResidencySimulation<'_> {
         visits
     }
 
-    /// Segments whose paths are done, oldest first, take new paths.
+    /// Gives new paths to segments whose paths are done, oldest first.
     fn retire(&mut self) {
         let slots = self.device.segment_slots;
         while let Some(&oldest) = self.segment.front() {
@@ -207,7 +207,7 @@ impl ResidencySimulation<'_> {
         }
     }
 
-    /// The clock goes on by the round, or to the next arrival when there was nothing to trace.
+    /// Advances the clock by the round, or to the next arrival if there was nothing to trace.
     fn pass_time(&mut self, visits: u64) {
         #[expect(clippy::cast_precision_loss, reason = "an estimate")]
         let traced = visits as f64 / self.device.visits_per_sec;

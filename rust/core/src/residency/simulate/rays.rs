@@ -18,10 +18,10 @@ pub(super) struct SimulatedRay {
     bounce: u8,
     units: [UnitId; CROSSED_MAX],
     count: u8,
-    /// Place of the unit it hits; those after it matter only until it is visited.
+    /// Index of the unit that it hits; those after it matter only until it is visited.
     hit: u8,
     visited: u16,
-    /// The absent units it remembers, nearest first; none = it can go on.
+    /// Absent units that it remembers, nearest first; none = it can continue.
     pub(super) pending: PendingUnits,
 }
 

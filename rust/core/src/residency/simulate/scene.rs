@@ -26,7 +26,7 @@ pub struct SceneOptions {
     pub bounces: u8,
     /// Mean number of units a ray crosses up to its hit.
     pub crossed: u32,
-    /// Share of the rays after the first that begin nowhere near where the last one ended (0 = all near).
+    /// Share of the rays after the first that begin far from the end of the last one (0 = all near).
     pub scattered: f64,
     /// True if scattered rays prefer popular units.
     pub popular: bool,

@@ -102,7 +102,7 @@ fn of_texel(query: &OpacityQuery, around: [[f32; 3]; 3], fine: u32, out: &mut Ve
         ));
         return;
     }
-    // Along a side of the texel; a part lies in one patch.
+    // Parts along a side of the texel; each part lies in one patch.
     let parts = (1_usize << fine).max(2);
     let samples = (8 / parts).max(2);
     let mut whole = OpacityCell::default();

@@ -10,7 +10,7 @@ pub(super) struct OpacityGrid {
     pub(super) cells: Vec<OpacityCell>,
 }
 
-/// A grid that is made of the rows of a finer one, in any order.
+/// A grid made from the rows of a finer one, in any order.
 #[derive(Clone, Debug)]
 pub(super) struct GridReduction {
     from: [u32; 2],
@@ -53,7 +53,7 @@ impl GridReduction {
     }
 }
 
-/// Of `fine` cells along a side those that lie in cell `at` of `coarse`, or the other way round.
+/// The `fine` cells along a side that lie in cell `at` of `coarse`, or vice versa.
 fn covered(fine: u32, coarse: u32, at: u32) -> std::ops::Range<u32> {
     let [fine, coarse, at] = [fine, coarse, at].map(u64::from);
     #[expect(clippy::cast_possible_truncation, reason = "at most the cells of a side")]
