@@ -32,7 +32,7 @@ pub use camera_motion::{CameraMotion, CameraMotionError};
 pub use clipping::MAX_CLIP_PLANES;
 pub use material::{ColorSpace, InputValue, Material, TextureRef, Wrap};
 pub use mesh::{Aabb, AnyAttribute, Attribute, Bvh2, Bvh4, BvhError, BvhNode, MeshAsset, MeshPrimvar, Triangle};
-/// Programs of MaterialX patterns.
+/// Programs of `MaterialX` patterns.
 pub use oocpt_materialx as materialx;
 pub use partition::{
     Chunk, ChunkInstance, OpenedAssembly, PartitionOptions, PartitionedWorld, RECORD_BYTES, WorldError,

@@ -82,5 +82,6 @@ impl AnyAttribute {
 pub struct Attribute<T> {
     /// The rate, which tells how `values` is indexed.
     pub rate: AttributeRate,
+    /// Values, in the order that `rate` tells.
     pub values: Vec<T>,
 }
