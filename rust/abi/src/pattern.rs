@@ -74,7 +74,7 @@ numbered! {
         Round,
         /// a - floor(a).
         Fract,
-        /// a to the power of b; 1 where b, else 0 where a = 0. Of a negative a only with a whole b.
+        /// a to the power of b; 1 if b = 0, else 0 if a = 0. For a negative a only with a whole b.
         Power,
         /// Square root.
         Sqrt,

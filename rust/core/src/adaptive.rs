@@ -170,7 +170,7 @@ impl AdaptiveSchedule {
         Self { size, trace, samples, levels, epoch, number: 0 }
     }
 
-    /// The epoch under way.
+    /// The epoch in progress.
     #[must_use]
     pub fn epoch(&self) -> &AdaptiveEpoch {
         &self.epoch

@@ -228,7 +228,7 @@ fn narrow(value: f64) -> f32 {
     value as f32
 }
 
-/// False when the columns are (nearly) dependent.
+/// Returns false if the columns are (nearly) dependent.
 fn is_invertible(m: &DMat3) -> bool {
     let volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
     m.determinant().abs() > 1e-12 * volume

@@ -212,7 +212,7 @@ mod tests {
         assert_eq!(folder.names(), ["link", "pipe", "socket"], "nothing is left, all is as it was");
     }
 
-    /// A pipe that takes a file's place between the two looks is opened without waiting, and refused.
+    /// A pipe that replaces a file between the two checks is opened without waiting, and refused.
     #[test]
     fn a_file_replaced_by_a_pipe_before_opening_is_refused() {
         let folder = Folder::new("between");

@@ -129,7 +129,7 @@ impl Heap {
         self.alloc_with(name, bytes, align, BudgetWait::WaitForRetired)
     }
 
-    /// As [`Heap::alloc`], but never waits for the GPU: None when there is no room now (budget, limit, fragmentation,
+    /// As [`Heap::alloc`], but never waits for the GPU: `None` if there is no room now (budget, limit, fragmentation,
     /// or the driver refuses). Retired memory that the GPU has finished with is taken back first.
     ///
     /// # Errors

@@ -120,7 +120,7 @@ impl ElementType {
         self.layout().1
     }
 
-    /// True for the three quaternion types.
+    /// Returns true for the three quaternion types.
     #[must_use]
     pub const fn is_quat(self) -> bool {
         matches!(self, Self::Quath | Self::Quatf | Self::Quatd)
@@ -242,7 +242,7 @@ impl TypedArray {
         self.source.bytes().len() / self.element.size()
     }
 
-    /// True when there is no element.
+    /// Returns true if there is no element.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.source.bytes().is_empty()
@@ -255,7 +255,7 @@ impl TypedArray {
         (bytes.as_ptr() as usize, bytes.len())
     }
 
-    /// True if both have the same element type and the same bytes; O(1) if the identity is the same.
+    /// Returns true if both have the same element type and the same bytes; O(1) if the identity is the same.
     #[must_use]
     pub fn same_contents(&self, other: &Self) -> bool {
         self.element == other.element

@@ -29,7 +29,7 @@ impl<'a> ArrayView<'a> {
         self.bytes.len() / (self.component.size() * self.components)
     }
 
-    /// True when there is no element.
+    /// Returns true if there is no element.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes.is_empty()

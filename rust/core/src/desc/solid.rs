@@ -148,13 +148,13 @@ struct PolygonMesh {
 }
 
 impl SolidDesc {
-    /// True if the size is finite at all times.
+    /// Returns true if the size is finite at all times.
     #[must_use]
     pub fn is_usable(&self) -> bool {
         self.sizes().all(SolidSize::is_usable)
     }
 
-    /// True for a sphere, and for a capsule whose ends have the same radius: they have an exact form.
+    /// Returns true for a sphere, and for a capsule whose ends have the same radius: they have an exact form.
     #[must_use]
     pub fn has_exact_form(&self) -> bool {
         let is_even = |size: SolidSize| {

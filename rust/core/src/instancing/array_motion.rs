@@ -24,7 +24,7 @@ pub(crate) struct VelocityMotion<'a> {
 }
 
 impl VelocityMotion<'_> {
-    /// `v t + a t^2 / 2`; `None` when an array is too short.
+    /// `v t + a t^2 / 2`; `None` if an array is too short.
     pub(crate) fn offset(&self, number: usize) -> Option<DVec3> {
         let Some(velocities) = &self.velocities else { return Some(DVec3::ZERO) };
         let mut offset = velocities.vec3(number)? * self.seconds;

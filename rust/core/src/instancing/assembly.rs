@@ -135,13 +135,13 @@ impl Assembly {
         &self.members
     }
 
-    /// True if the members are the clusters of one mesh, which users see as one.
+    /// Returns true if the members are the clusters of one mesh, which users see as one.
     #[must_use]
     pub fn is_split_mesh(&self) -> bool {
         self.is_split_mesh
     }
 
-    /// True when `members` would give the same records.
+    /// Returns true if `members` would give the same records.
     pub(crate) fn is_made_of(&self, members: &[AssemblyMember]) -> bool {
         self.members.len() == members.len() && self.members.iter().zip(members).all(|(a, b)| a.is_same(b))
     }
@@ -169,7 +169,7 @@ impl Assembly {
         targets
     }
 
-    /// True when nothing is placed.
+    /// Returns true if nothing is placed.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0

@@ -92,12 +92,12 @@ impl ChangedNumbers {
         });
     }
 
-    /// True if so many changed that a run of `ranks` instances is better scanned anew.
+    /// Returns true if so many changed that a run of `ranks` instances is better scanned anew.
     pub(crate) fn is_most_of(&self, ranks: u32) -> bool {
         self.len > 8 + ranks as usize / 4
     }
 
-    /// True when `number` is one of them.
+    /// Returns true if `number` is one of them.
     #[inline]
     pub(crate) fn contains(&self, number: usize) -> bool {
         number >= self.tail || self.bits.get(number / 64).is_some_and(|word| word >> (number % 64) & 1 == 1)

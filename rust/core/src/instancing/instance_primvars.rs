@@ -38,7 +38,7 @@ pub(crate) fn value_bytes(columns: &[InstanceColumn]) -> u64 {
 struct PrimvarFindings {
     /// Values that are not finite, or whose index is out of range.
     bad: u64,
-    /// True when every value is at least 1.
+    /// True if every value is at least 1.
     all_one: bool,
 }
 
@@ -86,7 +86,7 @@ impl InstancePrimvar {
         })
     }
 
-    /// True when it has a value for each of `count` instances.
+    /// Returns true if it has a value for each of `count` instances.
     pub(crate) fn is_usable(&self, count: usize) -> bool {
         let len = self.indices.as_ref().map_or(self.values.len(), TypedArray::len);
         let indexed = self.indices.as_ref().is_none_or(|indices| indices.element() == ElementType::I32);
@@ -122,7 +122,7 @@ impl InstancePrimvar {
         self.findings().bad
     }
 
-    /// True when every value is at least 1.
+    /// Returns true if every value is at least 1.
     pub(crate) fn is_all_one(&self) -> bool {
         self.findings().all_one
     }
@@ -146,7 +146,7 @@ impl MemberPrimvar {
         InstanceColumn { id: self.id, width: self.primvar.width().unwrap_or(1) }
     }
 
-    /// True when both lists give the same values.
+    /// Returns true if both lists give the same values.
     pub(crate) fn are_same(a: &[Self], b: &[Self]) -> bool {
         a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.id == b.id && Arc::ptr_eq(&a.primvar, &b.primvar))
     }
@@ -204,7 +204,7 @@ pub(crate) struct ColumnReader<'a> {
 }
 
 impl<'a> ColumnReader<'a> {
-    /// `None` when there is no such column.
+    /// `None` if there is no such column.
     pub(crate) fn new(run: &'a InstanceRun, primvars: &'a [MemberPrimvar], column: InstanceColumn) -> Option<Self> {
         let found = primvars.iter().find(|primvar| primvar.column() == column)?;
         Some(Self { numbers: run.numbers(), values: ValueReader::of(&found.primvar, column.width) })

@@ -73,7 +73,7 @@ impl<'a> InstancePlacer<'a> {
         sound.then_some((bounds, footprint, swept.flips))
     }
 
-    /// True for a moving placement that stays where it is, because its motion cannot be used.
+    /// Returns true for a moving placement that stays where it is, because its motion cannot be used.
     pub(crate) fn is_stuck(&self, number: Option<usize>) -> bool {
         self.keys.is_some() && self.keys(number).is_some_and(|(_, moves)| !moves)
     }

@@ -71,7 +71,7 @@ impl InstanceArrays {
         [&self.mask, &self.translations, &self.rotations, &self.scales, &self.transforms]
     }
 
-    /// True when both hold the same data.
+    /// Returns true if both hold the same data.
     pub(crate) fn same_contents(&self, other: &Self) -> bool {
         let moves_alike = match (&self.motion, &other.motion) {
             (None, None) => true,

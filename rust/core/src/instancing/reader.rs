@@ -18,7 +18,7 @@ pub(crate) struct InstanceNumbers<'a> {
 }
 
 impl InstanceNumbers<'_> {
-    /// Number of a rank; `None` when it is out of range.
+    /// Number of a rank; `None` if it is out of range.
     #[inline]
     pub(crate) fn of(&self, rank: u32) -> Option<Option<usize>> {
         let Some(indices) = &self.indices else {
@@ -101,7 +101,7 @@ impl RunReader<'_> {
     }
 }
 
-/// Instance number of a rank; `None` when it is negative.
+/// Instance number of a rank; `None` if it is negative.
 #[inline]
 pub(super) fn number(unmasked: Option<&[u32]>, indices: &ArrayView<'_>, rank: usize) -> Option<usize> {
     match unmasked {

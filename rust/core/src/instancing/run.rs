@@ -31,7 +31,7 @@ impl PrototypeInstances {
         self.chosen.as_ref().map_or(self.indices.len(), |chosen| chosen.len())
     }
 
-    /// True if both have the same elements of the same array, by address.
+    /// Returns true if both have the same elements of the same array, by address.
     pub(super) fn same_indices(&self, other: &Self) -> bool {
         let chosen = match (&self.chosen, &other.chosen) {
             (None, None) => true,
@@ -68,7 +68,7 @@ pub(crate) struct TransformKey {
 }
 
 impl RunSpec {
-    /// True if both give the same run, without looking at elements.
+    /// Returns true if both give the same run, without looking at elements.
     fn is_same(&self, other: &Self) -> bool {
         let instances = match (&self.instances, &other.instances) {
             (None, None) => true,
@@ -201,7 +201,7 @@ impl InstanceRun {
         &self.dropped
     }
 
-    /// True when an instancer makes the placements.
+    /// Returns true if an instancer makes the placements.
     pub(crate) fn is_instanced(&self) -> bool {
         self.spec.instances.is_some()
     }

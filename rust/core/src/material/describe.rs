@@ -185,7 +185,7 @@ fn is_neutral(input: &InputValue, name: MaterialInput) -> bool {
     }
 }
 
-/// True for inputs that are described for every surface, whatever their values.
+/// Returns true for inputs that are described for every surface, whatever their values.
 fn is_basic(name: MaterialInput) -> bool {
     matches!(
         name,

@@ -234,7 +234,7 @@ impl PartialEq for TextureRef {
 }
 
 impl TextureRef {
-    /// True if the name stands for many files.
+    /// Returns true if the name stands for many files.
     #[must_use]
     pub fn is_udim(&self) -> bool {
         !self.is_ptex && self.asset.resolved.contains("<UDIM>")

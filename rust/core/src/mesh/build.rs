@@ -384,7 +384,7 @@ fn triangulate_block(
     AuthoredTriangles { triangles, sources, ptex }
 }
 
-/// True when the normal is meaningful in double precision and not zero in single precision.
+/// Returns true if the normal is meaningful in double precision and not zero in single precision.
 fn has_area(triangle: &Triangle) -> bool {
     let [a, b, c] = triangle.vertices.map(|v| Vec3::from(v).as_dvec3());
     let (e, f) = (b - a, c - a);

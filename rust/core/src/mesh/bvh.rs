@@ -137,8 +137,8 @@ fn build(boxes: &[Aabb], max_leaf: u32) -> (Bvh2, Vec<u32>) {
     BvhLayout::balanced(boxes, max_leaf)
 }
 
-/// True when no box is empty or NaN and all surfaces are finite. PLOC compares surfaces: infinite ones make it merge a
-/// pair per pass, which takes quadratic time, and NaN makes it panic.
+/// Returns true if no box is empty or NaN and all surfaces are finite. PLOC compares surfaces: infinite ones make it
+/// merge a pair per pass, which takes quadratic time, and NaN makes it panic.
 fn has_surface(boxes: &[Aabb]) -> bool {
     let is_box = |b: &Aabb| (0..3).all(|k| b.min[k] <= b.max[k]);
     let all = boxes.iter().fold(Aabb::EMPTY, |a, b| a.union(b));

@@ -87,7 +87,7 @@ impl SubdivisionCage {
     }
 }
 
-/// True when a point comes twice.
+/// Returns true if a point comes twice.
 fn has_twice(corners: &[(u32, u32)], seen: &mut FxHashSet<u32>) -> bool {
     if corners.len() <= 8 {
         return corners.iter().enumerate().any(|(k, (point, _))| corners.iter().skip(k + 1).any(|(p, _)| p == point));
@@ -96,7 +96,7 @@ fn has_twice(corners: &[(u32, u32)], seen: &mut FxHashSet<u32>) -> bool {
     !corners.iter().all(|(point, _)| seen.insert(*point))
 }
 
-/// True when each corner turns the way that the face does.
+/// Returns true if each corner turns the way that the face does.
 fn is_convex(places: &[DVec3], normal: DVec3) -> bool {
     let ahead = |k: usize| places[(k + 1) % places.len()] - places[k];
     (0..places.len()).all(|k| ahead(k).cross(ahead((k + 1) % places.len())).dot(normal) > 0.0)

@@ -134,7 +134,7 @@ pub(super) struct CoveredMesh<'a> {
 }
 
 impl<'a> CoveredMesh<'a> {
-    /// `None` where nothing is cut out.
+    /// `None` if nothing is cut out.
     fn new(mesh: &'a MeshAsset, demand: &BuildDemand<'a>) -> Option<Self> {
         if mesh.kind != LeafKind::Triangles {
             return None;

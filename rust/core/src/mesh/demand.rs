@@ -32,12 +32,12 @@ pub struct BuildDemand<'a> {
 }
 
 impl BuildDemand<'_> {
-    /// True where a mesh is cut into small pieces.
+    /// Returns true if a mesh is cut into small pieces.
     pub(crate) fn refines(&self, desc: &MeshDesc) -> bool {
         self.displaces(desc) || is_refined(desc, self.dicing.map_or(0.0, |dicing| dicing.pixels))
     }
 
-    /// True if some faces of a mesh are displaced. Curves and points are not.
+    /// Returns true if some faces of a mesh are displaced. Curves and points are not.
     pub(crate) fn displaces(&self, desc: &MeshDesc) -> bool {
         matches!(desc.shape, PrimShape::Mesh) && self.displacements.iter().any(Option::is_some)
     }
@@ -63,7 +63,7 @@ impl BuildDemand<'_> {
         }
     }
 
-    /// True if the surface has to evaluate a primvar.
+    /// Returns true if the surface has to evaluate a primvar.
     pub(crate) fn reads(&self, name: &str) -> bool {
         self.wanted.iter().any(|wanted| &*wanted.name == name)
             || self.displacements.iter().flatten().any(|displacement| displacement.reads(name))

@@ -99,8 +99,8 @@ fn add_array(hasher: &mut Xxh3, array: Option<&TypedArray>) {
     hasher.update(array.view().bytes());
 }
 
-/// True if both descriptions give the same asset for a demand, by the identities of arrays alone: cheap, may return
-/// false wrongly.
+/// Returns true if both descriptions give the same asset for a demand, by the identities of arrays alone: cheap, may
+/// return false wrongly.
 pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc, demand: &BuildDemand<'_>) -> bool {
     let array = |a: &TypedArray, b: &TypedArray| a.element() == b.element() && a.identity() == b.identity();
     let optional = |a: &Option<TypedArray>, b: &Option<TypedArray>| match (a, b) {

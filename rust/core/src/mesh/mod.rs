@@ -84,7 +84,7 @@ const PRIMVAR_BYTES: u64 = size_of::<GpuAttribute>() as u64;
 /// Alignment of the sections of an asset on the device, bytes.
 const SECTION_ALIGN: u64 = 16;
 
-/// An axis-aligned box; empty when any `min > max`.
+/// An axis-aligned box; empty if any `min > max`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Aabb {
     /// Lower corner.
@@ -97,7 +97,7 @@ impl Aabb {
     /// The box without points: `+inf .. -inf`.
     pub const EMPTY: Self = Self { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3] };
 
-    /// True when no point is inside.
+    /// Returns true if no point is inside.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         (0..3).any(|k| self.min[k] > self.max[k])
@@ -120,7 +120,7 @@ impl Aabb {
         self.union(&Self { min: p, max: p })
     }
 
-    /// True if `other` lies inside (an empty box lies inside every box).
+    /// Returns true if `other` lies inside (an empty box lies inside every box).
     #[must_use]
     pub fn contains(&self, other: &Self) -> bool {
         other.is_empty() || (0..3).all(|k| self.min[k] <= other.min[k] && other.max[k] <= self.max[k])

@@ -85,7 +85,7 @@ impl PrimvarElements<'_> {
         self.indices.map_or(self.values.len(), |i| i.len())
     }
 
-    /// Position of element `k` in the values; `None` when its index is unusable.
+    /// Position of element `k` in the values; `None` if its index is unusable.
     fn position(&self, k: usize) -> Option<usize> {
         match self.indices {
             Some(indices) => indices.index(k).and_then(|i| usize::try_from(i).ok()),
@@ -96,7 +96,7 @@ impl PrimvarElements<'_> {
 
 /// Attribute values and the arrays they can be read from.
 pub(crate) trait AttributeValue: Copy {
-    /// True when the elements of a (not empty) array have a fitting type.
+    /// Returns true if the elements of a (not empty) array have a fitting type.
     fn has_type(values: &ArrayView<'_>) -> bool;
     /// The mean of some values; 0 if there are none.
     fn mean(values: impl Iterator<Item = Self>) -> Self;

@@ -41,8 +41,8 @@ pub(crate) struct RefinedMesh {
     pub(crate) notes: Vec<String>,
 }
 
-/// True if a mesh is refined at all. Ptex is laid out for authored faces, not for pieces of them: meshes with Ptex are
-/// not refined ([`DroppedData::unrefined_meshes`] counts them).
+/// Returns true if a mesh is refined at all. Ptex is laid out for authored faces, not for pieces of them: meshes with
+/// Ptex are not refined ([`DroppedData::unrefined_meshes`] counts them).
 pub(super) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
     match (&desc.shape, desc.subdivision) {
         // Lines are as wide as a pixel.

@@ -178,7 +178,7 @@ impl MeshSplitter<'_> {
         (members.len() <= 1 || cluster.device_bytes() <= self.max_bytes).then_some(cluster)
     }
 
-    /// True if `items` will fit into a cluster, as far as that can be estimated without their hierarchy.
+    /// Returns true if `items` will fit into a cluster, as far as that can be estimated without their hierarchy.
     fn fits(&self, items: &[SplitTriangle]) -> bool {
         let count = items.len() as u64;
         let later = self.mesh.keys.times.len().saturating_sub(1) as u64;

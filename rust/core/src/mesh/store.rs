@@ -10,8 +10,8 @@ use std::time::Duration;
 ///
 /// Called by several threads at once; must not wait for work of the rayon pool.
 pub trait MeshFiles: Send + Sync + Debug {
-    /// True if another process can find an entry again: then all meshes are added, not only those for which there is no
-    /// host memory.
+    /// Returns true if another process can find an entry again: then all meshes are added, not only those for which
+    /// there is no host memory.
     fn lasts(&self) -> bool;
 
     /// The entry of a key, written by this process or an earlier one.

@@ -133,7 +133,7 @@ fn split_quad(p: [DVec3; 4]) -> [[u32; 3]; 2] {
     if second > first { splits[1] } else { splits[0] }
 }
 
-/// True when every corner turns left, strictly, and the outline goes round once.
+/// Returns true if every corner turns left, strictly, and the outline goes round once.
 fn is_convex(flat: &[DVec2]) -> bool {
     let n = flat.len();
     let mut turns_of_x = 0;

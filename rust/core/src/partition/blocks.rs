@@ -59,7 +59,7 @@ impl RecordBlock {
         blocks
     }
 
-    /// True if the block consists of these items, whatever it was before.
+    /// Returns true if the block consists of these items, whatever it was before.
     pub(crate) fn is_of(&self, items: &[PlacementItem], lattice: &MortonLattice) -> bool {
         let mut block = Self { len: 0, peaks: [f32::NEG_INFINITY; 7], ..*self };
         items.iter().for_each(|item| block.add(lattice.peaks(item)));

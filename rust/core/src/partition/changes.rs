@@ -30,7 +30,7 @@ pub(super) struct MemberChanges {
 }
 
 impl MemberChanges {
-    /// True if some record of a chunk has another value of a primvar.
+    /// Returns true if some record of a chunk has another value of a primvar.
     pub(super) fn revalues(&self, chunk: &Chunk) -> bool {
         if self.revalued.is_empty() {
             return false;
@@ -64,7 +64,7 @@ impl MemberChanges {
         self.edited.iter().map(|(number, _, ranks)| (id(*number), &ranks[..])).collect()
     }
 
-    /// True if some record of a chunk is among the edited ones.
+    /// Returns true if some record of a chunk is among the edited ones.
     pub(super) fn edits(&self, edited: &FxHashMap<u32, &[u32]>, chunk: &Chunk) -> bool {
         let edited: Vec<_> = chunk.ids.iter().map(|id| edited.get(id)).collect();
         let is_edited = |at: usize| {

@@ -82,7 +82,7 @@ pub(crate) struct AssemblyMembers<'a> {
     pub(crate) members: &'a [AssemblyMember],
     /// Lasting id of each member.
     pub(crate) ids: &'a [u32],
-    /// True when all chunks keep the assembly's frame.
+    /// True if all chunks keep the assembly's frame.
     pub(crate) keeps_frame: bool,
 }
 
@@ -324,7 +324,7 @@ impl Chunk {
         Some((self.which.get(at).unwrap_or(0), *self.ranks.get(at)?))
     }
 
-    /// True if both have the same records of members, in the same order, with equal boxes.
+    /// Returns true if both have the same records of members, in the same order, with equal boxes.
     pub(crate) fn has_places_of(&self, other: &Self) -> bool {
         self.codes == other.codes
             && self.ids == other.ids

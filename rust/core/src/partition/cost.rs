@@ -104,7 +104,7 @@ pub(crate) struct CutRule<'a> {
 }
 
 impl CutRule<'_> {
-    /// True when `records` alone are too many.
+    /// Returns true if `records` alone are too many.
     pub(crate) fn is_too_long(&self, records: u64) -> bool {
         records > 1 && records.saturating_mul(self.record_bytes) > self.chunk_bytes
     }
@@ -114,7 +114,8 @@ impl CutRule<'_> {
         (self.chunk_bytes / self.record_bytes.max(1)).max(1)
     }
 
-    /// True if a cell of `records` that places `targets` (each once, with the number of placements) must be cut.
+    /// Returns true if a cell of `records` that places `targets` (each once, with the number of placements) must be
+    /// cut.
     pub(crate) fn must_cut(&self, records: u64, targets: &[(InstanceTarget, u64)]) -> bool {
         if records <= 1 {
             return false;

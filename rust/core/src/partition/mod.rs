@@ -61,8 +61,8 @@ pub(crate) fn at_once(bytes: u64, records: u64) -> u64 {
     (bytes / size_of::<PlacementItem>() as u64).max(records / ITEM_SHARE).max(1)
 }
 
-/// True if all of `records` placements are cut anew, stretch by stretch, because there are more `fresh` ones than may
-/// be items at once. False if these are a small part: then it would cost more time than it saves memory.
+/// Returns true if all of `records` placements are cut anew, stretch by stretch, because there are more `fresh` ones
+/// than may be items at once. False if these are a small part: then it would cost more time than it saves memory.
 pub(crate) fn cuts_in_stretches(fresh: u64, records: u64, at_once: u64) -> bool {
     fresh > at_once && fresh.saturating_mul(FRESH_SHARE) >= records
 }

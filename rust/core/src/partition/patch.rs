@@ -72,7 +72,7 @@ impl ChunkEdits {
         self.lost.len() + self.gained.len()
     }
 
-    /// True when a chunk is better patched than made anew.
+    /// Returns true if a chunk is better patched than made anew.
     pub(crate) fn are_few(&self, chunk: &Chunk) -> bool {
         chunk.len() >= FEW && self.len() * SHARE <= chunk.len()
     }

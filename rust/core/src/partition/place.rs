@@ -87,7 +87,7 @@ pub(crate) fn top_level(instances: &[ChunkInstance]) -> Bvh2 {
 }
 
 impl PartitionedWorld {
-    /// True when both place the same chunks at the same places.
+    /// Returns true if both place the same chunks at the same places.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let shared = |a: &[std::sync::Arc<Chunk>], b: &[std::sync::Arc<Chunk>]| {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| std::sync::Arc::ptr_eq(a, b))

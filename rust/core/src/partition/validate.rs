@@ -338,7 +338,7 @@ fn holds(b: &Aabb, p: DVec3) -> bool {
     (0..3).all(|k| f64::from(b.min[k]) <= p[k] && p[k] <= f64::from(b.max[k]))
 }
 
-/// True when the instance is the chunk placed by `frame`.
+/// Returns true if the instance is the chunk placed by `frame`.
 fn is_at(instance: &ChunkInstance, frame: &DAffine3, chunk: &Chunk) -> bool {
     let rows = instance.chunk_from_world.map(|row| DVec3::from(row.map(f64::from)));
     let origin = frame.transform_point3(chunk.origin());

@@ -42,7 +42,7 @@ impl IndexSet {
         range.map_while(|at| self.get(at))
     }
 
-    /// True if there is no number.
+    /// Returns true if there is no number.
     pub(crate) fn is_empty(&self) -> bool {
         self.get(0).is_none()
     }

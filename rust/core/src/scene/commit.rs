@@ -319,7 +319,7 @@ impl Snapshot {
         }
     }
 
-    /// True if both describe the same scene, by the identities of shared parts.
+    /// Returns true if both describe the same scene, by the identities of shared parts.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         fn shared<T>(a: &[Arc<T>], b: &[Arc<T>]) -> bool {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Arc::ptr_eq(a, b))

@@ -104,7 +104,7 @@ impl MeshEntry {
     }
 }
 
-/// True if bindings and collections are equal, and there are primvars of the same names.
+/// Returns true if bindings and collections are equal, and there are primvars of the same names.
 fn is_dressed_alike(a: &MeshDesc, b: &MeshDesc) -> bool {
     a.material == b.material
         && a.categories == b.categories

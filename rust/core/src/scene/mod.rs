@@ -100,7 +100,7 @@ pub struct SceneDb {
     material_edits: u64,
     /// Normalised purposes that are shown; empty = all.
     purposes: Vec<String>,
-    /// True when something was edited since the last commit.
+    /// True if something was edited since the last commit.
     edited: bool,
     mesh_store: MeshStore,
     surface_store: SurfaceStore,
@@ -293,7 +293,7 @@ impl SceneDb {
     }
 
     /// Sets the budget of all host memory, bytes, from the next commit on. A mesh that needs more to be built is left
-    /// out, with a warning; all others are built side by side as far as there is room ([`HostMemory::set_room`]). There
+    /// out, with a warning; all others are built in parallel as far as there is room ([`HostMemory::set_room`]). There
     /// is no limit before the first call. Nothing else of the result changes.
     pub fn set_host_budget(&mut self, bytes: u64) {
         let memory = &self.mesh_store.shelf.memory;

@@ -25,7 +25,7 @@ pub struct PlacementMotion {
 }
 
 impl PlacementMotion {
-    /// True if it does not move.
+    /// Returns true if it does not move.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.levels.is_empty()

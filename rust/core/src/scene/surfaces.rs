@@ -392,7 +392,7 @@ impl SurfaceTables {
         self.material_slots.extend(slots);
     }
 
-    /// Slots of a prim id; empty when it has none.
+    /// Slots of a prim id; empty if it has none.
     #[must_use]
     pub fn slots(&self, prim_id: i32) -> &[u32] {
         let index = usize::try_from(i64::from(prim_id) + 1).unwrap_or(usize::MAX);
@@ -414,7 +414,7 @@ impl SurfaceTables {
         }
     }
 
-    /// True if both are equal; materials are compared by address.
+    /// Returns true if both are equal; materials are compared by address.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         self.materials.len() == other.materials.len()
             && self.materials.iter().zip(&other.materials).all(|(a, b)| Arc::ptr_eq(a, b))

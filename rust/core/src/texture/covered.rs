@@ -204,7 +204,7 @@ impl CellBits {
         hasher.update(bytemuck::cast_slice(ring));
     }
 
-    /// True if a rectangle extends to where something is kept around the picture.
+    /// Returns true if a rectangle extends to where something is kept around the picture.
     fn leaves(&self, [low, high]: UvRegion) -> bool {
         let is_out = |axis: usize| self.wrap[axis] == Wrap::Black && (low[axis] < 0.0 || high[axis] > 1.0);
         self.is_around && (is_out(0) || is_out(1))

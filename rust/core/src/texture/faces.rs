@@ -95,7 +95,7 @@ impl FaceLayout {
         self.texels
     }
 
-    /// The block of a face in a class; `None` where it has none.
+    /// The block of a face in a class; `None` if it has none.
     #[must_use]
     pub fn block(&self, class: u32, face: u32) -> Option<FaceBlock> {
         let size = class_size(*self.log2.get(face as usize)?, class)?;

@@ -48,7 +48,7 @@ pub struct DeviceCapabilities {
 }
 
 impl DeviceCapabilities {
-    /// Names of required capabilities that are missing; empty when the device can be used.
+    /// Names of required capabilities that are missing; empty if the device can be used.
     #[must_use]
     pub fn missing(&self) -> Vec<&'static str> {
         if !self.vulkan_1_2 {

@@ -43,7 +43,7 @@ impl Gate {
         commands.wait_for(&self.pretended);
     }
 
-    /// Lets it run: by the drop of `self`.
+    /// Opens the gate by dropping `self`.
     pub(crate) fn open(self) {}
 }
 

@@ -24,7 +24,7 @@ struct Case {
     desc: fn() -> MeshDesc,
     limit: u64,
     at_once: usize,
-    /// It is cut out by a primvar.
+    /// True if it is cut out by a primvar.
     is_cut: bool,
 }
 
@@ -153,7 +153,7 @@ fn child(case: &Case) {
     let cluster_bytes = 8 << 20;
     let (at_once, foretold) =
         BuildFootprint::of(&desc, &demand, case.limit, cluster_bytes).within(u64::MAX, case.at_once);
-    // The most that was held begins anew.
+    // Resets the maximum of the memory held.
     std::fs::write("/proc/self/clear_refs", "5").expect("written");
     let before = status("VmRSS:");
     let cuts = ClusterLimits { limit_bytes: case.limit, cluster_bytes, at_once };

@@ -26,7 +26,7 @@ impl LinkTable {
         *self.categories.entry(name.clone()).or_insert(next)
     }
 
-    /// True when no light names a category.
+    /// Returns true if no light names a category.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.categories.is_empty()

@@ -137,7 +137,7 @@ impl Light {
         })
     }
 
-    /// True if the light adds nothing.
+    /// Returns true if the light adds nothing.
     #[must_use]
     pub fn is_black(&self) -> bool {
         let is_dark = self.radiance.iter().all(|&c| c <= 0.0);
@@ -215,7 +215,7 @@ fn distant_size(t: f64) -> f64 {
 
 /// The frame next to `m` whose axes are unit and perpendicular: z as the planes z = const face, x next to the x axis,
 /// and the handedness of `m`. A z axis that lies in the plane of the others, or is missing, is replaced by their
-/// normal. `None` when x and y do not span a plane.
+/// normal. `None` if x and y do not span a plane.
 fn orthonormal(m: &DMat3) -> Option<DMat3> {
     let normal = m.x_axis.normalize_or_zero().cross(m.y_axis.normalize_or_zero()).try_normalize()?;
     let mirrored = normal.dot(m.z_axis) < 0.0;

@@ -45,13 +45,13 @@ impl LocalShape {
         }
     }
 
-    /// True for shapes that no ray can meet.
+    /// Returns true for shapes that no ray can meet.
     #[must_use]
     pub fn is_thin(self) -> bool {
         matches!(self, Self::Point | Self::Line)
     }
 
-    /// True for shapes that emit to one side of a plane.
+    /// Returns true for shapes that emit to one side of a plane.
     #[must_use]
     pub fn is_flat(self) -> bool {
         self.half_box()[2] <= 0.0 && !self.is_thin()

@@ -297,7 +297,7 @@ impl<'a> CurveRadii<'a> {
         Self { interpolation, view: Ok(primvar.values.view()) }
     }
 
-    /// True if there are fewer widths than the interpolation needs.
+    /// Returns true if there are fewer widths than the interpolation needs.
     fn is_short(&self, curves: usize, points: usize, ends: usize) -> bool {
         let needed = match self.interpolation {
             Interpolation::Constant | Interpolation::Instance => 1,
