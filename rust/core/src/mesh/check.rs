@@ -109,8 +109,8 @@ impl Bvh4 {
         }
     }
 
-    /// As [`Self::validate_items`], for leaves whose boxes enclose only the parts of triangles that cutouts keep: no box
-    /// extends beyond its items.
+    /// As [`Self::validate_items`], for leaves whose boxes enclose only the parts of triangles that cutouts keep: no
+    /// box extends beyond its items.
     ///
     /// # Errors
     /// The first broken invariant.
