@@ -139,7 +139,7 @@ pub(crate) fn select_level(coarsest: u32, width: f32) -> (u32, f32) {
 fn texel_place(s: f32, size: u32) -> (i32, f32) {
     let bits = s.to_bits();
     let exponent = (bits >> 23) & 0xff;
-    // s is its mantissa / 2^shift; sizes above 4 do not occur.
+    // s is its mantissa / 2^shift; values above 4 do not occur.
     let shift = 150_u32.saturating_sub(exponent).max(1);
     if shift > 60 {
         return (-1, 0.5);

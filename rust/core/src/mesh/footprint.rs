@@ -181,7 +181,7 @@ impl ReadSize {
             let share = u128::from(loose) * u128::from(items) / u128::from(self.items.max(1));
             u64::try_from(share).unwrap_or(u64::MAX).saturating_add(NODES * items)
         };
-        // The copy in the tree's order is made when most of the tree's memory is freed again.
+        // The copy in the tree's order is made when most of the tree's memory is free again.
         let tree = |items: u64| (per_item * items).max(arranged(items) + 32 * items);
         let expected = device.saturating_mul(self.items).saturating_add(self.attributes);
         let whole = loose.saturating_add(self.covered).saturating_add(tree(self.items.min(limit_bytes / device)));

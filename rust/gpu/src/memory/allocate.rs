@@ -67,7 +67,7 @@ impl<'a> NewBuffer<'a> {
         }
         let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(lending::KIND);
         if usage == BufferUsage::Shared {
-            // The memory will be bound to no other object.
+            // The buffer will be bound to no other memory.
             info = info.push_next(&mut external);
         }
         // SAFETY: the device is alive, the size is not zero, the families differ and are the device's, and
