@@ -18,13 +18,13 @@ pub const SPEC_FEATURES_HIGH: u32 = 3;
 pub enum CarryRule {
     /// It selects another estimator, or needs memory that only its scenes have.
     Never,
-    /// For every scene.
+    /// It can be compiled in for every scene.
     Always,
-    /// For scenes whose light table allows it.
+    /// It can be compiled in for scenes whose light table allows it.
     Lights,
-    /// For scenes with materials.
+    /// It can be compiled in for scenes with materials.
     Materials,
-    /// For scenes with materials that are resident as a whole.
+    /// It can be compiled in for scenes with materials that are resident as a whole.
     MaterialsInCore,
 }
 

@@ -99,7 +99,7 @@ impl PushConstants {
         Self { first_sample: pack_band(band, self.first_sample + row), ..self }
     }
 
-    /// The same wave with rays of the kind that `flags` say.
+    /// The same wave with rays of the kind that `flags` name.
     #[must_use]
     pub fn flagged(self, flags: PushFlags) -> Self {
         Self { flags: flags.bits(), ..self }

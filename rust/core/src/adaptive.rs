@@ -229,7 +229,7 @@ impl AdaptiveSchedule {
     }
 
     fn list(&self, next: &[Vec<u8>; STREAMS], begin: u64, octave: u32) -> AdaptiveEpoch {
-        // By what they get: there are few different numbers.
+        // Pixels are grouped by the number of samples that they get, of which there are few different values.
         let parts: Vec<BTreeMap<u32, Vec<PixelStart>>> = (0..STREAMS)
             .flat_map(|stream| (0..self.trace.len().div_ceil(PART)).map(move |part| (stream, part * PART)))
             .collect::<Vec<_>>()

@@ -39,7 +39,7 @@ const PARTS: [f64; 4] = [0.0, 0.7, 1.0, STEEPEST];
 const DRIFT: (f64, f64) = (0.1, 0.15);
 /// Variance of the logarithm of the estimate that effects outside of the model add.
 const MODEL: f64 = 0.02;
-/// Two-sided 95 % of a normal distribution.
+/// Quantile of a two-sided 95 % interval of the normal distribution.
 const Z: f64 = 1.959_963_985;
 
 /// Sums over the pixels of a picture. `s` and `d`, defined in the lead of the module, are relative, squared and

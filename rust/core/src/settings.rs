@@ -17,7 +17,7 @@ pub use traversal::TraversalKind;
 /// A setting's value as hosts give it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SettingValue {
-    /// Also accepted as the integers 0 and 1.
+    /// A bool; the integers 0 and 1 are accepted too.
     Bool(bool),
     /// Also accepted where a float is wanted.
     Int(i64),
@@ -36,7 +36,7 @@ pub struct SettingInfo {
     pub name: &'static str,
     /// Default value.
     pub default: SettingValue,
-    /// One line of help.
+    /// Help text of one line.
     pub doc: &'static str,
     /// Audience; hosts list only settings for users.
     pub audience: SettingAudience,

@@ -243,7 +243,7 @@ pub struct StreamingStats {
     pub chunks_touched: u64,
     /// Chunks whose load completed.
     pub loads: u64,
-    /// Of these, chunks that had been resident before.
+    /// Part of `loads`: chunks that had been resident before.
     pub reloads: u64,
     /// Chunks evicted.
     pub evictions: u64,
@@ -297,14 +297,14 @@ pub struct StreamingStats {
     pub roulette_shadow_rays: u64,
     /// Number of loads that roulette has saved: no ray waited for the chunk any more.
     pub roulette_loads_saved: u64,
-    /// Of `scene_bytes`, bytes of textures.
+    /// Part of `scene_bytes` that is textures.
     pub texture_scene_bytes: u64,
     /// Of `geometry_bytes`, bytes of tiles of textures on the device now.
     pub texture_bytes: u64,
-    /// Of `loads`, tiles of textures.
+    /// Part of `loads` that is tiles of textures.
     pub texture_loads: u64,
-    /// Of `reloads`, tiles of textures.
+    /// Part of `reloads` that is tiles of textures.
     pub texture_reloads: u64,
-    /// Of `bytes_paged`, bytes of tiles of textures.
+    /// Part of `bytes_paged` that is tiles of textures.
     pub texture_bytes_paged: u64,
 }

@@ -19,17 +19,17 @@
 //! `submit::queue` (submits, keeps alive) -> `submit::open_device` (collects) -> `device::logical`, `memory::arena`
 //! (let go).
 //!
-//! Layers; a module uses none of a layer below it in this list, and no two use each other (`cargo xtask check` sees to
+//! Layers; a module uses none of a layer below it in this list, and no two use each other (`cargo xtask check` ensures
 //! it for the folders and for the modules beside this file):
-//! - `error`, what every layer gives.
-//! - `instance`, what is there and what of it is chosen. `lane`, `memory_type` and `select` are pure.
-//! - `device`, the `logical` one and its parts; what is compiled for it. `budget`, `retire`, `heap_counters` and
-//!   `options` are bookkeeping, without Vulkan's functions.
-//! - `memory`, what is made from it: buffers, arenas with ranges, parts of staging rings.
-//! - `submit`: `kept` is what command lists keep alive; `recorder` and `queue`; the `open_device` has the queues, and
-//!   takes back what they are done with.
-//! - What callers hold, beside this file: `gpu` first, then `range`, `buffer`, `heap_range`, `heap`, `pipeline`,
-//!   `host_view`, `submission`, last `commands` and `staging`.
+//! - `error`: the errors of every layer.
+//! - `instance`: the instance, its devices, and the choice of a device. `lane`, `memory_type` and `select` are pure.
+//! - `device`: the `logical` one and its parts, and the pipelines compiled for it. `budget`, `retire`, `heap_counters`
+//!   and `options` are bookkeeping, without Vulkan's functions.
+//! - `memory`: buffers, arenas with ranges, parts of staging rings.
+//! - `submit`: `kept` has the objects that command lists keep alive, then `recorder` and `queue`; the `open_device` has
+//!   the queues, and takes back the objects of finished submissions.
+//! - The types that callers hold, beside this file: `gpu` first, then `range`, `buffer`, `heap_range`, `heap`,
+//!   `pipeline`, `host_view`, `submission`, last `commands` and `staging`.
 #![allow(unsafe_code, reason = "this crate exists to contain it; one operation per block, each with its reason")]
 
 mod buffer;

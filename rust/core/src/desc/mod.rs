@@ -27,7 +27,7 @@ use crate::array::TypedArray;
 /// Rate at which a primvar has values on a mesh (`HdInterpolation`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Interpolation {
-    /// One value.
+    /// One value for the whole mesh.
     Constant,
     /// One value per face.
     Uniform,
@@ -259,7 +259,7 @@ pub struct NodeDesc {
 pub struct ParamDesc {
     /// Name without `inputs:`.
     pub name: Arc<str>,
-    /// Value.
+    /// Value of the input.
     pub value: ParamValue,
 }
 

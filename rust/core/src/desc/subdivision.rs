@@ -15,7 +15,7 @@ pub enum Subdivision {
     Bilinear,
     /// Catmull-Clark.
     CatmullClark,
-    /// Loop.
+    /// Loop's scheme, for triangles.
     Loop,
 }
 

@@ -52,7 +52,7 @@ pub struct InstanceRecord {
     pub prototype_count: u32,
     /// Box of the placed target in the assembly's frame: min, max. Conservative for the f32 matrix above.
     pub bounds: [[f32; 3]; 2],
-    /// Handedness.
+    /// Flags of the record: its handedness.
     pub flags: InstanceFlags,
     /// Number of keys of a moving record, of which `object_from_parent` is none (it is at the frame's own time);
     /// else 0.

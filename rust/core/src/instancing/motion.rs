@@ -26,7 +26,7 @@ pub struct MotionKey {
     pub time: f32,
     /// Half the angle to the rotation of the next key, radians, in [0, pi/2]; 0 for the last one.
     pub half_angle: f64,
-    /// Translation.
+    /// Translation of the frame's origin.
     pub translation: DVec3,
     /// Unit quaternion, on the same side as those of its neighbours.
     pub rotation: DQuat,

@@ -133,7 +133,7 @@ pub(crate) struct PlacedInstance {
     pub(crate) object_from_parent: [[f32; 4]; 3],
     /// Box in the parent's frame, rounded outward.
     pub(crate) bounds: Aabb,
-    /// Handedness.
+    /// Flags of the record: its handedness.
     pub(crate) flags: InstanceFlags,
 }
 

@@ -246,7 +246,7 @@ impl<'a> MaterialNames<'a> {
         }
     }
 
-    /// The names of what a displacement program reads.
+    /// The names that a displacement program reads.
     fn of_pattern(own: &'a PatternDisplacement) -> Self {
         Self {
             uv_sets: own.uv_sets.iter().map(|name| &**name).collect(),

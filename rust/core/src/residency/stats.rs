@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct ResidencyStats {
     /// Number of units whose load completed.
     pub loads: u64,
-    /// Of these, units that had been resident before.
+    /// Part of `loads`: units that had been resident before.
     pub reloads: u64,
     /// Of `loads`, units that no ray waited for when the load began.
     pub prefetches: u64,

@@ -33,7 +33,7 @@ pub struct SceneCounts {
     pub instanced_triangles: u128,
     /// Unique meshes.
     pub meshes: u64,
-    /// Assemblies.
+    /// Number of assemblies.
     pub assemblies: u64,
 }
 

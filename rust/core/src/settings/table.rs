@@ -48,7 +48,7 @@ pub(super) struct Row {
     pub(super) variable: &'static str,
     /// Label for user interfaces.
     pub(super) name: &'static str,
-    /// One line of help.
+    /// Help text of one line.
     pub(super) help: &'static str,
     /// Users to whom it is shown.
     pub(super) audience: SettingAudience,
@@ -105,7 +105,7 @@ macro_rules! settings {
             }
         }
 
-        /// In the order in which hosts show them.
+        /// The rows of all settings, in the order in which hosts show them.
         pub(super) const TABLE: &[Row] = &[$(Row {
             key: $key,
             variable: $variable,

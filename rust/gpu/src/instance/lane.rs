@@ -64,7 +64,7 @@ impl TimelinePoints {
     }
 }
 
-/// One queue of one family.
+/// The choice of one queue of one family.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct QueueChoice {
     pub(crate) family: u32,

@@ -67,7 +67,7 @@ macro_rules! leaf_kinds {
 }
 
 leaf_kinds! {
-    /// Triangles.
+    /// Triangles with three corners.
     Triangles: triangle, TRIANGLE;
     /// Hulls of two balls: `vertices[0]` and `vertices[1]` are the centres, `vertices[2]` has both radii and 0. Corners
     /// 0 and 2 are the first centre, corner 1 is the second one.
