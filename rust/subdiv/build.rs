@@ -6,7 +6,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The package whose folder holds OpenSubdiv's sources.
+/// Package whose folder contains OpenSubdiv's sources.
 const CARRIER: &str = "opensubdiv-petite-sys";
 /// Folders of OpenSubdiv that are compiled.
 const PARTS: [&str; 4] = ["sdc", "vtr", "far", "bfr"];
@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut shim = cxx_build::bridge("src/ffi.rs");
     shim.std("c++17").include(&cpp).flag("-isystem").flag(&root).file(cpp.join("subdiv/limitSurface.cpp"));
     hide(&mut shim);
-    // The linker wants a library behind those that use it.
+    // The linker wants a library after those that use it.
     shim.compile("oocpt_subdiv_cxx");
     library.compile("oocpt_opensubdiv");
     for file in ["limitSurface.h", "limitSurface.cpp", "siteTable.h"] {

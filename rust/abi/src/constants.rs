@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The numbers that host and shaders share, by their names in the shaders. The build writes a `const uint` of each.
+//! The constants that host and shaders share, by their names in the shaders. The build writes a `const uint` of each.
 
 use super::*;
 
-/// Entries of [`CONSTANTS`]: a constant of this crate by its own name, or `NAME = value`.
+/// Declares [`CONSTANTS`]: a constant of this crate by its own name, or `NAME = value`.
 macro_rules! constants {
     (@value $name:ident) => { $name };
     (@value $name:ident = $value:expr) => { $value };

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The table of features: what a scene and a frame may need, and what the passes are compiled without otherwise.
+//! The table of features that a scene and a frame may need. The passes are compiled without the others.
 //!
-//! A row is all there is to declare. Its place is its bit; the build writes `HAS_NAME` for the shaders from it, the
-//! renderer takes its words for the stats and `oocpt doctor` from it. `rust/render/src/specialise.rs` says when a frame
-//! needs it. Pure, any thread.
+//! A row is the only declaration of a feature. Its position is its bit; the build writes `HAS_NAME` for the shaders
+//! from it, the renderer takes its words for the stats and `oocpt doctor` from it. `rust/render/src/specialise.rs`
+//! decides when a frame needs it. Pure, any thread.
 
 use bitflags::bitflags;
 
@@ -18,13 +18,13 @@ pub const SPEC_FEATURES_HIGH: u32 = 3;
 pub enum CarryRule {
     /// It selects another estimator, or needs memory that only its scenes have.
     Never,
-    /// For every scene.
+    /// It can be compiled in for every scene.
     Always,
-    /// Where the light table allows it.
+    /// It can be compiled in for scenes whose light table allows it.
     Lights,
-    /// For scenes with materials.
+    /// It can be compiled in for scenes with materials.
     Materials,
-    /// For scenes with materials that are resident as a whole.
+    /// It can be compiled in for scenes with materials that are resident as a whole.
     MaterialsInCore,
 }
 
@@ -33,13 +33,13 @@ pub enum CarryRule {
 pub struct FeatureRow {
     /// As in `HAS_NAME` of the shaders and in the stats.
     pub name: &'static str,
-    /// Its bit.
+    /// Bit of the feature.
     pub bit: Features,
-    /// In words, for the stats.
+    /// Description in words, for the stats.
     pub what: &'static str,
-    /// Without all of these the shaders do not look at the bit. Rows above this one.
+    /// Features without all of which the shaders ignore the bit. They are rows above this one.
     pub needs: Features,
-    /// See [`CarryRule`].
+    /// Scenes that it can be compiled in for without need.
     pub carry: CarryRule,
 }
 
@@ -55,15 +55,15 @@ macro_rules! features {
         }
 
         bitflags! {
-            /// What the scene and the frame need; the passes are compiled without the rest (specialisation constants
-            /// [`SPEC_FEATURES`] and [`SPEC_FEATURES_HIGH`]).
+            /// The features that the scene and the frame need; the passes are compiled without the rest (specialisation
+            /// constants [`SPEC_FEATURES`] and [`SPEC_FEATURES_HIGH`]).
             #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
             pub struct Features: u64 {
                 $($(#[doc = $doc])+ $(#[cfg($only)])? const $name = 1 << (FeatureBit::$name as u32);)+
             }
         }
 
-        /// Every feature, by bit.
+        /// Rows of all features, by bit.
         pub const FEATURES: &[FeatureRow] = &[$($(#[cfg($only)])? FeatureRow {
             name: stringify!($name),
             bit: Features::$name,
@@ -75,9 +75,9 @@ macro_rules! features {
 }
 
 features! {
-    /// A dome light.
+    /// There is a dome light.
     DOME: "dome light", [], Always;
-    /// A distant light.
+    /// There is a distant light.
     DISTANT: "distant lights", [], Always;
     /// Some mesh has opacities: traversal decides per hit, stochastically.
     OPACITY: "opacity in traversal", [], Always;
@@ -85,25 +85,25 @@ features! {
     NORMALS: "interpolated normals", [], Always;
     /// Some mesh has colours; without it every surface is `FrameConstants::default_albedo`.
     COLORS: "colours", [], Always;
-    /// The camera has an open lens: `lens_u`, `lens_v`, `focus` count.
+    /// The camera has an open lens: `lens_u`, `lens_v`, `focus` are used.
     LENS: "lens", [], Always;
     /// Some instance record points to an assembly (needed when `MAX_LEVELS` > 1).
     INSTANCING: "nested instance levels", [], Always;
     /// Some dome has no texture: shadow rays towards it are sampled by the BSDF.
     DOME_SHADOW_RAYS: "shadow rays to constant domes", [DOME], Never;
-    /// Chunks may be absent: rays wait for them, paths live in segments. `FrameConstants::streaming` counts.
+    /// Chunks may be absent: rays wait for them, paths are in segments. `FrameConstants::streaming` is used.
     STREAMING: "streaming of what does not fit", [], Never;
     /// `StreamingPointers::unit_rays` counts the rays that entered each chunk and mesh.
     CHUNK_COUNTS: "counts of rays by chunk and mesh", [STREAMING], Never;
-    /// Rays that wait for a load that is too dear for what they bring may end (`StreamingPointers::roulette`).
+    /// Rays that wait for a load that is too expensive for their contribution may end (`StreamingPointers::roulette`).
     ROULETTE: "roulette on loads for stragglers", [STREAMING], Never;
-    /// Some mesh has a material: `FrameConstants::materials`, `prims` and `material_slots` count.
+    /// Some mesh has a material: `FrameConstants::materials`, `prims` and `material_slots` are used.
     MATERIALS: "materials, and tables of them", [], Never;
-    /// Some material reads a texture: `FrameConstants::textures` and `texture_pages` count.
+    /// Some material reads a texture: `FrameConstants::textures` and `texture_pages` are used.
     TEXTURES: "textures, and ray cones for them", [MATERIALS], MaterialsInCore;
     /// Some texture is Ptex.
     PTEX: "Ptex", [TEXTURES], MaterialsInCore;
-    /// Some material's opacity has to be asked for in traversal.
+    /// Some material's opacity has to be evaluated in traversal.
     CUTOUTS: "cutouts in traversal", [MATERIALS], MaterialsInCore;
     /// Some material lets light through.
     TRANSMISSION: "transmission", [MATERIALS], Materials;
@@ -113,42 +113,41 @@ features! {
     COAT: "coats", [MATERIALS], Materials;
     /// Some material is one of `OpenPBR`: glass and coat with inputs of their own.
     OPEN_PBR: "OpenPBR: tinted glass, coats of another index", [MATERIALS], Materials;
-    /// `Shading::sheen_color` counts.
+    /// `Shading::sheen_color` is used.
     SHEEN: "sheen, and tables of it", [MATERIALS], Never;
-    /// Some material has a lobe that is not the same all around.
+    /// Some material has an anisotropic lobe.
     ANISOTROPY: "anisotropy", [OPEN_PBR], Materials;
-    /// Some material has a film that interferes.
+    /// Some material has a thin film.
     THIN_FILM: "thin films", [OPEN_PBR], Materials;
-    /// Some material is a sheet without an inside.
+    /// Some material is a thin wall, without an inside.
     THIN_WALLS: "thin walls", [OPEN_PBR, TRANSMISSION], Materials;
-    /// Some material absorbs light on its way inside.
+    /// Some material absorbs light inside.
     ABSORPTION: "absorption inside", [OPEN_PBR, TRANSMISSION], Materials;
-    /// The index of some glass depends on the channel: a path that meets it has one channel from there on.
+    /// The index of some glass depends on the channel: a path that meets it continues with one channel.
     DISPERSION: "dispersion of glass", [OPEN_PBR, TRANSMISSION], Materials;
-    /// Some material is a fibre's. With lights that have a place their choice does not look at normals, as with
-    /// `TRANSMISSION`.
+    /// Some material is a fibre's. The choice of local lights then ignores normals, as with `TRANSMISSION`.
     HAIR: "hair", [OPEN_PBR], Never;
     /// Some material has a rough diffuse lobe.
     ROUGH_DIFFUSE: "rough diffuse reflection", [OPEN_PBR], Materials;
-    /// Some material has a program: `FrameConstants::programs` counts.
+    /// Some material has a program: `FrameConstants::programs` is used.
     PATTERNS: "programs of patterns", [MATERIALS], Materials;
-    /// Some material is one of several by chance: programs read random numbers of the hit.
+    /// Some material is chosen from several at random: programs read random numbers of the hit.
     MIXTURES: "mixtures by chance", [PATTERNS], Materials;
-    /// The opacity of some material is worked out by a program.
+    /// Some material's opacity is computed by a program.
     CUTOUT_PROGRAMS: "cutouts by programs", [CUTOUTS, PATTERNS], MaterialsInCore;
-    /// What textures say of some cutout is known in part without them: `GpuMaterial::cutout` counts.
+    /// Some cutout by textures has an opacity mask: `GpuMaterial::cutout` is used.
     OPACITY_MASKS: "masks of what is known of cutouts", [CUTOUTS, TEXTURES], Never;
-    /// Trace passes ask masks only; rays whose hit depends on what these do not know have passes of their own:
-    /// `FrameConstants::settle_queue` counts.
+    /// Trace passes ask masks only; rays whose hit the masks cannot decide have passes of their own:
+    /// `FrameConstants::settle_queue` is used.
     DEFERRED_CUTOUTS: "cutouts that no mask knows in passes of their own", [OPACITY_MASKS], Never;
     /// Some material emits light.
     EMISSION: "emission of surfaces", [MATERIALS], Materials;
     /// Some primvar has a value per instance: `primvars` of chunks and assemblies, and `FrameConstants::placed_values`,
-    /// count.
+    /// are used.
     INSTANCE_PRIMVARS: "primvars with a value per instance", [], Always;
     /// Some displayOpacity at instance rate is below 1.
     INSTANCE_OPACITY: "opacity with a value per instance", [INSTANCE_PRIMVARS, OPACITY], Always;
-    /// Lights with a place: rectangles, spheres, disks, cylinders; and the light tree.
+    /// Local lights: rectangles, spheres, disks, cylinders; and the light tree.
     LOCAL_LIGHTS: "local lights and light tree", [], Lights;
     /// Some light is shaped.
     SHAPING: "light shaping", [], Lights;
@@ -156,7 +155,7 @@ features! {
     IES: "IES profiles", [SHAPING], Lights;
     /// The dome has a texture.
     DOME_TEXTURE: "dome textures", [DOME], Lights;
-    /// Some light with a place has a texture.
+    /// Some local light has a texture.
     LIGHT_TEXTURE: "textures of rect lights", [LOCAL_LIGHTS], Lights;
     /// Some light lights or shadows only some prims.
     LIGHT_LINKS: "light linking", [], Lights;
@@ -166,11 +165,11 @@ features! {
     MESH_LIGHTS: "emissive meshes sampled as lights", [EMISSION], Lights;
     /// The emission of some such mesh is a texture's or a primvar's.
     MESH_LIGHT_VALUES: "emission of lights by textures and primvars", [MESH_LIGHTS], Lights;
-    /// The emission of some such mesh is a program's: `LightTablePointers::light_corners` counts.
+    /// The emission of some such mesh is a program's: `LightTablePointers::light_corners` is used.
     MESH_LIGHT_PROGRAMS: "emission of lights by programs", [PATTERNS, MESH_LIGHT_VALUES], Never;
-    /// Some light moves while the shutter is open: `LightTablePointers::light_keys` counts.
+    /// Some light moves while the shutter is open: `LightTablePointers::light_keys` is used.
     MOVING_LIGHTS: "motion of lights", [], Never;
-    /// Some mesh that is sampled as a light moves while the shutter is open: `LightTablePointers::mesh_motion` counts.
+    /// Some mesh that is sampled as a light moves while the shutter is open: `LightTablePointers::mesh_motion` is used.
     MOVING_MESH_LIGHTS: "motion of meshes sampled as lights", [MESH_LIGHTS], Never;
     /// Some mesh is made of hulls of two balls: curves.
     ROUND: "curves", [], Always;
@@ -178,21 +177,21 @@ features! {
     MOTION: "motion of placements", [], Always;
     /// The points of some mesh move while the shutter is open: paths have a time.
     DEFORMATION: "motion of points", [], Always;
-    /// The camera moves: `FrameConstants::camera_motion` counts.
+    /// The camera moves: `FrameConstants::camera_motion` is used.
     CAMERA_MOTION: "motion of the camera", [], Never;
-    /// The camera has clipping planes: `FrameConstants::clip_planes` counts.
+    /// The camera has clipping planes: `FrameConstants::clip_planes` is used.
     CLIPPING: "clipping planes", [], Never;
-    /// The image `motion` is wanted, and something may move: `AovTargets::motion` counts.
+    /// The image `motion` is wanted, and something may move: `AovTargets::motion` is used.
     MOTION_VECTORS: "motion over the image", [], Never;
-    /// An image is wanted that tells how surfaces are shaded: `normal`, `Neye` or `albedo`.
+    /// An image of the shading of surfaces is wanted: `normal`, `Neye` or `albedo`.
     SHADED_AOVS: "images of normals and albedo", [], Never;
-    /// Pixels have two streams of samples, and not all as many of them: `FrameConstants::adaptive` counts.
+    /// Pixels have two streams of samples, with different numbers of them: `FrameConstants::adaptive` is used.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
     /// Some mesh is made of balls: points.
     POINTS: "points", [], Always;
     /// The shadows of some light end at a distance.
     SHADOW_REACH: "shadows that end", [], Never;
-    /// The lobe that tests add.
+    /// Some material has the lobe that tests add.
     #[cfg(feature = "faults")]
     TOY_LOBE: "toy lobe", [MATERIALS], Never;
     /// Some mesh is made of the boxes that tests add.

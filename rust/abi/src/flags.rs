@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Flags and words that passes share among themselves and with native traversal, and those of materials: what a ray
-//! waits for, how far a path is, references to nodes.
+//! Flags and words that passes share among themselves and with native traversal, and those of materials: the state of a
+//! ray and of a path, references to nodes.
 //!
 //! Guarantees: numbers only. Any thread.
 
@@ -8,30 +8,30 @@ use super::{Features, FrameFlags, LightFlags, MaterialInput, MeshFlags, PatternG
 use bitflags::{Flags, bitflags};
 
 bitflags! {
-    /// Of `Ray::flags` and `ShadowRay::flags`, with streaming; [`pack_waiting`] adds the length of the pending list. 0
-    /// for a ray not yet traced.
+    /// Flags in `Ray::flags` and `ShadowRay::flags`, with streaming; [`pack_waiting`] adds the length of the pending
+    /// list. 0 for a ray not yet traced.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
     pub struct RayFlags: u32 {
-        /// The pending list counts.
+        /// The pending list is valid.
         const WAITED = 1;
-        /// The hit record counts.
+        /// The hit record is valid.
         const HIT = 2;
         /// There are more absent chunk instances than the list holds.
         const MORE = 4;
         /// The hit was found in this round.
         const CHANGED = 8;
-        /// The question counts; cutouts.
+        /// The deferred alpha test is valid; cutouts.
         const ASKED = 128;
-        /// Roulette has ended the ray: it goes on only to say so.
+        /// Roulette has ended the ray: it continues only to report it.
         const ENDED = 256;
     }
 }
 
-/// Where `Ray::flags` has the length of the pending list, three bits.
+/// Position of the length of the pending list in `Ray::flags`, three bits.
 pub const RAY_COUNT_SHIFT: u32 = 4;
 
-/// `Ray::flags` of a ray that waits for `count` units of its pending list (at most 7) or, with `more`, for others too;
-/// 0 for a ray that waits for none. `pack_waiting` of the shaders.
+/// Packs `Ray::flags` of a ray that waits for `count` units of its pending list (at most 7) or, with `more`, for others
+/// too; 0 for a ray that waits for none. As `pack_waiting` of the shaders.
 #[must_use]
 pub fn pack_waiting(count: u32, more: bool) -> u32 {
     match count {
@@ -43,32 +43,32 @@ pub fn pack_waiting(count: u32, more: bool) -> u32 {
     }
 }
 
-/// Length of the pending list in `Ray::flags`. `waiting_count` of the shaders.
+/// Length of the pending list in `Ray::flags`. As `waiting_count` of the shaders.
 #[must_use]
 pub const fn waiting_count(flags: u32) -> u32 {
     (flags >> RAY_COUNT_SHIFT) & 7
 }
 
 bitflags! {
-    /// How far the rays of a path are (`StreamingPointers::progress`).
+    /// Progress of the rays of a path (`StreamingPointers::progress`).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
     pub struct PathProgress: u32 {
         /// The shadow ray has finished, or there is none.
         const SHADOW_DONE = 1;
         /// The closest ray has finished, or there is none.
         const CLOSEST_DONE = 2;
-        /// It met something.
+        /// The closest ray met a surface.
         const CLOSEST_HIT = 4;
-        /// No closest ray: the path ends with its shadow ray.
+        /// There is no closest ray: the path ends with its shadow ray.
         const PATH_ENDS = 8;
     }
 }
 
-/// Where `ShadowRay::bounce` has the category of the prims that are in its way, with `Features::LIGHT_LINKS`.
+/// Position in `ShadowRay::bounce` of the category of the prims that block the ray, with `Features::LIGHT_LINKS`.
 pub const SHADOW_LINK_SHIFT: u32 = 16;
 
-/// Bounce and category of `ShadowRay::bounce`, with `Features::LIGHT_LINKS`. `shadow_bounce` and `shadow_link` of the
-/// shaders.
+/// Bounce and category of `ShadowRay::bounce`, with `Features::LIGHT_LINKS`. As `shadow_bounce` and `shadow_link` of
+/// the shaders.
 #[must_use]
 pub const fn unpack_shadow_bounce(word: u32) -> (u32, u32) {
     (word & ((1 << SHADOW_LINK_SHIFT) - 1), word >> SHADOW_LINK_SHIFT)
@@ -76,15 +76,15 @@ pub const fn unpack_shadow_bounce(word: u32) -> (u32, u32) {
 
 /// References of a walk: an inner node, or [`LEAF`] | (count - 1) << 28 | first, or [`ASK`], [`RETURN`], [`DONE`].
 pub const LEAF: u32 = 1 << 31;
-/// Of a chunk instance, which is never in a leaf with others: from the list of pending ones.
+/// Bit of a chunk instance, which never shares a leaf with others: it comes from the list of pending ones.
 pub const LISTED: u32 = 1 << 28;
-/// A candidate waits for its cutout to be looked up; never on the stack.
+/// Entry of a candidate whose cutout has to be looked up; never on the stack.
 pub const ASK: u32 = 0xffff_fffd;
-/// Back to the parent level.
+/// Entry of a stack that returns to the parent level.
 pub const RETURN: u32 = 0xffff_fffe;
-/// The end of the walk.
+/// Entry of a stack that ends the walk.
 pub const DONE: u32 = 0xffff_ffff;
-/// Reference of a child that is not there.
+/// Reference of an absent child.
 pub const ABSENT: u32 = 0xffff_ffff;
 
 macro_rules! material_flags {
@@ -95,7 +95,7 @@ macro_rules! material_flags {
         }
 
         bitflags! {
-            /// What a material needs: `GpuMaterial::flags`.
+            /// Features of a material: `GpuMaterial::flags`.
             #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
             pub struct MaterialFlags: u32 {
                 $($(#[doc = $doc])+ const $name = 1 << (MaterialBit::$name as u32);)+
@@ -103,7 +103,7 @@ macro_rules! material_flags {
         }
 
         impl MaterialFlags {
-            /// What of the passes materials with these flags need.
+            /// The features that the passes need for materials with these flags.
             #[must_use]
             pub fn features(self) -> Features {
                 let rows = [$((Self::$name, Features::empty()$(.union(Features::$feature))?)),+];
@@ -117,58 +117,57 @@ macro_rules! material_flags {
 material_flags! {
     /// `specularColor` is the reflectance at normal incidence; else metallic and ior give it.
     SPECULAR_WORKFLOW: [];
-    /// Opacity is whether the surface is there, asked for in traversal (`opacityThreshold` or `opacityMode`
-    /// presence).
+    /// Opacity decides if the surface exists, in traversal (`opacityThreshold` or `opacityMode` presence).
     PRESENCE: [CUTOUTS];
-    /// What opacity leaves is transmitted.
+    /// The part that opacity leaves is transmitted.
     TRANSMISSIVE: [TRANSMISSION];
-    /// Emits light.
+    /// It emits light.
     EMISSIVE: [EMISSION];
-    /// Has a clearcoat.
+    /// It has a clearcoat.
     COAT: [COAT];
-    /// Has a normal other than (0, 0, 1).
+    /// It has a normal other than (0, 0, 1).
     NORMAL_MAP: [];
-    /// Reads a texture.
+    /// It reads a texture.
     TEXTURED: [TEXTURES];
-    /// What is transmitted is, somewhere, by a rough surface.
+    /// It transmits, somewhere, through a rough surface.
     ROUGH_TRANSMISSION: [ROUGH_TRANSMISSION];
-    /// Reads a Ptex texture.
+    /// It reads a Ptex texture.
     PTEX: [PTEX];
-    /// Glass and coat have inputs of their own, as `OpenPBR` has them; opacity is whether the surface is there.
+    /// Glass and coat have inputs of their own, as in `OpenPBR`; opacity decides if the surface exists.
     OPEN_PBR: [OPEN_PBR];
-    /// Has fuzz.
+    /// It has fuzz.
     SHEEN: [SHEEN];
-    /// Some input is worked out by a program.
+    /// Some input is computed by a program.
     PATTERNS: [PATTERNS];
-    /// Opacity is.
+    /// The opacity is computed by a program.
     CUTOUT_PROGRAM: [CUTOUT_PROGRAMS];
     /// Some lobe is anisotropic.
     ANISOTROPIC: [ANISOTROPY];
-    /// Has a thin film.
+    /// It has a thin film.
     THIN_FILM: [THIN_FILM];
-    /// Absorbs light on its way inside.
+    /// It absorbs light inside.
     ABSORBING: [ABSORPTION];
-    /// Has no inside.
+    /// It has no inside.
     THIN_WALLED: [THIN_WALLS];
-    /// Is a fibre: some inputs mean something else ([`crate::MaterialInput`]).
+    /// It is a fibre: some inputs have another meaning ([`crate::MaterialInput`]).
     HAIR: [HAIR];
-    /// Has a rough diffuse lobe.
+    /// It has a rough diffuse lobe.
     ROUGH_DIFFUSE: [ROUGH_DIFFUSE];
-    /// The index of what transmits depends on the channel.
+    /// The index of refraction depends on the channel.
     DISPERSIVE: [DISPERSION];
-    /// Is one of several by chance: its program reads random numbers of the hit.
+    /// It is chosen from several at random: its program reads random numbers of the hit.
     MIXTURE: [MIXTURES];
-    /// Its normal is worked out from one of the world: it counts where a mesh has no tangents, too.
+    /// Its normal is computed from one in world space, so it is used for meshes without tangents too.
     FRAMED_NORMAL: [];
 }
 
-/// Side of a tile of a texture, texels.
+/// Side of a texture tile, texels.
 pub const TILE_SIDE: u32 = 128;
 /// Largest side of a level that shares a tile with those below, texels.
 pub const TAIL_SIDE: u32 = 64;
-/// Rows of the energy tables: cosines.
+/// Number of cosines in the energy tables.
 pub const TABLE_COSINE: u32 = 64;
-/// Rows of the energy tables: roughnesses.
+/// Number of roughnesses in the energy tables.
 pub const TABLE_ROUGHNESS: u32 = 48;
 
 /// Name and value of every flag that the build writes for the shaders: `PREFIX_NAME`.
@@ -218,7 +217,7 @@ mod tests {
         let of_materials = |feature: Features| {
             let row = FEATURES.iter().find(|row| row.bit == feature).expect("a row");
             let mut needs = row.needs;
-            // Rows need rows above them only.
+            // Rows need only rows above them.
             for above in FEATURES.iter().rev().filter(|above| above.bit.bits() < feature.bits()) {
                 needs |= if needs.contains(above.bit) { above.needs } else { Features::empty() };
             }

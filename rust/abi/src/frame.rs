@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a pass is given: the frame block, specialisation constants, and how to launch ([`super::PushConstants`] has the
-//! push constants).
+//! The inputs of a pass: the frame block, specialisation constants, and launch parameters ([`super::PushConstants`] has
+//! the push constants).
 //!
-//! Guarantees: plain data, of which the build makes the structs of the shaders. Any thread.
+//! Guarantees: plain data, from which the build makes the structs of the shaders. Any thread.
 
 use bitflags::bitflags;
 use bytemuck::{Pod, Zeroable};
@@ -10,61 +10,63 @@ use bytemuck::{Pod, Zeroable};
 /// Threads in every workgroup of every pass, along x.
 pub const WORKGROUP_SIZE: u32 = 64;
 
-/// Largest workgroup count along x that [`groups`] and `prepare_dispatch` ask for; more go along y.
-/// 2^15 keeps below the 65535 that every device grants.
+/// Largest workgroup count along x that [`groups`] and `prepare_dispatch` ask for; more go along y. 2^15 keeps below
+/// the 65535 that every device grants.
 pub const MAX_DIRECT_GROUPS: u32 = 1 << 15;
 
-/// Specialisation constant: instance records on the longest chain from a chunk's record to a mesh, 1..=16. The chunk
-/// instance itself does not count.
+/// Specialisation constant: number of instance records on the longest chain from a chunk's record to a mesh, 1..=16,
+/// without the chunk instance itself.
 pub const SPEC_MAX_LEVELS: u32 = 0;
 /// Specialisation constant: traversal stack entries: the depth of the top level's tree, plus the sum, over the levels
 /// of the deepest chain, of the depth of the deepest instance tree at that level (the chunk's first), plus the depth of
 /// the deepest mesh tree, plus `MAX_LEVELS` + 2, plus [`crate::MAX_PENDING`] with streaming.
 pub const SPEC_STACK_SIZE: u32 = 1;
 /// Specialisation constant of a build with the feature `faults`: with streaming, n > 0 has rays forget absent chunk
-/// instances whose number is n - 1, modulo [`FAULT_ONE_IN`], and go on without them; [`FAULT_ALL`] has them forget all.
+/// instances whose number is n - 1, modulo [`FAULT_ONE_IN`], and continue without them; [`FAULT_ALL`] has them forget
+/// all.
 #[cfg(feature = "faults")]
 pub const SPEC_FAULT: u32 = 4;
-/// See [`SPEC_FAULT`].
+/// Modulus of the numbers of chunk instances that [`SPEC_FAULT`] compares with its value.
 #[cfg(feature = "faults")]
 pub const FAULT_ONE_IN: u32 = 100;
-/// See [`SPEC_FAULT`].
+/// Value of [`SPEC_FAULT`] with which rays forget all absent chunk instances.
 #[cfg(feature = "faults")]
 pub const FAULT_ALL: u32 = u32::MAX;
 
-/// `arg0` of `prepare_dispatch`: queues for `intersect_closest` and `intersect_shadow`.
+/// Value of `arg0` of `prepare_dispatch`: queues for `intersect_closest` and `intersect_shadow`.
 pub const PREPARE_TRACE: u32 = 0;
-/// `arg0` of `prepare_dispatch`: queues for `shade_surface` and `shade_background`.
+/// Value of `arg0` of `prepare_dispatch`: queues for `shade_surface` and `shade_background`.
 pub const PREPARE_SHADE: u32 = 1;
-/// `arg0` of `prepare_dispatch`, streaming: arguments for what reads the deferred rays.
+/// Value of `arg0` of `prepare_dispatch`, streaming: arguments of the passes that read the deferred rays.
 pub const PREPARE_DEMAND: u32 = 2;
-/// `arg0` of `prepare_dispatch`, streaming with textures: arguments for `resolve_materials`.
+/// Value of `arg0` of `prepare_dispatch`, streaming with textures: arguments for `resolve_materials`.
 pub const PREPARE_RESOLVE: u32 = 3;
-/// `arg0` of `prepare_dispatch`, deferred cutouts: arguments for `settle_closest` and `settle_shadow`.
+/// Value of `arg0` of `prepare_dispatch`, deferred cutouts: arguments for `settle_closest` and `settle_shadow`.
 pub const PREPARE_SETTLE: u32 = 4;
-/// `arg0` of `sort_deferred_scan`: blocks of [`SCAN_BLOCK`] counts, each for itself.
+/// Value of `arg0` of `sort_deferred_scan`: blocks of [`SCAN_BLOCK`] counts, each by itself.
 pub const SCAN_BLOCKS: u32 = 0;
-/// `arg0` of `sort_deferred_scan`: the sums of the blocks.
+/// Value of `arg0` of `sort_deferred_scan`: it scans the sums of the blocks.
 pub const SCAN_SUMS: u32 = 1;
-/// Counts that a workgroup of `sort_deferred_scan` takes.
+/// Number of counts that a workgroup of `sort_deferred_scan` takes.
 pub const SCAN_BLOCK: u32 = 1024;
-/// `arg0` of `shade_aovs`: the rays that met something.
+/// Value of `arg0` of `shade_aovs`: the rays that met a surface.
 pub const AOV_SURFACES: u32 = 0;
-/// `arg0` of `shade_aovs`: the rays that left the scene.
+/// Value of `arg0` of `shade_aovs`: the rays that left the scene.
 pub const AOV_ESCAPED: u32 = 1;
 
 bitflags! {
     /// Switches of a frame that do not need another pipeline (`FrameConstants::flags`).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
     pub struct FrameFlags: u32 {
-        /// A camera ray that escapes sees `FrameConstants::dome_background` with alpha 1; else it leaves (0, 0, 0, 0).
+        /// A camera ray that escapes sees `FrameConstants::dome_background` with alpha 1; otherwise it gives (0, 0, 0,
+        /// 0).
         const DOME_CAMERA_VISIBLE = 1;
     }
 }
 
 shared! {
-    /// Where `shade_aovs` writes: device addresses of tightly packed planes, pixel `y * width + x`, row 0 at the
-    /// bottom. 0 = not wanted. [`crate::aov_bytes`] gives bytes per pixel.
+    /// Outputs of `shade_aovs`: device addresses of tightly packed planes, pixel `y * width + x`, row 0 at the bottom.
+    /// 0 = not wanted. [`crate::aov_bytes`] gives bytes per pixel.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct AovTargets {
         /// f32, clip z/w mapped from [-1, 1] to [0, 1].
@@ -73,17 +75,17 @@ shared! {
         pub camera_depth: u64,
         /// i32, `GpuInstance::prim_id` of the record that holds the mesh.
         pub prim_id: u64,
-        /// i32, instances numbered through all instancer levels, outer to inner.
+        /// i32, number of the instance through all instancer levels, outer to inner.
         pub instance_id: u64,
         /// i32, `GpuTriangle::face`.
         pub element_id: u64,
         /// f32x3, world normal, unit, on the authored side of the surface.
         pub normal: u64,
-        /// f32x3, the same in view space.
+        /// f32x3, the shading normal in view space.
         pub neye: u64,
         /// f32x3, diffuse albedo, linear.
         pub albedo: u64,
-        /// f32x3, pixels to the right and up and camera depth that the surface moves by from the shutter's opening to
+        /// f32x3, pixels to the right and up and camera depth by which the surface moves from the shutter's opening to
         /// its closing; written by `record_surfaces` with both `Features::STREAMING` and `Features::MOTION_VECTORS`.
         pub motion: u64,
         /// f32, samples so far; written by `count_samples`.
@@ -92,34 +94,34 @@ shared! {
 }
 
 shared! {
-    /// What `shade_aovs` writes where nothing is hit, plane by plane.
+    /// Values that `shade_aovs` writes where a ray leaves the scene, plane by plane.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct AovClear {
-        /// Clear value of the plane of this name.
+        /// Clear value of `depth`.
         pub depth: f32,
-        /// Clear value of the plane of this name.
+        /// Clear value of `camera_depth`.
         pub camera_depth: f32,
-        /// Clear value of the plane of this name.
+        /// Clear value of `prim_id`.
         pub prim_id: i32,
-        /// Clear value of the plane of this name.
+        /// Clear value of `instance_id`.
         pub instance_id: i32,
-        /// Clear value of the plane of this name.
+        /// Clear value of `element_id`.
         pub element_id: i32,
-        /// Clear value of the plane of this name.
+        /// Clear value of `normal`.
         pub normal: [f32; 3],
-        /// Clear value of the plane of this name.
+        /// Clear value of `neye`.
         pub neye: [f32; 3],
-        /// Clear value of the plane of this name.
+        /// Clear value of `albedo`.
         pub albedo: [f32; 3],
-        /// Clear value of the plane of this name.
+        /// Clear value of `motion`.
         pub motion: [f32; 3],
-        /// 0.
+        /// Padding; 0.
         pub pad: u32,
     }
 }
 
 shared! {
-    /// Everything about a frame that all passes share; lives in device memory, written by the host before the first
+    /// The parameters of a frame that all passes share. It is in device memory, and the host writes it before the first
     /// wave. World means: relative to `Snapshot::origin`, the frame of the root assembly.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
     pub struct FrameConstants {
@@ -142,7 +144,7 @@ shared! {
         pub hits: u64,
         /// [`crate::PathState`] per path.
         pub paths: u64,
-        /// f32x4 (rgb, alpha) per path, of what it has brought so far.
+        /// f32x4 (rgb, alpha) per path, its contribution so far.
         pub radiance: u64,
         /// Two queues of u32 path numbers, wave size, used in turn: round `r` reads `ray_queue[r & 1]`. 4-byte aligned,
         /// as are all queues.
@@ -153,10 +155,10 @@ shared! {
         pub surface_queue: u64,
         /// Queue of the paths whose ray left the scene, wave size.
         pub escaped_queue: u64,
-        /// Queues of the paths whose ray, and whose shadow ray, depends on a cutout that no mask knows, wave size; 0
+        /// Queues of the paths whose ray, and whose shadow ray, depends on a cutout that no mask decides, wave size; 0
         /// without `Features::DEFERRED_CUTOUTS`.
         pub settle_queue: [u64; 2],
-        /// Hit records of the candidate that such a path depends on, by its place in the queue; 16-byte aligned.
+        /// Hit records of the candidate that such a path depends on, by its index in the queue; 16-byte aligned.
         pub settle_hits: [u64; 2],
         /// One [`crate::StreamingPointers`]; 0 without `Features::STREAMING`.
         pub streaming: u64,
@@ -164,32 +166,32 @@ shared! {
         pub counters: u64,
         /// [`crate::FilmPixel`] per pixel `y * width + x`. Zero before the first wave. 16-byte aligned.
         pub film: u64,
-        /// f32x4 per pixel `y * width + x`, row 0 at the bottom: what `resolve` writes. 16-byte aligned.
+        /// Output of `resolve`: f32x4 per pixel `y * width + x`, row 0 at the bottom. 16-byte aligned.
         pub color: u64,
-        /// What `shade_aovs` writes.
+        /// Outputs of `shade_aovs`.
         pub aov: AovTargets,
-        /// What `shade_aovs` writes where nothing is hit.
+        /// Values that `shade_aovs` writes where a ray leaves the scene.
         pub aov_clear: AovClear,
-        /// What `resolve` puts under the picture: `color = premultiplied + clear_color * (1 - alpha)`.
+        /// Colour that `resolve` puts under the picture: `color = premultiplied + clear_color * (1 - alpha)`.
         pub clear_color: [f32; 4],
         /// Camera ray of image point (px, py), pixel centres at + 0.5: origin `ray_o + ray_o_lo + px * ray_o_x + py *
         /// ray_o_y`.
         pub ray_o: [f32; 3],
-        /// What `ray_o` lacks of the camera's place in f64, at most half an ulp of it.
+        /// Difference of the camera's position in f64 from `ray_o`, at most half an ulp of it.
         pub ray_o_lo: [f32; 3],
-        /// See `ray_o`.
+        /// Change of `ray_o` per pixel to the right.
         pub ray_o_x: [f32; 3],
-        /// See `ray_o`.
+        /// Change of `ray_o` per pixel up.
         pub ray_o_y: [f32; 3],
         /// Direction `ray_d + px * ray_d_x + py * ray_d_y`, of length 1 along the view axis, normalised by the pass.
         pub ray_d: [f32; 3],
-        /// See `ray_d`.
+        /// Change of `ray_d` per pixel to the right.
         pub ray_d_x: [f32; 3],
-        /// See `ray_d`.
+        /// Change of `ray_d` per pixel up.
         pub ray_d_y: [f32; 3],
-        /// Lens axes, world, times the lens radius.
+        /// Lens x axis, world, times the lens radius.
         pub lens_u: [f32; 3],
-        /// See `lens_u`.
+        /// Lens y axis, world, times the lens radius.
         pub lens_v: [f32; 3],
         /// Distance of the plane in focus along the view axis.
         pub focus: f32,
@@ -215,35 +217,35 @@ shared! {
         pub max_bounces: u32,
         /// Bits of [`FrameFlags`].
         pub flags: u32,
-        /// Threads of a round that trace its rays, at most and rounded up to workgroups: where there are more rays,
-        /// each takes some, one after the other.
+        /// Largest number of threads of a round that trace its rays, rounded up to workgroups: if there are more rays,
+        /// each thread takes several, one after the other.
         pub most_walkers: u32,
-        /// See `clip_planes`.
+        /// Number of clipping planes at `clip_planes`.
         pub clip_plane_count: u32,
         /// Table of materials; 0 without `Features::MATERIALS`, as the next two.
         pub materials: u64,
         /// Table of prims, by prim id + 1.
         pub prims: u64,
-        /// u32 material numbers, where the prims say.
+        /// u32 material numbers, indexed by the slots of the prims.
         pub material_slots: u64,
         /// Table of textures; 0 without `Features::TEXTURES`, as the next.
         pub textures: u64,
         /// Page tables of the textures.
         pub texture_pages: u64,
-        /// f32x2 per path: width of the ray's cone at its origin, and how much it grows per unit of length; 0 without
+        /// f32x2 per path: width of the ray's cone at its origin, and its growth per unit of length; 0 without
         /// `Features::TEXTURES`. 8-byte aligned.
         pub cones: u64,
         /// Albedo tables of the BSDF; 0 without `Features::MATERIALS`.
         pub bsdf_tables: u64,
         /// One [`crate::LightTablePointers`].
         pub lighting: u64,
-        /// 16 B per path: what lights that a ray meets need to know of where it left; 0 where none asks.
+        /// 16 B per path: the data about a ray's origin that lights need when a ray meets them; 0 if none needs them.
         pub light_paths: u64,
         /// Table of values as [`crate::GpuChunk::primvars`], by `GpuChunkInstance::row`; 0 without any.
         pub placed_values: u64,
         /// One [`AdaptiveSampling`]; 0 without `Features::ADAPTIVE`.
         pub adaptive: u64,
-        /// One [`crate::TextureFeedback`]; 0 where all tiles are there, and with `Features::STREAMING`.
+        /// One [`crate::TextureFeedback`]; 0 if all tiles are resident, and with `Features::STREAMING`.
         pub texture_feedback: u64,
         /// Programs of the materials; 0 without `Features::PATTERNS`.
         pub programs: u64,
@@ -255,11 +257,11 @@ shared! {
         pub clip_planes: u64,
         /// Pixel x of a point = dot of this with (v, 1), v in view space, over that of `clip_w`.
         pub pixel_x: [f32; 4],
-        /// Pixel y, likewise.
+        /// Row that gives the pixel y of a point.
         pub pixel_y: [f32; 4],
-        /// What `resolve` multiplies the film's colour by.
+        /// Factor of the film's colour in `resolve`.
         pub exposure: f32,
-        /// What keeps the relative error of a black pixel finite, in units of the film: 0.01 of the picture's.
+        /// Summand that keeps the relative error of a black pixel finite, in units of the film: 0.01 of the picture's.
         pub error_floor: f32,
     }
 }
@@ -272,28 +274,28 @@ shared! {
     pub struct ClipPlane {
         /// `begins` at image point (0, 0), and its change per pixel to the right and up.
         pub begins: [f32; 3],
-        /// Its change, and that of `-slope * FrameConstants::focus`, by the lens point's x.
+        /// Change of `begins`, and of `-slope * FrameConstants::focus`, by the lens point's x.
         pub lens_x: f32,
         /// `slope` at image point (0, 0), and its change per pixel to the right and up.
         pub slope: [f32; 3],
-        /// As `lens_x`, by its y.
+        /// Change by the lens y, as `lens_x` by its x.
         pub lens_y: f32,
     }
 }
 
 shared! {
-    /// Which samples the paths of an epoch are, with `Features::ADAPTIVE`. The film then has a [`crate::FilmPixel`] for
-    /// each pixel of stream 0 and behind all of them one for each of stream 1; `PushConstants::first_pixel` is an
-    /// entry, and `PushConstants::first_sample` a row, with the band from bit 26 on.
+    /// The samples of the paths of an epoch, with `Features::ADAPTIVE`. The film then has a [`crate::FilmPixel`] for
+    /// each pixel of stream 0, followed by one for each of stream 1; `PushConstants::first_pixel` is an entry, and
+    /// `PushConstants::first_sample` a row, with the band from bit 26 on.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct AdaptiveSampling {
         /// u32x2 each: number of the pixel in trace order, with the stream in the highest bit; first sample. 8-byte
         /// aligned.
         pub entries: u64,
-        /// u32 by octave & 7, stream, pixel: estimates by the first `2^octave` samples, as two halves
+        /// u32 by octave & 7, stream, pixel: estimates from the first `2^octave` samples, as two halves
         /// (`oocpt_core::adaptive::VarianceEstimate`).
         pub estimates: u64,
-        /// Entries of each band.
+        /// Number of entries of each band.
         pub width: [u32; 32],
     }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The structs that host and shaders share: what declares them, and the list of them.
+//! The structs that host and shaders share: the macro that declares them, and their list.
 //!
 //! Guarantees: a struct of `shared!` is declared once. The build writes its twin for the shaders
 //! (`generated/structs.glsl`), and compares offsets and sizes in the SPIR-V with those that the Rust compiler gives.
@@ -9,31 +9,31 @@ use super::*;
 /// A member of a struct.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MemberLayout {
-    /// Name, equal in GLSL.
+    /// Name in Rust and in GLSL.
     pub name: &'static str,
     /// Type in Rust.
     pub rust: &'static str,
-    /// Type in GLSL where that does not follow from the one in Rust.
+    /// Type in GLSL if it does not follow from the one in Rust.
     pub glsl: Option<&'static str>,
-    /// Bytes from the start of the struct.
+    /// Offset in the struct, bytes.
     pub offset: usize,
     /// Bytes of the member.
     pub size: usize,
 }
 
-/// How a struct is laid out.
+/// The layout of a struct.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StructLayout {
-    /// Name, equal in GLSL.
+    /// Name in Rust and in GLSL.
     pub name: &'static str,
-    /// Bytes of the struct, and stride of arrays of it.
+    /// Size of the struct, and stride of its arrays, bytes.
     pub size: usize,
     /// Members in order.
     pub members: &'static [MemberLayout],
 }
 
-/// Declares a struct that shaders have, too. In GLSL arrays of two to four `f32`, and of three `u32`, are vectors;
-/// where another type is meant there, it stands behind the member's: `pub power: [f32; 2] = "float[2]"`.
+/// Declares a struct that the shaders have too. In GLSL arrays of two to four `f32`, and of three `u32`, are vectors;
+/// if another type is meant there, it follows the member's: `pub power: [f32; 2] = "float[2]"`.
 macro_rules! shared {
     (@glsl) => { None };
     (@glsl $type:literal) => { Some($type) };
@@ -65,7 +65,7 @@ macro_rules! shared {
     };
 }
 
-/// Every struct that crosses, after those that it has as members.
+/// Every struct that host and shaders share, after the structs of its members.
 pub const LAYOUTS: &[StructLayout] = &[
     PushConstants::LAYOUT,
     TextureFeedback::LAYOUT,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What host and compute shaders agree on, declared once: structs and the table of their layouts, flags, features,
+//! The interface of host and compute shaders, declared once: structs and the table of their layouts, flags, features,
 //! constants, the tables of lobes, leaf kinds and light shapes, and the sampler.
 //!
 //! Guarantees: plain data and pure functions. No Vulkan, no shader compiler, no state: every crate may use it, the

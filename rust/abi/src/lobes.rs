@@ -1,51 +1,51 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The table of BSDF lobes. The build writes from it what goes through all of them: chances, sampling and evaluation
-//! (`generated/lobes.glsl`, `generated/lobe_functions.glsl`).
+//! The table of BSDF lobes. From it the build writes the code that goes through all lobes: probabilities, sampling and
+//! evaluation (`generated/lobes.glsl`, `generated/lobe_functions.glsl`).
 //!
-//! A row is all there is to declare; the lobe itself is `shaders/material/bsdf/lobes/NAME.glsl`, and
-//! `shaders/material/bsdf/lobe.glsl` says which functions it has. Pure, any thread.
+//! A row is the only declaration of a lobe in the tables; its code is `shaders/material/bsdf/lobes/NAME.glsl`, and
+//! `shaders/material/bsdf/lobe.glsl` lists the functions that it has. Pure, any thread.
 
 use super::Features;
 
-/// The normal that a lobe is about: it counts for directions on the same side of it as they are of the surface.
+/// The normal of a lobe: the lobe is evaluated for directions that are on the same side of it as of the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LobeNormal {
     /// The shading normal.
     Shading,
-    /// That of the specular layers, which is bent to see the viewer.
+    /// The normal of the specular layers, which is bent towards the viewer.
     Layers,
 }
 
-/// Where a lobe's light goes.
+/// Sides of the surface to which a lobe scatters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LobeSides {
-    /// To the viewer's side.
+    /// It scatters to the viewer's side.
     Reflects,
-    /// To both.
+    /// It scatters to both sides.
     Both,
 }
 
-/// Which of a light's two multipliers counts.
+/// The one of a light's two multipliers that a lobe uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LobePart {
-    /// `inputs:diffuse`.
+    /// The multiplier `inputs:diffuse`.
     Diffuse,
-    /// `inputs:specular`.
+    /// The multiplier `inputs:specular`.
     Specular,
 }
 
 /// A row of [`LOBES`].
 #[derive(Debug, Clone, Copy)]
 pub struct LobeRow {
-    /// Of its file and its functions.
+    /// Name of its file and its functions.
     pub name: &'static str,
-    /// Without all of these it is not compiled in.
+    /// Features without all of which it is not compiled in.
     pub needs: Features,
-    /// The normal that it is about.
+    /// Normal of the lobe.
     pub normal: LobeNormal,
-    /// Where its light goes.
+    /// Sides to which it scatters.
     pub sides: LobeSides,
-    /// Which of a light's multipliers counts.
+    /// Multiplier of lights that it uses.
     pub part: LobePart,
 }
 
@@ -74,14 +74,14 @@ lobes! {
     toy_lobe: [TOY_LOBE], Layers, Reflects, Specular;
 }
 
-/// The lobe that may be all of a surface: Lambert.
+/// The lobe that may be the only one of a surface: Lambert.
 pub const LOBE_ALONE: &str = "diffuse";
 
-/// The order in which albedos are added. Sums of floats depend on it, so it stays as pictures know it; lobes that are
-/// not here come after these.
+/// The order in which albedos are added. Sums of floats depend on it, so it stays as it was; lobes that are not listed
+/// come after these.
 pub const LOBES_ADDED: &[&str] = &["coat", "specular", "diffuse", "scatter", "glass", "glass_scatter", "sheen"];
 
-/// The same of values and densities.
+/// The order in which values and densities are evaluated.
 pub const LOBES_EVALUATED: &[&str] = &["scatter", "diffuse", "glass_scatter", "specular", "coat", "sheen", "glass"];
 
 /// Every lobe, `first` before the others.

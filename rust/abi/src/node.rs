@@ -2,7 +2,7 @@
 //! Nodes of trees: four children to a node, their boxes in 8 bits per plane on a grid of the node's own (after Ylitie,
 //! Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs").
 //!
-//! Guarantees: plain data, of which the build makes the structs of the shaders. Any thread.
+//! Guarantees: plain data, from which the build makes the structs of the shaders. Any thread.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -11,41 +11,41 @@ shared! {
     /// first, then leaves.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct Bvh4Node {
-        /// Lower corner of the grid, the bits of three floats.
+        /// Lower corner of the grid, as the bits of three floats.
         pub origin: [u32; 3],
         /// From the lowest byte: the exponents of the cell's edges, biased as in floats and never 0; then, two bits to
         /// a child, the triangles of a leaf (1 to 3), 0 for an inner or absent child.
         pub cell_and_counts: u32,
-        /// Per axis, a byte to a child from the lowest: its lower plane, in cells from the origin.
+        /// Lower planes: per axis, a byte for each child from the lowest, in cells from the origin.
         pub lower: [u32; 3],
-        /// The same of the upper planes.
+        /// Upper planes of the children's boxes, as `lower`.
         pub upper: [u32; 3],
-        /// Node of the first inner child, the others follow; in the four highest bits how many there are.
+        /// Index of the first inner child, the others follow; the four highest bits have their number.
         pub first_child: u32,
-        /// First triangle of the first leaf, the others follow; below 2^28, as nodes and instances. Of points, leaves
+        /// First triangle of the first leaf, the others follow; below 2^28, as nodes and instances. For points, leaves
         /// count bundles.
         pub first_triangle: u32,
     }
 }
 
-/// What a child is.
+/// The contents of a child.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NodeChild {
-    /// A node.
+    /// An inner node, by its index.
     Inner(u32),
-    /// Triangles.
+    /// A leaf with items.
     Leaf {
-        /// The first one, in BVH order.
+        /// Index of the first item, in BVH order.
         first: u32,
-        /// How many.
+        /// Number of items.
         count: u32,
     },
-    /// Nothing.
+    /// There is no child.
     Absent,
 }
 
 impl Bvh4Node {
-    /// Place of the number of inner children in `first_child`.
+    /// Position of the number of inner children in `first_child`.
     pub const INNER_SHIFT: u32 = 28;
 
     /// Edge of a cell along `axis`.
@@ -54,7 +54,7 @@ impl Bvh4Node {
         f64::from(f32::from_bits((self.cell_and_counts >> (8 * axis) & 255) << 23))
     }
 
-    /// Lower and upper plane of child `at` along `axis`, exact but for the rounding of double precision.
+    /// Lower and upper plane of child `at` along `axis`, exact up to the rounding of double precision.
     #[must_use]
     pub fn planes(&self, at: usize, axis: usize) -> [f64; 2] {
         let origin = f64::from(f32::from_bits(self.origin[axis]));
@@ -62,7 +62,7 @@ impl Bvh4Node {
             .map(|planes| origin + f64::from(planes >> (8 * at) & 255) * self.cell(axis))
     }
 
-    /// What child `at` (0 to 3) is.
+    /// The contents of child `at` (0 to 3).
     #[must_use]
     pub fn child(&self, at: u32) -> NodeChild {
         let count = |at: u32| self.cell_and_counts >> (24 + 2 * at) & 3;
@@ -77,21 +77,21 @@ impl Bvh4Node {
 }
 
 shared! {
-    /// Node of a hierarchy over boxes of instances, 64 B: grid and planes as those of [`Bvh4Node`], but children are
-    /// named one by one. The root is node 0.
+    /// Node of a hierarchy over boxes of instances, 64 B: grid and planes as those of [`Bvh4Node`], but with a
+    /// reference to each child. The root is node 0.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct LevelNode {
-        /// As [`Bvh4Node::origin`].
+        /// Lower corner of the grid, as [`Bvh4Node::origin`].
         pub origin: [u32; 3],
         /// Exponents as in [`Bvh4Node::cell_and_counts`], no counts.
         pub cell: u32,
-        /// As [`Bvh4Node::lower`].
+        /// Lower planes, as [`Bvh4Node::lower`].
         pub lower: [u32; 3],
-        /// As [`Bvh4Node::upper`].
+        /// Upper planes, as [`Bvh4Node::upper`].
         pub upper: [u32; 3],
         /// A node, [`crate::LEAF`] and the number of a box, or [`crate::ABSENT`].
         pub child: [u32; 4],
-        /// 0.
+        /// Padding; 0.
         pub pad: [u32; 2],
     }
 }

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Numbers that the passes and the host compute with. The build writes a `const float` of each for the shaders.
+//! Floating-point constants that the passes and the host share. The build writes a `const float` of each for the
+//! shaders.
 
-/// Longest chain of instance records below a chunk instance.
+/// Length of the longest chain of instance records below a chunk instance.
 pub const MAX_LEVELS: u32 = 16;
 
-/// The set of samples that the time of a path is the first coordinate of; those of bounces are numbered from 0.
+/// Set of samples whose first coordinate is the time of a path; those of bounces are numbered from 0.
 pub const TIME_SET: u32 = 0x4000_0000;
 
-/// Above the number of an item that is no triangle: that of its second surface.
+/// Bit of the number of an item other than a triangle: its second surface.
 pub const SECOND_SURFACE: u32 = 1 << 31;
 
-/// Of `GpuCutout::modes`: the mask is of a set of files.
+/// Bit of `GpuCutout::modes`: the mask is of a set of files.
 pub const MASK_SET: u32 = 1 << 7;
 
 macro_rules! floats {
@@ -24,29 +25,29 @@ macro_rules! floats {
 
 floats! {
     /// The slab test multiplies the far distance by this (Ize 2013, "Robust BVH Ray Traversal"): 1 + 2 (gamma(5) + 2.5
-    /// units in the last place), rounded up. The distance to a plane of a node rounds five times, and Vulkan lets the
-    /// reciprocals be off by as much as that. (Ize counts on planes in floats and correct rounding: 1 + 2 gamma(3).)
+    /// units in the last place), rounded up. The distance to a plane of a node rounds five times, and Vulkan allows
+    /// reciprocals an error of as much as that. (Ize assumes planes in floats and correct rounding: 1 + 2 gamma(3).)
     SLAB_PAD = 1.000_001_2;
     /// Boxes are culled only this far behind the closest hit, so that rounding hides no equally close one.
     CULL_PAD = 1.000_003_8;
     /// A little more than 1 / [`CULL_PAD`].
     ENTRY_SCALE = 0.999_996_4;
-    /// Times the largest component of an origin in the world: boxes are padded by this, which covers the origin's low
-    /// part (2^-24) and the rounding of the padding itself.
+    /// Factor of the largest component of an origin in the world: boxes are padded by this, which covers the origin's
+    /// low part (2^-24) and the rounding of the padding itself.
     TOP_PAD = 1.8e-7;
-    /// Times the largest coordinate of the ray's origin and of the mesh: how far beside a triangle the rounding of its
-    /// edge functions (14 units of 2^-24 of a corner's distance) can see it met, and eight more for the planes of boxes
-    /// (`shaders/traversal/node.glsl`). Boxes in meshes are padded by that: else the triangle that takes a ray at a
-    /// shared edge may be in a box that the ray passes by (Woop et al. 2013, 3.1).
+    /// Factor of the largest coordinate of the ray's origin and of the mesh: the distance beside a triangle at which
+    /// the rounding of its edge functions (14 units of 2^-24 of a corner's distance) can find a hit, and eight more for
+    /// the planes of boxes (`shaders/traversal/node.glsl`). Boxes in meshes are padded by that: otherwise the triangle
+    /// that takes a ray at a shared edge may be in a box that the ray misses (Woop et al. 2013, 3.1).
     MESH_PAD = 2.1e-6;
-    /// A triangle is seen along its plane below this squared cosine.
+    /// Squared cosine below which a triangle counts as seen along its plane.
     GRAZING = 1.0e-4;
-    /// How many widths of a filter go to the length of a lookup's ellipse, at most.
+    /// Largest ratio of the length of a lookup's ellipse to the width of its filter.
     MOST_ANISOTROPY = 16.0;
-    /// Surfaces that are less rough are sharp.
+    /// Surfaces with less roughness count as sharp.
     SHARP_ROUGHNESS = 0.01;
-    /// In place of the offset of a fibre, which is in -1..1: its normal says where it is met.
+    /// Stands in place of the offset of a fibre, which is in -1..1: its normal gives the position.
     HAIR_BY_NORMAL = 2.0;
-    /// Steps along u and v of a packed Ptex place: 17 bits each.
+    /// Number of steps along u and v of a packed Ptex position: 17 bits each.
     PTEX_STEPS = 131_072.0;
 }

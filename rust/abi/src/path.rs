@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Path state and queues of the wavefront.
 //!
-//! Guarantees: plain data, of which the build makes the structs of the shaders. Any thread.
+//! Guarantees: plain data, from which the build makes the structs of the shaders. Any thread.
 
 use bytemuck::{Pod, Zeroable};
 use core::mem::offset_of;
 
 shared! {
-    /// A ray to find the closest hit of, 48 B; one per path.
+    /// A ray whose closest hit is wanted, 48 B; one per path.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
     pub struct Ray {
         /// Origin, world, high part.
         pub o: [f32; 3],
-        /// Bounce: 0 = camera ray.
+        /// Number of the bounce; 0 = camera ray.
         pub bounce: u32,
         /// Direction, world, unit up to rounding.
         pub d: [f32; 3],
-        /// Hits must lie nearer than this; +inf.
+        /// Upper limit of the distance of a hit; +inf.
         pub t_max: f32,
         /// Origin, low part: at most half an ulp of `o`, component by component.
         pub o_lo: [f32; 3],
-        /// With streaming: how far the ray has come ([`super::RayFlags`]). 0 for a ray not yet traced.
+        /// With streaming: state of the ray ([`super::RayFlags`]). 0 for a ray not yet traced.
         pub flags: u32,
     }
 }
@@ -31,37 +31,38 @@ shared! {
     pub struct PathState {
         /// Product of BSDF weights and roulette so far.
         pub throughput: [f32; 3],
-        /// Density, per solid angle, with which the last bounce chose the ray's direction.
+        /// Density per solid angle with which the last bounce chose the ray's direction.
         pub pdf: f32,
     }
 }
 
 shared! {
-    /// A ray that adds `contribution` to its path's radiance unless something is in the way, 64 B; one per path. Starts
+    /// A ray that adds `contribution` to its path's radiance unless a prim blocks it, 64 B; one per path. It starts
     /// with the members of [`Ray`].
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
     pub struct ShadowRay {
         /// Origin, world, high part.
         pub o: [f32; 3],
-        /// Bounce of the ray that met the surface it starts from. With `Features::LIGHT_LINKS` in the low 16 bits;
-        /// above them the category of the prims that are in its way, 0 for all: [`super::unpack_shadow_bounce`].
+        /// Bounce of the ray that met the surface from which this one starts. With `Features::LIGHT_LINKS` it has the
+        /// low 16 bits; above them is the category of the prims that block the ray, 0 for all:
+        /// [`super::unpack_shadow_bounce`].
         pub bounce: u32,
         /// Direction, world, unit up to rounding.
         pub d: [f32; 3],
-        /// Blockers must lie nearer than this; +inf for lights at infinity.
+        /// Upper limit of the distance of blockers; +inf for lights at infinity.
         pub t_max: f32,
         /// Origin, low part.
         pub o_lo: [f32; 3],
-        /// As [`Ray::flags`].
+        /// Flags, as [`Ray::flags`].
         pub flags: u32,
-        /// What the path gains, linear rgb.
+        /// Contribution of the light to the path, linear rgb.
         pub contribution: [f32; 3],
-        /// The share that it gains in shadow, of [`pack_color`].
+        /// Share of the contribution that remains in shadow, of [`pack_color`].
         pub in_shadow: u32,
     }
 }
 
-/// Ten bits for each channel of a colour, from 0 to 1; `unpack_color` of the shaders takes it apart.
+/// Packs a colour in ten bits for each channel, from 0 to 1; `unpack_color` of the shaders unpacks it.
 #[must_use]
 pub fn pack_color(color: [f32; 3]) -> u32 {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to ten bits")]
@@ -69,7 +70,7 @@ pub fn pack_color(color: [f32; 3]) -> u32 {
     r | g << 10 | b << 20
 }
 
-/// As `unpack_color` of the shaders.
+/// Unpacks a colour, as `unpack_color` of the shaders.
 #[must_use]
 pub fn unpack_color(color: u32) -> [f32; 3] {
     #[allow(clippy::cast_precision_loss, reason = "ten bits")]
@@ -82,16 +83,16 @@ pub const RAY_BYTES: u32 = size_of::<Ray>() as u32;
 /// Bytes of a [`ShadowRay`].
 #[allow(clippy::cast_possible_truncation, reason = "small")]
 pub const SHADOW_RAY_BYTES: u32 = size_of::<ShadowRay>() as u32;
-/// Words of a [`Ray`], and of the same members of a [`ShadowRay`], by which traversal reads and writes them alone.
+/// Words of a [`Ray`], and of the same members of a [`ShadowRay`], that traversal reads and writes.
 pub const RAY_WORD_BOUNCE: u32 = word(offset_of!(Ray, bounce), offset_of!(ShadowRay, bounce));
-/// See [`RAY_WORD_BOUNCE`].
+/// Word of `t_max` in both structs, as [`RAY_WORD_BOUNCE`].
 pub const RAY_WORD_T_MAX: u32 = word(offset_of!(Ray, t_max), offset_of!(ShadowRay, t_max));
-/// See [`RAY_WORD_BOUNCE`].
+/// Word of `flags` in both structs, as [`RAY_WORD_BOUNCE`].
 pub const RAY_WORD_FLAGS: u32 = word(offset_of!(Ray, flags), offset_of!(ShadowRay, flags));
 /// Word of [`ShadowRay::in_shadow`].
 pub const RAY_WORD_IN_SHADOW: u32 = word(offset_of!(ShadowRay, in_shadow), offset_of!(ShadowRay, in_shadow));
 
-/// The word at an offset that both structs have.
+/// The word of a member that has the same offset in both structs.
 #[allow(clippy::cast_possible_truncation, reason = "within a struct of 64 bytes")]
 const fn word(of_ray: usize, of_shadow_ray: usize) -> u32 {
     assert!(of_ray == of_shadow_ray && of_ray.is_multiple_of(4), "a shadow ray begins as a ray");
@@ -119,20 +120,20 @@ shared! {
 }
 
 shared! {
-    /// Queue lengths, what `prepare_dispatch` makes of them, and totals.
+    /// Queue lengths, the dispatch arguments that `prepare_dispatch` computes from them, and totals.
     ///
     /// The host zeroes all of it once before the first wave of a render; between waves nothing needs zeroing. The
     /// totals grow until the host zeroes them again (between waves, at the offsets up to
     /// [`WavefrontCounters::TOTALS_BYTES`]).
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct WavefrontCounters {
-        /// Total: closest-hit rays traced (those of AOVs left out). A ray that waited and went on counts once.
+        /// Total: closest-hit rays traced (without those of AOVs). A ray that waited and continued counts once.
         pub closest_rays: u64,
-        /// Total: shadow rays traced, likewise.
+        /// Total: shadow rays traced, without rays that continue.
         pub shadow_rays: u64,
         /// Total, streaming: visits of chunk instances whose chunk was resident.
         pub chunk_visits: u64,
-        /// Total, streaming: times that a ray was deferred.
+        /// Total, streaming: number of times that a ray was deferred.
         pub chunk_misses: u64,
         /// Total: contributions, and samples of their sums, that were NaN or infinite and were dropped.
         pub nonfinite: u32,
@@ -142,70 +143,71 @@ shared! {
         /// Paths in `FrameConstants::ray_queue[i]`. After a submission of streaming that ended before round `r`,
         /// `ray_count[r & 1]` rays and `shadow_count` shadow rays are ready to be traced.
         pub ray_count: [u32; 2],
-        /// Paths in `FrameConstants::surface_queue`.
+        /// Number of paths in `FrameConstants::surface_queue`.
         pub surface_count: u32,
-        /// Paths in `FrameConstants::escaped_queue`.
+        /// Number of paths in `FrameConstants::escaped_queue`.
         pub escaped_count: u32,
-        /// Paths in `FrameConstants::shadow_queue`.
+        /// Number of paths in `FrameConstants::shadow_queue`.
         pub shadow_count: u32,
-        /// Which of the two lists of deferred rays is in use: `deferred_count[deferred_parity]` rays wait.
+        /// The one of the two lists of deferred rays that is in use: `deferred_count[deferred_parity]` rays wait.
         pub deferred_parity: u32,
-        /// Entries in `StreamingPointers::deferred[i]`.
+        /// Number of entries in `StreamingPointers::deferred[i]`.
         pub deferred_count: [u32; 2],
-        /// Not yet in `chunk_visits`.
+        /// Visits that are not yet in `chunk_visits`.
         pub visits: u32,
-        /// Not yet in `chunk_misses`.
+        /// Misses that are not yet in `chunk_misses`.
         pub misses: u32,
-        /// Rays in the queue that went on after a wait: not counted again.
+        /// Number of rays in the queue that continued after a wait, which are not counted again.
         pub resumed_rays: u32,
-        /// The same for shadow rays.
+        /// Number of shadow rays that continue.
         pub resumed_shadows: u32,
-        /// Where in the ray queue sorted rays begin.
+        /// First sorted ray in the ray queue.
         pub ray_base: u32,
-        /// Where in the shadow queue sorted rays begin.
+        /// First sorted ray in the shadow queue.
         pub shadow_base: u32,
-        /// For `record_surfaces`.
+        /// Arguments of `record_surfaces`.
         pub ray_args: IndirectArgs,
-        /// For `shade_surface`.
+        /// Arguments of `shade_surface`.
         pub surface_args: IndirectArgs,
-        /// For `shade_background`.
+        /// Arguments of `shade_background`.
         pub escaped_args: IndirectArgs,
-        /// For `intersect_shadow`.
+        /// Arguments of `intersect_shadow`.
         pub shadow_args: IndirectArgs,
-        /// For `count_demand`, `sort_deferred_count` and `sort_deferred_scatter`.
+        /// Arguments of `count_demand`, `sort_deferred_count` and `sort_deferred_scatter`.
         pub deferred_args: IndirectArgs,
-        /// Slots that ended paths gave back, all together; wraps.
+        /// Total number of slots that ended paths gave back; wraps.
         pub freed: u32,
-        /// Total, streaming with textures: times that a material was deferred; wraps.
+        /// Total, streaming with textures: number of times that a material was deferred; wraps.
         pub tile_misses: u32,
-        /// Paths in `StreamingPointers::resolve_queue`; 0 between submissions.
+        /// Number of paths in `StreamingPointers::resolve_queue`; 0 between submissions.
         pub resolve_count: u32,
-        /// Where in that queue sorted paths begin.
+        /// First sorted path in the queue of `resolve_materials`.
         pub resolve_base: u32,
-        /// For `resolve_materials`.
+        /// Arguments of `resolve_materials`.
         pub resolve_args: IndirectArgs,
         /// Total: rounds that had a ray to trace or a material to resolve; wraps.
         pub busy_rounds: u32,
-        /// For `intersect_closest`.
+        /// Arguments of `intersect_closest`.
         pub trace_args: IndirectArgs,
-        /// In the ray queue, the first ray that no thread has begun.
+        /// First ray of the ray queue that no thread has begun.
         pub ray_next: u32,
-        /// In the shadow queue, likewise.
+        /// First ray of the shadow queue that no thread has begun.
         pub shadow_next: u32,
-        /// For `retire_paths`.
+        /// Arguments of `retire_paths`.
         pub retire_args: IndirectArgs,
-        /// Of [`WavefrontCounters::freed`], those that `retire_paths` has moved away before: it begins here.
+        /// Beginning of the range of retired paths: number of those of [`WavefrontCounters::freed`] that `retire_paths`
+        /// has moved before.
         pub retired_from: u32,
-        /// It ends here.
+        /// End of the range of retired paths.
         pub retired_to: u32,
-        /// Paths in `FrameConstants::settle_queue[i]`.
+        /// Number of paths in `FrameConstants::settle_queue[i]`.
         pub settle_count: [u32; 2],
-        /// In those queues the first path that no thread has begun.
+        /// First path of those queues that no thread has begun.
         pub settle_next: [u32; 2],
-        /// For `settle_closest` and `settle_shadow`.
+        /// Arguments of `settle_closest` and `settle_shadow`.
         pub settle_args: [IndirectArgs; 2],
-        /// Total: the complement of the least `y * width + x` of the pixels of [`WavefrontCounters::nonfinite`],
-        /// whatever the order in which they came; 0 = none.
+        /// Total: complement of the least `y * width + x` of the pixels of [`WavefrontCounters::nonfinite`], whatever
+        /// their order; 0 = none.
         pub nonfinite_pixel: u32,
     }
 }

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Pattern programs and inputs of materials: their operations, what a surface gives them, and what they work out. Each
-//! has a number, its place in its list. Any thread.
+//! Pattern programs and inputs of materials: the operations, the geometry that a surface provides, and the inputs that
+//! are computed. Each has a number, which is its position in its list. Any thread.
 
-/// Lookups of a program for opacity, at most: with streaming the values of all but one are kept with a ray's question.
+/// Largest number of lookups of a program for opacity: with streaming the values of all but one are stored with a ray's
+/// deferred alpha test.
 pub const CUTOUT_LOOKUPS: u32 = 4;
-/// Registers of a program, f32x4 each; operands from here on are its constants.
+/// Number of registers of a program, f32x4 each; operands from here on are its constants.
 pub const PROGRAM_REGISTERS: u32 = 32;
 
 /// An enum whose variants are numbered in their order. The build writes a `const uint` of each for the shaders:
@@ -19,12 +20,12 @@ macro_rules! numbered {
         }
 
         impl $name {
-            /// How many there are.
+            /// Number of variants.
             pub const COUNT: usize = [$(stringify!($variant)),+].len();
-            /// All of them, by their numbers.
+            /// All variants, by their numbers.
             pub const ALL: [Self; Self::COUNT] = [$(Self::$variant),+];
 
-            /// Names and numbers for the shaders.
+            /// Names and numbers of the constants in the shaders.
             pub(crate) fn constants() -> impl Iterator<Item = (String, u32)> {
                 Self::ALL.into_iter().map(|one| (upper_case($prefix, &format!("{one:?}")), u32::from(one as u8)))
             }
@@ -32,7 +33,7 @@ macro_rules! numbered {
     };
 }
 
-/// `RgbToHsv` is `RGB_TO_HSV`.
+/// Converts a name to upper case: `RgbToHsv` is `RGB_TO_HSV`.
 fn upper_case(prefix: &str, name: &str) -> String {
     let mut text = String::from(prefix);
     for letter in name.chars() {
@@ -45,9 +46,9 @@ fn upper_case(prefix: &str, name: &str) -> String {
 }
 
 numbered! {
-    /// What an instruction of a pattern program does. `a`, `b`, `c` are its operands; by component unless said
-    /// otherwise. What is undefined in `MaterialX` (a division by 0, a root of a negative number) gives 0 here. Results
-    /// that are no finite numbers are 0, and so are those below 2^-126; there is no -0.
+    /// An operation of a pattern program. `a`, `b`, `c` are its operands; operations are by component unless said
+    /// otherwise. Results that are undefined in `MaterialX` (a division by 0, a root of a negative number) are 0 here.
+    /// Results that are not finite are 0, and so are those below 2^-126; there is no -0.
     PatternOp, "PATTERN" {
         /// a.
         Move,
@@ -63,17 +64,17 @@ numbered! {
         Modulo,
         /// |a|.
         Absolute,
-        /// -1, 0 or 1.
+        /// Sign of a: -1, 0 or 1.
         Sign,
-        /// The integer not above a.
+        /// Largest integer not above a.
         Floor,
-        /// The integer not below a.
+        /// Smallest integer not below a.
         Ceil,
         /// floor(a + 0.5), without rounding in between.
         Round,
         /// a - floor(a).
         Fract,
-        /// a to the power of b; 1 where b, else 0 where a = 0. Of a negative a only with a whole b.
+        /// a to the power of b; 1 if b = 0, else 0 if a = 0. For a negative a only with a whole b.
         Power,
         /// Square root.
         Sqrt,
@@ -93,15 +94,15 @@ numbered! {
         Acos,
         /// Angle of the vector (b, a).
         Atan2,
-        /// The lesser.
+        /// The lesser of a and b.
         Min,
-        /// The greater.
+        /// The greater of a and b.
         Max,
         /// a (1 - c) + b c.
         Mix,
         /// a limited to b..c.
         Clamp,
-        /// Hermite step of a from b to c; 1 where a >= c, else 0 where a <= b.
+        /// Hermite step of a from b to c; 1 if a >= c, else 0 if a <= b.
         Smoothstep,
         /// a b + c.
         MultiplyAdd,
@@ -121,10 +122,10 @@ numbered! {
         Equal,
         /// a where c is not 0, else b.
         Select,
-        /// Component k is the one of a that bits 3k to 3k + 2 of `immediate` say: 0 to 3, 4 = the number 0, 5 = the
+        /// Component k is the one of a that bits 3k to 3k + 2 of `immediate` select: 0 to 3, 4 = the number 0, 5 = the
         /// number 1.
         Swizzle,
-        /// Component k is that of b where bit k of `immediate` is set, else that of a.
+        /// Component k is that of b if bit k of `immediate` is set, else that of a.
         Blend,
         /// Hue, saturation, value of a colour, alpha as it is.
         RgbToHsv,
@@ -146,7 +147,7 @@ numbered! {
         /// F3, 0), 3 cell noise of the nearest point in all components (`MaterialX`'s style 1), 4 the same as a vector
         /// (`mx_cell_noise_vec3`; w = 0).
         Worley2,
-        /// The same in 3D, of a.xyz.
+        /// `mx_worley_noise_float` in 3D, of a.xyz.
         Worley3,
         /// Fractal sum of Perlin noise (3D) of a.xyz: b = (octaves, lacunarity, diminish), at most 32 octaves;
         /// `immediate`: 0 one number in all components, 1 a vector in xyz and the number at a.xyz + (19, 193, 17) in w,
@@ -154,46 +155,46 @@ numbered! {
         Fractal3,
         /// The same in 2D, of a.xy; the offset is (19, 193).
         Fractal2,
-        /// What the surface has: `immediate` is a [`PatternGeometry`].
+        /// A value of the surface: `immediate` is a [`PatternGeometry`].
         Surface,
         /// The texel of a lookup of the program (`oocpt_materialx::program::ProgramLookup`), whose number is the low
-        /// byte of `immediate`: at a.xy, or with bit 8 at the place that the lookup's own map says.
+        /// byte of `immediate`: at a.xy, or with bit 8 at the coordinates that the lookup's own map gives.
         Texture,
     }
 }
 
 numbered! {
-    /// What [`PatternOp::Surface`] gives. Vectors in the world unless said otherwise.
+    /// A value that [`PatternOp::Surface`] gives. Vectors are in world space unless said otherwise.
     PatternGeometry, "GEOMETRY" {
         /// The first set of texture coordinates of the material, (u, v, 0, 0).
         Uv0,
-        /// The second.
+        /// Second set of texture coordinates.
         Uv1,
         /// The first primvar of the material, or its fallback.
         Primvar0,
-        /// The second.
+        /// Second primvar of the material, or its fallback.
         Primvar1,
         /// The point, relative to the origin of the world.
         Position,
         /// The shading normal, unit.
         Normal,
-        /// Unit, where u grows.
+        /// Tangent: unit, in the direction in which u grows.
         Tangent,
-        /// Unit, where v grows.
+        /// Bitangent: unit, in the direction in which v grows.
         Bitangent,
-        /// Unit, from the viewer to the surface (as `MaterialX` has it).
+        /// Unit vector from the viewer to the surface (as in `MaterialX`).
         ViewDirection,
         /// A random number of the hit, uniform in [0, 1), in all components: it chooses between slabs that are mixed.
-        /// Not in programs for opacity or emission.
+        /// Not available in programs for opacity or emission.
         Random0,
-        /// Another one, independent of the first.
+        /// A random number that is independent of the first.
         Random1,
-        /// A third one.
+        /// A random number that is independent of the first two.
         Random2,
-        /// Unit, world, at right angles to the normal: the tangent of the frame that [`crate::MaterialInput::Normal`]
-        /// is told in. [`Self::Tangent`] where the mesh has one, else any.
+        /// Unit vector in world space, perpendicular to the normal: the tangent of the frame of
+        /// [`crate::MaterialInput::Normal`]. [`Self::Tangent`] if the mesh has one, else any.
         FrameX,
-        /// Its bitangent.
+        /// Bitangent of that frame.
         FrameY,
     }
 }
@@ -204,57 +205,58 @@ impl PatternGeometry {
 }
 
 numbered! {
-    /// Inputs of the one BSDF, by their places in `GpuMaterial::inputs`.
+    /// Inputs of the BSDF, by their indices in `GpuMaterial::inputs`.
     ///
-    /// Of a fibre (`chiang_hair_bsdf`) some mean something else: `DiffuseColor`, `SpecularColor`, `TransmissionColor`
+    /// For a fibre (`chiang_hair_bsdf`) some have another meaning: `DiffuseColor`, `SpecularColor`, `TransmissionColor`
     /// are the tints of R, TT and TRT; `Anisotropy` is variance along the fibre and scale of the logistic across it, of
-    /// R, then of TT; `ThinFilm` the same of TRT, and the tilt of the cuticle in radians; `Absorption` is by the
-    /// fibre's radius; `Normal` is where a ribbon is met across its width.
+    /// R, then of TT; `ThinFilm` is the same of TRT, and the tilt of the cuticle in radians; `Absorption` is per radius
+    /// of the fibre; `Normal` is the position of the hit across the width of a ribbon.
     MaterialInput, "INPUT" {
         /// Diffuse reflectance, and reflectance of the metallic part.
         DiffuseColor,
-        /// Radiance.
+        /// Emitted radiance.
         EmissiveColor,
         /// Reflectance at normal incidence, in the specular workflow.
         SpecularColor,
         /// Share of metal.
         Metallic,
-        /// Of the base.
+        /// Roughness of the base.
         Roughness,
         /// Share of the coat.
         Clearcoat,
-        /// Of the coat.
+        /// Roughness of the coat.
         ClearcoatRoughness,
-        /// Whether the surface is there.
+        /// Opacity of the surface.
         Opacity,
-        /// Of the base.
+        /// Index of refraction of the base.
         Ior,
-        /// In the frame of the surface.
+        /// Normal in the frame of the surface.
         Normal,
-        /// Share of what is not metal that is glass.
+        /// Share of the part that is not metal that is glass.
         Transmission,
-        /// What a refraction is multiplied by.
+        /// Colour that multiplies refracted light.
         TransmissionColor,
-        /// Of the coat.
+        /// Index of refraction of the coat.
         CoatIor,
         /// Colour of the fuzz, times its weight.
         SheenColor,
-        /// Of the fuzz.
+        /// Roughness of the fuzz.
         SheenRoughness,
-        /// Ratio of the alphas across and along the tangent, turn of the tangent toward the bitangent (1: a whole one);
-        /// of the base, then of the coat.
+        /// Ratio of the alphas across and along the tangent, and rotation of the tangent toward the bitangent (1: a
+        /// whole turn); of the base, then of the coat.
         Anisotropy,
-        /// Weight, thickness in nm, index of a film on the base.
+        /// Weight, thickness in nm, index of refraction of a film on the base.
         ThinFilm,
-        /// Of light inside, per unit of length; of what is dispersive 1 / its Abbe number in the last component.
+        /// Absorption of light inside, per unit of length; for dispersive materials 1 / the Abbe number in the last
+        /// component.
         Absorption,
-        /// Of the diffuse lobe.
+        /// Roughness of the diffuse lobe.
         DiffuseRoughness,
     }
 }
 
 impl MaterialInput {
-    /// Components that count.
+    /// Number of components that are used.
     #[must_use]
     pub const fn width(self) -> usize {
         match self {

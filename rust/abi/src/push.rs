@@ -5,25 +5,26 @@ use bitflags::bitflags;
 use bytemuck::{Pod, Zeroable};
 
 bitflags! {
-    /// What the rays of a submission are (`PushConstants::flags`).
+    /// Properties of the rays of a submission (`PushConstants::flags`).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
     pub struct PushFlags: u32 {
-        /// Rays of `generate_aov_rays`: they meet every surface of opacity above 0, and are not counted in the totals.
+        /// The rays are those of `generate_aov_rays`: they meet every surface of opacity above 0, and are not counted
+        /// in the totals.
         const AOVS = 1;
-        /// `generate_*`, streaming: the slots from `arg0` on have never been used.
+        /// The slots from `arg0` on have never been used (`generate_*`, streaming).
         const FRESH = 2;
-        /// `generate_camera_rays`, in core: only paths that lacked a tile of a texture start
-        /// ([`super::TextureFeedback`]).
+        /// Only paths that lacked a tile of a texture start ([`super::TextureFeedback`]; `generate_camera_rays`, in
+        /// core).
         const RETRACE = 4;
     }
 }
 
-/// Where `generate_*` finds the number of the segment in `PushConstants::flags`, streaming.
+/// Position of the number of the segment in `PushConstants::flags` of `generate_*`, streaming.
 pub const PUSH_SEGMENT_SHIFT: u32 = 8;
-/// Where `first_sample` has the number of the band with [`super::Features::ADAPTIVE`]; below it is the row.
+/// Position of the number of the band in `first_sample` with [`super::Features::ADAPTIVE`]; the row is below it.
 pub const BAND_SHIFT: u32 = 26;
 
-/// `first_sample` of a row (below 2^[`BAND_SHIFT`]) of a band; `band_of` and `row_of` of the shaders take it apart.
+/// Packs `first_sample` of a row (below 2^[`BAND_SHIFT`]) of a band; `band_of` and `row_of` of the shaders unpack it.
 #[must_use]
 pub const fn pack_band(band: u32, row: u32) -> u32 {
     row | band << BAND_SHIFT
@@ -35,11 +36,11 @@ pub const fn unpack_band(first_sample: u32) -> (u32, u32) {
     (first_sample >> BAND_SHIFT, first_sample & ((1 << BAND_SHIFT) - 1))
 }
 
-/// Set in the pixel of an entry of the second stream.
+/// Bit of the pixel of an entry that is set for the second stream.
 pub const STREAM_BIT: u32 = 1 << 31;
-/// The second stream's seed differs from the first one's by this, xor.
+/// Value that is xored to the first stream's seed to get the second one's.
 pub const STREAM_SEED: u32 = 0x5bd1_e995;
-/// Octaves of variance estimates that the film keeps for each stream.
+/// Number of octaves of variance estimates that the film keeps for each stream.
 pub const ESTIMATE_RING: u32 = 8;
 /// First octave of samples at which a stream estimates its variance.
 pub const ESTIMATE_FIRST: u32 = 3;
@@ -61,7 +62,7 @@ shared! {
         /// bounce, and the round only for which of the two ray queues is read. With streaming, rounds are numbered
         /// through all submissions.
         pub round: u32,
-        /// Meaning depends on the pass; 0 where none is told.
+        /// Argument whose meaning depends on the pass; 0 if it has none.
         pub arg0: u32,
         /// Bits of [`PushFlags`].
         pub flags: u32,
@@ -92,13 +93,13 @@ impl PushConstants {
         Self { round, arg0, ..self }
     }
 
-    /// The same wave in band `band` of the list of entries, `row` rows further on ([`super::Features::ADAPTIVE`]).
+    /// The same wave in band `band` of the list of entries, moved by `row` rows ([`super::Features::ADAPTIVE`]).
     #[must_use]
     pub fn in_band(self, band: u32, row: u32) -> Self {
         Self { first_sample: pack_band(band, self.first_sample + row), ..self }
     }
 
-    /// The same wave with rays of the kind that `flags` say.
+    /// The same wave with rays of the kind that `flags` name.
     #[must_use]
     pub fn flagged(self, flags: PushFlags) -> Self {
         Self { flags: flags.bits(), ..self }

@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Scene data as the shaders read it: triangles, meshes, instance records, assemblies, chunks, distant lights.
 //!
-//! Guarantees: plain data, of which the build makes the structs of the shaders. Any thread.
+//! Guarantees: plain data, from which the build makes the structs of the shaders. Any thread.
 
 use bitflags::bitflags;
 use bytemuck::{Pod, Zeroable};
 
-/// Set in `GpuInstance::target` when it names an assembly, else it names a mesh.
+/// Bit of `GpuInstance::target` that is set if it is an assembly; else it is a mesh.
 pub const TARGET_ASSEMBLY: u32 = 1 << 31;
 
 /// Number of the name `displayColor` in tables of primvars.
 pub const NAME_DISPLAY_COLOR: u32 = 0;
 /// Number of the name `displayOpacity`.
 pub const NAME_DISPLAY_OPACITY: u32 = 1;
-/// Bits of the first float of a value by instance where there is none.
+/// Bits of the first float of an instance value that is missing.
 pub const NO_VALUE: u32 = 0x7fc0_0000;
 /// The bits of [`GpuTriangle::subset_and_sides`] that hold the subset.
 pub const SUBSET_MASK: u32 = 0xffff;
-/// In `GpuChunkInstance::row`: none.
+/// Value of `GpuChunkInstance::row`: there is no row.
 pub const NO_ROW: u32 = u32::MAX;
 
 shared! {
@@ -25,14 +25,14 @@ shared! {
     /// all are full but the first one.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
     pub struct GpuPoint {
-        /// Centre.
+        /// Centre of the ball.
         pub center: [f32; 3],
-        /// Authored number: the element id.
+        /// Authored number of the point: the element id.
         pub face: u32,
     }
 }
 
-/// Points of a leaf; a leaf of points is one bundle.
+/// Number of points of a leaf; a leaf of points is one bundle.
 pub const POINT_BUNDLE: u32 = 8;
 
 shared! {
@@ -50,8 +50,8 @@ shared! {
         pub subset_and_sides: u32,
         /// Third vertex.
         pub v2: [f32; 3],
-        /// Number of the Ptex face, and which part of it this is (`oocpt_core::mesh::PtexTriangle::word`); 0 where no
-        /// material asks.
+        /// Number of the Ptex face, and the part of it that this is (`oocpt_core::mesh::PtexTriangle::word`); 0 if no
+        /// material reads it.
         pub ptex: u32,
     }
 }
@@ -63,7 +63,7 @@ pub const TRIANGLE_BYTES: u32 = size_of::<GpuTriangle>() as u32;
 #[allow(clippy::cast_possible_truncation, reason = "small")]
 pub const POINT_BYTES: u32 = size_of::<GpuPoint>() as u32;
 
-/// In [`GpuInstance::prototype_count`]: the map flips handedness.
+/// Bit of [`GpuInstance::prototype_count`]: the map flips handedness.
 pub const FLIPS_HANDEDNESS: u32 = 1 << 31;
 
 shared! {
@@ -74,49 +74,50 @@ shared! {
         pub object_from_parent: [[f32; 4]; 3],
         /// Mesh index, or assembly index with [`TARGET_ASSEMBLY`].
         pub target: u32,
-        /// Prim id of the mesh prim; counts when the target is a mesh.
+        /// Prim id of the mesh prim; used if the target is a mesh.
         pub prim_id: i32,
-        /// Index among the instances of the instancer's prototype; 0 if this is no instancer placement.
+        /// Index among the instances of the instancer's prototype; 0 if no instancer places it.
         pub index_in_prototype: u32,
-        /// Instances of that prototype; 1 if this is no instancer placement. Beside it [`FLIPS_HANDEDNESS`] (which
-        /// the shaders mask off and do not need: normals are mapped as covectors).
+        /// Number of instances of that prototype; 1 if no instancer places it. It also has the bit [`FLIPS_HANDEDNESS`]
+        /// (which the shaders mask off and do not need: normals are mapped as covectors).
         pub prototype_count: u32,
     }
 }
 
-/// Set in [`GpuInstance::target`] of a placement that moves: of `object_from_parent` only the bits of the first two
-/// numbers count, where its keys are (from the level's records, in 16 bytes) and how many.
+/// Bit of [`GpuInstance::target`] of a moving placement: then only the bits of the first two numbers of
+/// `object_from_parent` are used, which are the position of its keys (from the level's records, in 16 bytes) and their
+/// number.
 pub const TARGET_MOVING: u32 = 1 << 30;
 
 shared! {
-    /// A key of what moves, 64 B: `p' = translation + rotation * stretch * p`.
+    /// A key of a moving placement, 64 B: `p' = translation + rotation * stretch * p`.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct GpuMotionKey {
-        /// In the parent's frame.
+        /// Translation in the parent's frame.
         pub translation: [f32; 3],
-        /// Part of the shutter.
+        /// Time as a part of the shutter.
         pub time: f32,
         /// Unit quaternion, x, y, z, w; on the same side as those of its neighbours.
         pub rotation: [f32; 4],
-        /// Of the symmetric stretch the diagonal: xx, yy, zz.
+        /// Diagonal of the symmetric stretch: xx, yy, zz.
         pub stretch: [f32; 3],
-        /// Half the angle to the rotation of the next key, radians; 0 where that is none.
+        /// Half the angle to the rotation of the next key, radians; 0 if there is no next key.
         pub half_angle: f32,
-        /// Of the stretch the rest: xy, xz, yz.
+        /// Other elements of the stretch: xy, xz, yz.
         pub shear: [f32; 3],
-        /// Padding.
+        /// Padding; 0.
         pub pad: u32,
     }
 }
 
 shared! {
-    /// How the camera moves, 96 B, and behind it [`GpuCameraKey`]s: rays in the view's frame, as those of
+    /// Motion of the camera, 96 B, followed by [`GpuCameraKey`]s: rays in the view's frame, as those of
     /// `FrameConstants` in the world.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct GpuCameraMotion {
         /// Origin of the ray of image point (0, 0).
         pub o: [f32; 3],
-        /// Keys, two or more.
+        /// Number of keys, two or more.
         pub key_count: u32,
         /// Change of `o` per pixel to the right.
         pub o_x: [f32; 3],
@@ -124,19 +125,19 @@ shared! {
         pub lens_radius: f32,
         /// Change of `o` per pixel up.
         pub o_y: [f32; 3],
-        /// Padding.
+        /// Padding; 0.
         pub pad0: u32,
         /// Direction of the ray of image point (0, 0).
         pub d: [f32; 3],
-        /// Padding.
+        /// Padding; 0.
         pub pad1: u32,
         /// Change of `d` per pixel to the right.
         pub d_x: [f32; 3],
-        /// Padding.
+        /// Padding; 0.
         pub pad2: u32,
         /// Change of `d` per pixel up.
         pub d_y: [f32; 3],
-        /// Padding.
+        /// Padding; 0.
         pub pad3: u32,
     }
 }
@@ -145,11 +146,11 @@ shared! {
     /// A key of the camera, 80 B.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct GpuCameraKey {
-        /// World from view.
+        /// Transform, world from view.
         pub key: GpuMotionKey,
-        /// What the key's translation lacks of the place in f64.
+        /// Difference of the position in f64 from the key's translation.
         pub translation_lo: [f32; 3],
-        /// Padding.
+        /// Padding; 0.
         pub pad: u32,
     }
 }
@@ -160,27 +161,27 @@ shared! {
     /// rotation.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct GpuLightKey {
-        /// Between two: as that of a placement.
+        /// Transform, as that of a placement; interpolated between two keys.
         pub key: GpuMotionKey,
-        /// What the key's translation lacks of the place in f64.
+        /// Difference of the position in f64 from the key's translation.
         pub translation_lo: [f32; 3],
         /// Radiance relative to the light's.
         pub radiance: f32,
     }
 }
 
-/// How values of an attribute are found; `triangle` is the index in BVH order.
+/// Rate at which an attribute has values; `triangle` is the index in BVH order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(u32)]
 pub enum AttributeRate {
-    /// `values[0]`.
+    /// The value is `values[0]`.
     Constant = 0,
-    /// `values[triangle]`.
+    /// The value is `values[triangle]`.
     Uniform = 1,
     /// `values[corner_indices[triangle * 3 + corner]]`, interpolated.
     Vertex = 2,
-    /// `values[triangle * 3 + corner]`, interpolated.
+    /// The value is `values[triangle * 3 + corner]`, interpolated.
     FaceVarying = 3,
 }
 
@@ -192,20 +193,20 @@ bitflags! {
         const DOUBLE_SIDED = 1 << 8;
         /// Authored left-handed: the normal of the winding points the other way.
         const LEFT_HANDED = 1 << 9;
-        /// `normals` counts.
+        /// `normals` is valid.
         const HAS_NORMALS = 1 << 10;
-        /// `colors` counts.
+        /// `colors` is valid.
         const HAS_COLORS = 1 << 11;
-        /// `opacities` counts.
+        /// `opacities` is valid.
         const HAS_OPACITIES = 1 << 12;
         /// `normals` has values by corner for each key.
         const KEY_NORMALS = 1 << 14;
-        /// Of points: each has a radius of its own, at each key.
+        /// For points: each has a radius of its own, at each key.
         const OWN_RADII = 1 << 15;
     }
 }
 
-/// Where `GpuMesh::flags` keeps the number of keys, 5 bits; 0: its points do not move.
+/// Position of the number of keys in `GpuMesh::flags`, 5 bits; 0: its points do not move.
 pub const MESH_KEYS_SHIFT: u32 = 16;
 
 impl MeshFlags {
@@ -217,21 +218,21 @@ impl MeshFlags {
 }
 
 shared! {
-    /// Where the parts of a mesh are, 72 B. Addresses are device addresses; absent parts are 0.
+    /// Addresses and sizes of the parts of a mesh, 72 B. Addresses are device addresses; absent parts are 0.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
     pub struct GpuMesh {
         /// [`crate::Bvh4Node`] array, 16-byte aligned.
         pub nodes: u64,
-        /// [`GpuTriangle`] array, 16-byte aligned. With keys ([`MESH_KEYS_SHIFT`]) one for each, one behind the other,
-        /// and behind them the times of the keys, f32. Of points ([`crate::LeafType::POINT`]) it is [`GpuPoint`]
-        /// arrays, and behind the times are the radii, f32: one, or with [`MeshFlags::OWN_RADII`] one for each, its
-        /// keys side by side.
+        /// [`GpuTriangle`] array, 16-byte aligned. With keys ([`MESH_KEYS_SHIFT`]) there is one array for each, one
+        /// after the other, followed by the times of the keys, f32. For points ([`crate::LeafType::POINT`]) these are
+        /// [`GpuPoint`] arrays, and the times are followed by the radii, f32: one, or with [`MeshFlags::OWN_RADII`] one
+        /// for each point, with its keys side by side.
         pub triangles: u64,
-        /// The largest coordinate of a corner, without its sign.
+        /// Largest magnitude of a coordinate of a corner.
         pub reach: f32,
         /// [`MeshFlags::with_rates`], the keys ([`MESH_KEYS_SHIFT`]) and [`crate::LeafType::flags`].
         pub flags: u32,
-        /// u32x3 per triangle; needed when an attribute has rate `Vertex`. 4-byte aligned, as all below.
+        /// u32x3 per triangle; needed if an attribute has rate `Vertex`. 4-byte aligned, as all below.
         pub corner_indices: u64,
         /// f32x3 values, in the mesh's frame.
         pub normals: u64,
@@ -241,28 +242,28 @@ shared! {
         pub opacities: u64,
         /// [`crate::GpuAttribute`] array, 16-byte aligned: primvars that materials read. 0 without any.
         pub primvars: u64,
-        /// Their number.
+        /// Number of primvars.
         pub primvar_count: u32,
-        /// Triangles.
+        /// Number of triangles.
         pub triangle_count: u32,
     }
 }
 
 shared! {
-    /// Where the parts of an assembly are, 24 B.
+    /// Addresses of the parts of an assembly, 24 B.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
     pub struct GpuAssembly {
         /// [`crate::LevelNode`] array over the instances, 16-byte aligned.
         pub nodes: u64,
         /// [`GpuInstance`] array, 16-byte aligned.
         pub instances: u64,
-        /// As [`GpuChunk::primvars`].
+        /// Values of primvars, as [`GpuChunk::primvars`].
         pub primvars: u64,
     }
 }
 
 shared! {
-    /// Where the parts of a chunk are, 24 B: `nodes` of 0 = the chunk is absent.
+    /// Addresses of the parts of a chunk, 24 B: `nodes` of 0 = the chunk is absent.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct GpuChunk {
         /// [`crate::LevelNode`] array over the records, 16-byte aligned.
@@ -270,7 +271,7 @@ shared! {
         /// [`GpuInstance`] array, 16-byte aligned; the maps start from the chunk's own frame.
         pub instances: u64,
         /// [`crate::GpuAttribute`] array, 16-byte aligned, the last with the name [`crate::NO_NAME`]: values by record,
-        /// of which [`NO_VALUE`] in the first float says that there is none. 0 without any.
+        /// where [`NO_VALUE`] in the first float marks a missing one. 0 without any.
         pub primvars: u64,
     }
 }
@@ -291,7 +292,7 @@ shared! {
         pub instance_id: u32,
         /// Row of `FrameConstants::placed_values`, or [`NO_ROW`].
         pub row: u32,
-        /// 0.
+        /// Padding; 0.
         pub pad: [u32; 2],
     }
 }

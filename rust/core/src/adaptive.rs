@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Adaptive sampling: which pixel gets how many samples, so that relMSE falls fastest and nothing is biased. Pure; any
-//! thread.
+//! Adaptive sampling: distributes samples over pixels so that relMSE falls fastest, without bias. Pure; any thread.
 //!
 //! # Why it is unbiased
 //! Each pixel has two streams of samples, independent of each other: scrambled Sobol sequences of their own. A picture
-//! is half the mean of one plus half the mean of the other, whatever their numbers. How many samples of stream 0 a
-//! pixel gets is decided by the estimates of stream 1 alone, and the other way round; and only by a first part of
-//! them that *every* pixel has, the same number everywhere. So a count is independent of all samples that it counts,
-//! and the mean of each stream has the right expectation, exactly. (Decided from its own samples a pixel that has
-//! missed what is bright so far would look easy, and stay too dark: Kirk and Arvo 1991, "Unbiased sampling techniques
-//! for image synthesis".)
+//! is half the mean of one plus half the mean of the other, whatever their numbers. The number of samples of stream 0
+//! that a pixel gets is decided by the estimates of stream 1 alone, and vice versa; and only by those first samples
+//! that *every* pixel has, the same number everywhere. So a count is independent of all samples that it counts, and the
+//! mean of each stream has the right expectation, exactly. (Decided by its own samples, a pixel that has missed bright
+//! light so far would look easy, and stay too dark: Kirk and Arvo 1991, "Unbiased sampling techniques for image
+//! synthesis".)
 //!
-//! # Who gets how many
+//! # How samples are distributed
 //! With variance `v` of a pixel's mean at `n` samples, falling as `1/n`, the sum over pixels is least at counts
 //! proportional to `sqrt(v n)` (Neyman 1934). `v` is relMSE's own: divided by the square of the pixel. It is taken from
 //! the change of the mean since half as many samples, a noisy number but right for points that stratify, and to a
@@ -20,8 +19,8 @@
 //!
 //! # Epochs
 //! First every pixel gets [`FIRST`] samples of each stream; then epochs double the mean number of samples. In an epoch
-//! every pixel gets at least a quarter of that mean and at most [`SPAN`] octaves more. What is decided depends on
-//! samples alone: same seed, same device, same counts, at every memory budget.
+//! every pixel gets at least a quarter of that mean and at most [`SPAN`] octaves more. Decisions depend on samples
+//! alone: the same seed and the same device give the same counts at every memory budget.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -37,7 +36,7 @@ pub const FIRST: u32 = FIRST_LEVEL as u32;
 const FIRST_LEVEL: u8 = 3;
 /// Octaves between the fewest and the most samples of a stream.
 pub const SPAN: u32 = 6;
-/// Octaves of estimates that are kept: `SPAN + 1` and one to spare.
+/// Number of octaves of estimates that are kept: `SPAN + 1` and one spare.
 pub const RING: u32 = 8;
 /// Highest octave of a stream.
 const HIGHEST: u32 = 23;
@@ -45,25 +44,26 @@ const HIGHEST: u32 = 23;
 const SHRINK: f64 = 0.25;
 /// Steps of an octave in which counts are compared.
 const STEPS: i32 = 32;
-/// Octaves below the largest standard deviation that are told apart.
+/// Number of octaves below the largest standard deviation that are distinguished.
 const DEPTH: i32 = 24;
-/// Pixels that one thread looks at in a row.
+/// Number of consecutive pixels that one thread processes.
 const PART: usize = 1 << 15;
-/// Where the row of a band begins in `SampleBand::first_sample`.
+/// Bit at which the row of a band begins in `SampleBand::first_sample`.
 pub const BAND_SHIFT: u32 = 26;
 
-/// Estimates by the first `2^octave` samples of a stream, as `measured` by the film: variance of the mean by that of
-/// its samples, and square of the mean's change since half as many, both relative to the pixel and times the samples.
+/// Estimates from the first `2^octave` samples of a stream, as the film's `measured` has them: the variance of the mean
+/// by that of its samples, and the square of the mean's change since half as many samples, both relative to the pixel
+/// and multiplied by the number of samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VarianceEstimate {
-    /// By the variance of the samples.
+    /// Error as estimated from the variance of the samples.
     pub spread: f32,
-    /// By the change of the mean.
+    /// Error as estimated from the change of the mean.
     pub change: f32,
 }
 
 impl VarianceEstimate {
-    /// From the square roots of both as halves, the first in the low bits: what the film keeps.
+    /// Unpacks the square roots of both as halves, the first in the low bits, as the film stores them.
     #[must_use]
     pub fn unpack(bits: u32) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "two halves of 16 bits")]
@@ -75,25 +75,25 @@ impl VarianceEstimate {
     }
 }
 
-/// One pixel of one stream in an epoch: its number in trace order, with the stream in the highest bit; and its first
+/// One pixel of one stream in an epoch: its number in trace order, with the stream in the highest bit; then its first
 /// sample.
 pub type PixelStart = [u32; 2];
 
-/// Samples of an epoch that the same pixels get: `rows` for each of the first `width` entries.
+/// Samples of an epoch that the same pixels get: `rows` samples for each of the first `width` entries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleBand {
-    /// Its first path, of all of the render.
+    /// First path of the band, as a path number of the render.
     pub first: u64,
-    /// Entries.
+    /// Number of entries in a row.
     pub width: u32,
-    /// The first row: samples that these entries have had before in this epoch.
+    /// First row: number of samples that these entries have had before in this epoch.
     pub row: u32,
-    /// Samples of each.
+    /// Number of samples of each entry.
     pub rows: u32,
 }
 
 impl SampleBand {
-    /// One behind its last path.
+    /// One past the last path of the band.
     #[must_use]
     pub fn end(&self) -> u64 {
         self.first + u64::from(self.width) * u64::from(self.rows)
@@ -103,36 +103,36 @@ impl SampleBand {
 /// The paths of one epoch.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct AdaptiveEpoch {
-    /// Who gets samples, those with most first.
+    /// Pixels that get samples, those with most samples first.
     pub entries: Vec<PixelStart>,
-    /// In the order of their paths, without gaps.
+    /// Bands in the order of their paths, without gaps.
     pub bands: Vec<SampleBand>,
-    /// One behind its last path.
+    /// One past the last path of the epoch.
     pub end: u64,
-    /// Octave of the mean number of samples of a pixel, both streams together, that it ends with, about.
+    /// Octave of the mean number of samples of a pixel at the end of the epoch, both streams together, approximately.
     pub octave: u32,
 }
 
-/// What a render has spent.
+/// Samples that a render has spent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AdaptiveUsage {
-    /// Epochs that were decided, the first among them.
+    /// Number of epochs decided, counting the first.
     pub epochs: u32,
     /// Fewest samples of a pixel, both streams together.
     pub fewest: u32,
-    /// Most.
+    /// Most samples of a pixel, both streams together.
     pub most: u32,
-    /// Share of the samples that the decisions gave, 0 to 1; the rest every pixel has.
+    /// Share of the samples that the decisions distributed, 0 to 1; every pixel has the rest.
     pub decided: f64,
 }
 
-/// The way of one render through its epochs.
+/// The epochs of one render, decided one after the other.
 #[derive(Clone, Debug)]
 pub struct AdaptiveSchedule {
     size: [u32; 2],
-    /// Pixel `y * width + x` of each number in trace order.
+    /// Pixel `y * width + x` of each position in trace order.
     trace: Vec<u32>,
-    /// Samples per pixel that there may be.
+    /// Largest number of samples per pixel.
     samples: u32,
     /// Octave of the samples of each pixel, `y * width + x`, by stream.
     levels: [Vec<u8>; STREAMS],
@@ -155,7 +155,7 @@ pub fn pixel_position(index: u32, [width, height]: [u32; 2]) -> [u32; 2] {
 }
 
 impl AdaptiveSchedule {
-    /// A render of so many pixels with so many samples each, on average; its first epoch.
+    /// Begins a render of this size with this mean number of samples per pixel, at its first epoch.
     #[must_use]
     pub fn new(size: [u32; 2], samples: u32) -> Self {
         let pixels = size[0].saturating_mul(size[1]);
@@ -170,19 +170,19 @@ impl AdaptiveSchedule {
         Self { size, trace, samples, levels, epoch, number: 0 }
     }
 
-    /// The epoch under way.
+    /// The epoch in progress.
     #[must_use]
     pub fn epoch(&self) -> &AdaptiveEpoch {
         &self.epoch
     }
 
-    /// Whether no epoch follows this one: nothing that its samples say decides anything any more.
+    /// Returns true if no epoch follows this one: nothing that its samples say decides anything any more.
     #[must_use]
     pub fn is_last(&self) -> bool {
         self.budget(self.number + 1) <= self.budget(self.number)
     }
 
-    /// Octave of the samples of each stream whose word decides the next epoch.
+    /// Octave of the samples of each stream whose estimates decide the next epoch.
     #[must_use]
     pub fn decisive(&self) -> u32 {
         self.least(self.number)
@@ -194,23 +194,23 @@ impl AdaptiveSchedule {
         FIRST.max(mean.checked_ilog2().unwrap_or(0).saturating_sub(2))
     }
 
-    /// Paths that each stream may have by the end of epoch `number`.
+    /// Largest number of paths of each stream by the end of epoch `number`.
     fn budget(&self, number: u32) -> u64 {
         let pixels = self.trace.len() as u64;
         let half = pixels * u64::from(self.samples) / 2;
         half.min(pixels << (FIRST + number).min(HIGHEST))
     }
 
-    /// Goes on to the next epoch, once all paths of this one are done; `estimates` are those by the first `2^decisive`
-    /// samples of each stream, by pixel. False when there are no more samples to spend.
+    /// Advances to the next epoch, once all paths of this one are done; `estimates` are those of the first `2^decisive`
+    /// samples of each stream, by pixel. Returns false if there are no more samples to spend.
     pub fn advance(&mut self, estimates: [&[VarianceEstimate]; STREAMS]) -> bool {
         let [one, other] = estimates;
-        // Each is decided by the other.
+        // Each stream is decided by the other.
         self.advance_by([other, one])
     }
 
-    /// As [`AdaptiveSchedule::advance`], where `deciding[s]` decides about stream `s`: biased if it shares samples with
-    /// it.
+    /// As [`AdaptiveSchedule::advance`], where `deciding[s]` decides stream `s`: the result is biased if it shares
+    /// samples with it.
     pub fn advance_by(&mut self, deciding: [&[VarianceEstimate]; STREAMS]) -> bool {
         let number = self.number + 1;
         let budget = self.budget(number);
@@ -229,7 +229,7 @@ impl AdaptiveSchedule {
     }
 
     fn list(&self, next: &[Vec<u8>; STREAMS], begin: u64, octave: u32) -> AdaptiveEpoch {
-        // By what they get: there are few different numbers.
+        // Pixels are grouped by the number of samples that they get, of which there are few different values.
         let parts: Vec<BTreeMap<u32, Vec<PixelStart>>> = (0..STREAMS)
             .flat_map(|stream| (0..self.trace.len().div_ceil(PART)).map(move |part| (stream, part * PART)))
             .collect::<Vec<_>>()
@@ -256,7 +256,8 @@ impl AdaptiveSchedule {
         AdaptiveEpoch { entries, bands, end: first, octave }
     }
 
-    /// Those of a part of the pixels, in trace order from `begin` on, that get samples of a stream, by how many more.
+    /// The pixels of a part, in trace order from `begin` on, that get samples of a stream, grouped by the number of new
+    /// samples.
     fn classes(&self, next: &[u8], stream: usize, begin: usize) -> BTreeMap<u32, Vec<PixelStart>> {
         let had = &self.levels[stream];
         let mark = if stream == 0 { 0 } else { 1 << 31 };
@@ -273,7 +274,7 @@ impl AdaptiveSchedule {
         classes
     }
 
-    /// What has been spent when this epoch is done.
+    /// Samples that will have been spent when this epoch is done.
     #[must_use]
     pub fn spent(&self) -> AdaptiveUsage {
         let counts = || self.levels[0].par_iter().zip(&self.levels[1]).map(|(a, b)| (1_u32 << a) + (1_u32 << b));
@@ -290,8 +291,8 @@ impl AdaptiveSchedule {
     }
 }
 
-/// Relative variance of a sample at each pixel, as far as the mean of many such is concerned, of its own estimates
-/// and those of its neighbours.
+/// Relative variance of a sample at each pixel, as it affects the mean of many samples, from its own estimates and
+/// those of its neighbours.
 fn weights(estimates: &[VarianceEstimate], size: [u32; 2]) -> Vec<f64> {
     let spread = blurred(estimates, |estimate| estimate.spread, size);
     let change = blurred(estimates, |estimate| estimate.change, size);
@@ -300,7 +301,7 @@ fn weights(estimates: &[VarianceEstimate], size: [u32; 2]) -> Vec<f64> {
     spread.par_iter().zip(&change).map(|(s, d)| (d + SHRINK * ratio * s) / (1.0 + SHRINK)).collect()
 }
 
-/// Means over 5 x 5 pixels, weighted 1 2 3 2 1 each way, of those that there are.
+/// Means over the existing pixels of a 5 x 5 neighbourhood, weighted 1 2 3 2 1 along each axis.
 fn blurred(estimates: &[VarianceEstimate], value: fn(&VarianceEstimate) -> f32, [width, height]: [u32; 2]) -> Vec<f64> {
     let finite = |value: f32| if value.is_finite() { f64::from(value.max(0.0)) } else { 0.0 };
     let values: Vec<f64> = estimates.par_iter().map(|estimate| finite(value(estimate))).collect();
@@ -309,7 +310,7 @@ fn blurred(estimates: &[VarianceEstimate], value: fn(&VarianceEstimate) -> f32, 
     blurred_along(&across, |at| at / width.max(1), width, height)
 }
 
-/// `place(at)` is that of `values[at]` among `length` values, `stride` apart.
+/// Blurs along one axis: `place(at)` is the position of `values[at]` among `length` values, `stride` apart.
 fn blurred_along(values: &[f64], place: impl Fn(usize) -> usize + Sync, stride: usize, length: usize) -> Vec<f64> {
     let of = |at: usize| {
         let (along, mut sum, mut weight) = (place(at), 0.0, 0.0);
@@ -324,7 +325,7 @@ fn blurred_along(values: &[f64], place: impl Fn(usize) -> usize + Sync, stride: 
     (0..values.len()).into_par_iter().map(of).collect()
 }
 
-/// Where each pixel's wish stands: steps of octaves below the largest one, whole numbers from `-STEPS * DEPTH` to 0.
+/// The wish of each pixel: steps of octaves below the largest wish, whole numbers from `-STEPS * DEPTH` to 0.
 fn wanted(weights: &[f64]) -> Vec<i32> {
     let most = weights.iter().copied().fold(0.0, f64::max);
     let lowest = -STEPS * DEPTH;
@@ -340,7 +341,7 @@ fn wanted(weights: &[f64]) -> Vec<i32> {
     weights.par_iter().map(|weight| of(*weight)).collect()
 }
 
-/// The octave of a pixel that stands `wanted` below the largest when the largest would get `scale` steps of an octave.
+/// The octave of a pixel that is `wanted` steps below the largest, if the largest got `scale` steps of an octave.
 fn level(wanted: i32, scale: i32, old: u8, least: u32) -> u8 {
     let octave = (wanted + scale + STEPS / 2).div_euclid(STEPS);
     let most = (least + SPAN).min(HIGHEST);
@@ -349,10 +350,10 @@ fn level(wanted: i32, scale: i32, old: u8, least: u32) -> u8 {
     u8::try_from(bounded).unwrap_or(old)
 }
 
-/// Octaves of samples for all pixels, none below `old` or `least`, of `budget` samples in all, at most, unless the
-/// least is more.
+/// Octaves of samples for all pixels, none below `old` or `least`, with at most `budget` samples in all, unless the
+/// minimum is more.
 fn allocate(wanted: &[i32], old: &[u8], least: u32, budget: u64, stream: usize) -> Vec<u8> {
-    // Pixels by what they have and what they want.
+    // Pixels counted by their samples and their wishes.
     let count = |wanted: &[i32], old: &[u8]| {
         let mut groups = vec![[0_u64; 32]; usize::try_from(STEPS * DEPTH + 1).unwrap_or(1)];
         for (wanted, old) in wanted.iter().zip(old) {
@@ -378,7 +379,7 @@ fn allocate(wanted: &[i32], old: &[u8], least: u32, budget: u64, stream: usize) 
         };
         (0..).zip(&groups).map(of).sum()
     };
-    // All get the least below, all the most above.
+    // At the lower bound all pixels get the least, at the upper bound all get the most.
     let (mut low, mut high) = (-STEPS, STEPS * (DEPTH + i32::try_from(HIGHEST).unwrap_or(0) + 1));
     while high - low > 1 {
         let middle = low + (high - low) / 2;
@@ -387,7 +388,7 @@ fn allocate(wanted: &[i32], old: &[u8], least: u32, budget: u64, stream: usize) 
     let mut levels: Vec<u8> =
         wanted.par_iter().zip(old).map(|(wanted, old)| level(*wanted, low, *old, least)).collect();
     let mut left = budget.saturating_sub(total(low));
-    // What is left goes to some of those that are next, by lot.
+    // The remaining samples go to some of the next pixels, chosen at random.
     let lot = |(at, ((wanted, old), level_now)): (usize, ((&i32, &u8), &u8))| {
         let more = level(*wanted, high, *old, least);
         #[expect(clippy::cast_possible_truncation, reason = "a lot, not a number")]

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Tries again what may only have failed for a moment: reads of a busy or distant disk. Pure: the caller waits.
+//! Retries operations that may have failed only for a moment, such as reads of a busy or distant disk. Pure: the caller
+//! waits.
 
 use std::time::Duration;
 
-/// Calls `read` until it succeeds, once more after each of `pauses` at most, which `wait` waits for, and only after
-/// errors that `may_pass`.
+/// Calls `read` until it succeeds, at most once more after each of `pauses`, and only after errors that `may_pass`
+/// accepts; `wait` waits for a pause.
 ///
 /// # Errors
-/// The last one.
+/// The error of the last call.
 pub fn again<T, E>(
     pauses: &[Duration],
     may_pass: impl Fn(&E) -> bool,
@@ -31,7 +32,7 @@ pub fn again<T, E>(
 mod tests {
     use super::*;
 
-    /// What comes of reads that fail so many times, and how often is read.
+    /// Result of a read that fails `fails` times, and the number of times that it is tried.
     fn read(fails: usize, may_pass: bool) -> (Result<(), usize>, usize) {
         let mut reads = 0;
         let waited = std::cell::Cell::new(0);

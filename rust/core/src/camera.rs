@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! From camera matrices to rays that are affine in the pixel position, and to the rows that turn a hit point into
-//! depths. All in f64, rounded once at the end; the ray origin is kept in two floats. Pure; any thread.
+//! Turns camera matrices into rays that are affine in the pixel position, and into the rows that turn a hit point into
+//! depths. Computed in f64 and rounded once at the end; the ray origin is kept as a sum of two floats. Pure; any
+//! thread.
 
 use crate::desc::TransformSample;
 use glam::{DAffine3, DMat2, DMat3, DMat4, DVec2, DVec3, DVec4};
@@ -12,7 +13,8 @@ pub struct Camera {
     pub world_from_view: DMat4,
     /// Clip from view space, OpenGL conventions (z in [-w, w]), window policy applied.
     pub projection: DMat4,
-    /// Where the projection's [-1, 1] square lands: x0, y0, x1, y1 in pixels, y down (as `CameraUtilFraming`).
+    /// Rectangle in pixels to which the projection's [-1, 1] square is mapped: x0, y0, x1, y1 with y down (as
+    /// `CameraUtilFraming`).
     pub display_window: [f32; 4],
     /// The pixels of the image: x0, y0, x1, y1, end exclusive, y down. Row 0 of a buffer is its *last* line.
     pub data_window: [i32; 4],
@@ -20,13 +22,13 @@ pub struct Camera {
     pub lens_radius: f64,
     /// Distance of the plane in focus along the view axis, scene units.
     pub focus_distance: f64,
-    /// Planes in view space, a x + b y + c z + d: what is seen directly is only what is nowhere below 0 (see
+    /// Planes in view space, a x + b y + c z + d: directly visible points are those at which no plane is below 0 (see
     /// [`crate::MAX_CLIP_PLANES`]).
     pub clip_planes: Vec<DVec4>,
-    /// `world_from_view` at times about the shutter; empty where it does not move.
+    /// Values of `world_from_view` at times around the shutter; empty if the camera does not move.
     pub motion: Vec<TransformSample>,
-    /// What the colour of the finished picture is multiplied by (`UsdGeomCamera::ComputeLinearExposureScale`): finite,
-    /// not negative, else it counts as 1. No other image knows of it.
+    /// Factor that multiplies the colour of the finished picture (`UsdGeomCamera::ComputeLinearExposureScale`). A
+    /// factor that is negative or not finite counts as 1. Other outputs are not multiplied.
     pub exposure_scale: f32,
 }
 
@@ -35,15 +37,15 @@ pub struct Camera {
 /// With `px, py` in pixels from the lower left corner of the data window (pixel centres at +0.5):
 /// `origin = (o + o_lo) + px * o_x + py * o_y`, `direction = d + px * d_x + py * d_y`. The direction is not normalised:
 /// it goes one unit along the view axis, so the ray parameter is the camera depth (of a camera without scale). With a
-/// lens: `p = origin + direction * focus`, `origin' = origin + u * lens_u + v * lens_v`, `direction' = (p - origin') /
-/// focus`, for `(u, v)` in the unit disk.
+/// lens: `p = origin + direction * focus`, `origin' = origin + u * lens_u + v * lens_v`,
+/// `direction' = (p - origin') / focus`, for `(u, v)` in the unit disk.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CameraRays {
     /// Ray origin at pixel position (0, 0), rounded to single precision.
     pub o: [f32; 3],
-    /// What the rounding took: `o + o_lo` (summed in f64) is the origin to 2^-48 of itself, per component, so that a
-    /// camera 10^7 units away keeps a ten-millionth of a unit. Smaller than half a step of `o`; below 10^-30 nothing is
-    /// promised.
+    /// Rounding error of `o`: `o + o_lo` (summed in f64) is the origin to 2^-48 of itself, per component, so that a
+    /// camera 10^7 units away keeps a ten-millionth of a unit. It is smaller than half a step of `o`; below 10^-30
+    /// nothing is promised.
     pub o_lo: [f32; 3],
     /// Its change per pixel to the right (zero for perspective).
     pub o_x: [f32; 3],
@@ -61,15 +63,16 @@ pub struct CameraRays {
     pub lens_v: [f32; 3],
     /// Ray parameter of the plane in focus; 1 without a lens.
     pub focus: f32,
-    /// Clip z of a point = dot of this with (v, 1), v in view space. Window depth is `0.5 * z / w + 0.5`. In view space
-    /// and not in the world's directions: there a wide angle's z and w would each cancel, and not by the same amount.
+    /// Clip z of a point = dot of this with (v, 1), v in view space. Window depth is `0.5 * z / w + 0.5`. It is in view
+    /// space and not along the world's axes: there a wide angle's z and w would each cancel, and not by the same
+    /// amount.
     pub clip_z: [f32; 4],
-    /// Clip w of a point, likewise.
+    /// Row that gives the clip w of a point.
     pub clip_w: [f32; 4],
     /// Pixel x of a point, from the lower left corner of the data window: dot of this with (v, 1), v in view space,
     /// over that of `clip_w`.
     pub pixel_x: [f32; 4],
-    /// Pixel y, likewise.
+    /// Row that gives the pixel y of a point.
     pub pixel_y: [f32; 4],
     /// Rows of the affine view-from-world matrix for points relative to `o + o_lo`: `Peye`, and camera depth = -z.
     pub view_from_world: [[f32; 4]; 3],
@@ -77,7 +80,7 @@ pub struct CameraRays {
     pub view_normal: [[f32; 3]; 3],
 }
 
-/// Why a camera gives no rays.
+/// Reason why a camera gives no rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CameraError {
     /// A matrix or window holds NaN or infinity.
@@ -110,7 +113,7 @@ impl PixelAffine {
         Self { constant: f(self.constant), per_x: f(self.per_x), per_y: f(self.per_y) }
     }
 
-    /// The same function of `q`, where `x = at.x + scale.x * q.x` and likewise y.
+    /// The same function of `q`, with `x = at.x + scale.x * q.x`, and y alike.
     fn substitute(self, at: DVec2, scale: DVec2) -> Self {
         Self {
             constant: self.constant + self.per_x * at.x + self.per_y * at.y,
@@ -135,8 +138,7 @@ impl Camera {
         let d = view.direction.map(vector).substitute(at, scale);
         let high = o.constant.as_vec3();
         let (radius, focus) = self.lens()?;
-        // As seen from where rays begin: offsets of a camera far from the origin would not be exact in single
-        // precision.
+        // Relative to the origin of the rays: offsets of a camera far from it would not be exact in single precision.
         let start = o.constant - world.translation;
         let from_start = DAffine3 { matrix3: world.matrix3, translation: -start };
         let view_from_world = from_start.inverse();
@@ -190,7 +192,7 @@ impl Camera {
         Ok((at, 2.0 / size))
     }
 
-    /// [`Self::exposure_scale`] as it counts.
+    /// The exposure scale with invalid values replaced ([`Self::exposure_scale`]).
     #[must_use]
     pub fn exposure(&self) -> f32 {
         if self.exposure_scale.is_finite() && self.exposure_scale >= 0.0 { self.exposure_scale } else { 1.0 }
@@ -226,7 +228,7 @@ fn narrow(value: f64) -> f32 {
     value as f32
 }
 
-/// False when the columns are (nearly) dependent.
+/// Returns false if the columns are (nearly) dependent.
 fn is_invertible(m: &DMat3) -> bool {
     let volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
     m.determinant().abs() > 1e-12 * volume

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How a camera moves while the shutter is open: keys of its frame, and its rays within that frame. Pure; any thread.
+//! Camera motion while the shutter is open: the keys of a frame, and the rays within that frame. Pure; any thread.
 
 use glam::{DAffine3, DVec3};
 use oocpt_abi::GpuCameraMotion;
@@ -7,32 +7,32 @@ use oocpt_abi::GpuCameraMotion;
 use crate::camera::{Camera, CameraError};
 use crate::instancing::motion::{MotionKey, map_at, motion_keys};
 
-/// A camera that moves.
+/// A camera that moves, as keys in time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraMotion {
-    /// World, relative to the origin that was given, from the view's frame; two or more, in the order of time.
+    /// World, relative to the given origin, from the view's frame; two or more keys, in the order of time.
     pub keys: Vec<MotionKey>,
-    /// Rays in the view's frame: as those of [`crate::CameraRays`] in the world.
+    /// Rays in the view's frame, as those of [`crate::CameraRays`] in the world.
     pub rays: GpuCameraMotion,
 }
 
-/// Why a camera stays where it is.
+/// Reason why the motion of a camera is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CameraMotionError {
     /// A time is not finite, or not after the one before.
     #[error("the camera does not move: its samples are not in the order of time")]
     Times,
-    /// A matrix is singular or not finite, or mirrors and the one before does not.
+    /// A matrix is singular or not finite, or mirrors while the one before does not.
     #[error("the camera does not move: a sample of its transform is singular, not finite or inside out")]
     Transforms,
-    /// The camera itself cannot be used.
+    /// The camera at a key cannot be used.
     #[error(transparent)]
     Camera(#[from] CameraError),
 }
 
 impl Camera {
-    /// The camera at the middle of the shutter, and how it moves relative to the world point `origin`; `None` where it
-    /// does not.
+    /// The camera at the middle of the shutter, with its motion relative to the world point `origin`; `None` if it does
+    /// not move.
     ///
     /// # Errors
     /// See [`CameraMotionError`].
@@ -57,7 +57,7 @@ impl Camera {
         let mut middle = map_at(&keys, 0.5);
         middle.translation += origin;
         let still = Self { world_from_view: middle.into(), motion: Vec::new(), ..self.clone() };
-        // As a camera that looks from the origin of the world: its rays are those of the view.
+        // The camera looks from the origin of the world, so its rays are those of the view.
         let view = Self { world_from_view: glam::DMat4::IDENTITY, ..still.clone() }.rays(DVec3::ZERO)?;
         let rays = GpuCameraMotion {
             o: view.o,

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Clipping planes of a camera, as functions of the image point that a ray goes through. Pure; any thread.
+//! Clipping planes of a camera, as functions of the image point that a ray passes. Pure; any thread.
 
 use crate::camera::{Camera, CameraError};
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_abi::ClipPlane;
 
-/// Planes that count, at most; of more the first ones do.
+/// Largest number of clipping planes; further ones are ignored.
 pub const MAX_CLIP_PLANES: usize = 16;
 
 impl Camera {
@@ -20,7 +20,7 @@ impl Camera {
         if planes.is_empty() {
             return Ok(Vec::new());
         }
-        // As a camera that looks from the origin of the world: its rays are those of the view.
+        // The camera looks from the origin of the world, so its rays are those of the view.
         let view = Self { world_from_view: DMat4::IDENTITY, motion: Vec::new(), ..self.clone() }.rays(DVec3::ZERO)?;
         let along = |plane: DVec4| {
             let dot = |v: [f32; 3]| narrow(plane.truncate().dot(DVec3::from_array(v.map(f64::from))));
@@ -36,8 +36,8 @@ impl Camera {
     }
 }
 
-/// The plane with a normal of length 1, so that single precision holds what any scale of it means. One without a normal
-/// keeps everything, and is `None`, or nothing.
+/// The plane with a normal of length 1, so that single precision can represent it at any scale. A plane without a
+/// normal keeps everything and gives `None`, or keeps nothing.
 fn unit(plane: DVec4) -> Option<DVec4> {
     let largest = plane.truncate().abs().max_element();
     if !plane.is_finite() {
@@ -51,7 +51,7 @@ fn unit(plane: DVec4) -> Option<DVec4> {
     Some((normal / length).extend(plane.w / largest / length))
 }
 
-/// In single precision, and never infinite.
+/// Rounds to single precision, clamped to finite values.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn narrow(value: f64) -> f32 {
     value.clamp(f64::from(-f32::MAX), f64::from(f32::MAX)) as f32

@@ -1,48 +1,49 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How far a picture is from what it would become: an estimate of its relative mean squared error with a 95 %
-//! confidence interval, from what the film knows at powers of two of its samples. Pure; `f64`; any thread.
+//! Estimates the relative mean squared error of a picture against its converged state, with a 95 % confidence interval,
+//! from sums that the film takes when its sample count is a power of two. Pure; `f64`; any thread.
 //!
 //! # What is estimated
 //! `relMSE = mean over pixels of mean over channels of (x - mu)^2 / (mu^2 + 0.01)` (Rousselle et al. 2011, "Adaptive
 //! sampling and reconstruction using greedy error minimization", eq. 12): `x` is this very picture, `mu` the one with
-//! endless samples.
+//! infinitely many samples.
 //!
 //! # How
 //! Samples of a pixel are scrambled Sobol points (Owen 1997), not independent: the variance `s` of the samples over
-//! their number says too much. Halves of `2^m` such samples are exchangeable, so the change `d` of the mean from
-//! `2^(m-1)` to `2^m` samples has the mean square `V(2^(m-1)) - V(2^m)`, `V(n)` the variance of the mean; and `V(2^m)`
-//! is the sum of all changes to come. Of `R = d / s`, summed over all pixels, a Kalman filter over the octaves follows
-//! `ln R` and its slope `-b`. An integrand is a sum of parts whose variances fall with their own powers of the samples
-//! (ANOVA and smoothness: Owen 1997), and those that fall fast die first, so the slope dies too. It is taken for that
-//! of two parts, with the powers of `PARTS` on both sides of `b`: that says what the slope is next, and what share of
-//! the change is still to come. Independent samples give `R = 1`, `b = 0` and the textbook `s`.
+//! their number overestimates the error. Halves of `2^m` such samples are exchangeable, so the change `d` of the mean
+//! from `2^(m-1)` to `2^m` samples has the mean square `V(2^(m-1)) - V(2^m)`, `V(n)` the variance of the mean; and
+//! `V(2^m)` is the sum of all changes to come. Of `R = d / s`, summed over all pixels, a Kalman filter over the octaves
+//! follows `ln R` and its slope `-b`. An integrand is a sum of parts whose variances fall with their own powers of the
+//! samples (ANOVA and smoothness: Owen 1997), and those that fall fast die first, so the slope dies too. It is taken
+//! for that of two parts, with the powers of `PARTS` on both sides of `b`: that gives the next slope, and the share of
+//! the change that is still to come. Independent samples give `R = 1`, `b = 0` and the textbook `s`.
 //!
 //! # The interval
-//! Log-normal, of three independent parts: what the filter does not know; by how much this picture's error differs from
-//! its mean (signs of halves may be swapped, so `sum (d - R s)^2` is the variance of `sum x^2` too, for a lone firefly
-//! as for Gaussian noise); and the standard errors of the means that errors are divided by.
+//! The interval is log-normal, from three independent parts: the uncertainty of the filter; the difference of this
+//! picture's error from its mean (signs of halves may be swapped, so `sum (d - R s)^2` is the variance of `sum x^2`
+//! too, for a lone firefly as for Gaussian noise); and the standard errors of the means that errors are divided by.
 //! Between powers of two the estimate lies between that of independent blocks and the power law, and the interval
 //! covers both.
 
 use serde::{Deserialize, Serialize};
 
-/// What rounding in single precision leaves, as relMSE.
+/// relMSE that remains from rounding in single precision.
 const ROUNDING: f64 = 1e-14;
 /// Slope of `ln R` downwards a priori, per octave in units of `ln 2`, and its standard deviation.
 const SLOPE: (f64, f64) = (0.3, 0.4);
-/// The steepest that is believed: smooth integrands, variance falling as the cube of the samples.
+/// Steepest slope that is accepted: that of smooth integrands, whose variance falls as the cube of the samples.
 const STEEPEST: f64 = 2.0;
-/// Slopes of parts of an integrand: noise in many dimensions, edges, edges met by one dimension, smooth. Counted
+/// Slopes of parts of an integrand: noise in many dimensions, edges, edges met by one dimension, smooth. Measured
 /// (decisions/0009): with one part of any slope the estimate is a fifth low.
 const PARTS: [f64; 4] = [0.0, 0.7, 1.0, STEEPEST];
-/// By how much `ln R` and its slope may change from octave to octave besides.
+/// Standard deviations by which `ln R` and its slope may change besides, per octave.
 const DRIFT: (f64, f64) = (0.1, 0.15);
-/// Variance of the logarithm of the estimate for what the model leaves out.
+/// Variance of the logarithm of the estimate that effects outside of the model add.
 const MODEL: f64 = 0.02;
-/// Two-sided 95 % of a normal distribution.
+/// Quantile of a two-sided 95 % interval of the normal distribution.
 const Z: f64 = 1.959_963_985;
 
-/// Sums over the pixels of a picture, see the module: `s` and `d` are relative, squared and averaged over the channels.
+/// Sums over the pixels of a picture. `s` and `d`, defined in the lead of the module, are relative, squared and
+/// averaged over the channels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ErrorSums {
     /// Pixels of the picture.
@@ -69,7 +70,7 @@ pub struct ErrorEstimate {
     pub rel_mse: f64,
     /// Lower end of the 95 % confidence interval.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of the 95 % confidence interval.
     pub high: f64,
 }
 
@@ -78,30 +79,30 @@ pub struct ErrorEstimate {
 struct FilterState {
     log_ratio: f64,
     slope: f64,
-    /// Variance of the ratio, covariance, variance of the slope.
+    /// Covariance of the filter's state: variance of the ratio, covariance, variance of the slope.
     covariance: [f64; 3],
 }
 
 /// Follows one render through the octaves.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ConvergenceEstimator {
-    /// The last octave and what is believed since.
+    /// The last octave, and the filter's state after it.
     last: Option<(u32, FilterState)>,
 }
 
-/// Part of the expected `s` that is there because samples which cover the domain evenly spread wider than independent
-/// ones: `E s = sigma^2 / n (n - G) / (n - 1)`, `G` the ratio of the variances of the two kinds of means.
+/// The part of the expected `s` that exists because samples that cover the domain evenly spread wider than independent
+/// ones: `E s = sigma^2 / n (n - G) / (n - 1)`, with `G` the ratio of the variances of the two kinds of means.
 fn spread_wide(samples: f64, gain: f64) -> f64 {
     (samples - gain.clamp(0.0, 1.0)) / (samples - 1.0).max(1.0)
 }
 
-/// What two parts make of a slope: the slope an octave on, and `V(n)` over `V(n/2) - V(n)`.
+/// For a slope that two parts add up to: the slope an octave later, and `V(n)` over `V(n/2) - V(n)`.
 fn parts(slope: f64) -> (f64, f64) {
     let slope = slope.clamp(0.0, STEEPEST);
     let above = PARTS.iter().skip(1).position(|part| slope <= *part).unwrap_or(PARTS.len() - 2);
     let (flat, steep) = (PARTS[above], PARTS[above + 1]);
     let [slow, fast, fell] = [flat, steep, slope].map(|slope| (-slope).exp2());
-    // Share of the steep part in the last change: it had more of the one before.
+    // Share of the steep part in the last change: it was larger in the change before.
     let share = (slow - fell) / (slow - fast) * fast / fell;
     let next = -((1.0 - share) * slow + share * fast).log2();
     let to_come = |part: f64| 1.0 / ((1.0 + part).exp2() - 1.0);
@@ -132,12 +133,12 @@ impl FilterState {
         Self { log_ratio, slope: SLOPE.0, covariance: [variance, 0.0, SLOPE.1 * SLOPE.1] }
     }
 
-    /// One octave on.
+    /// The state predicted for the next octave.
     fn predicted(self) -> Self {
         let ln2 = std::f64::consts::LN_2;
         let [ratio, both, slope] = self.covariance;
         let (next, _) = parts(self.slope);
-        // At most 1: where a steep part is all there was, how fast it dies is not known better than that.
+        // At most 1: if there is only a steep part, its slope is not known better than that.
         let kept = derivative(self.slope, |slope| parts(slope).0).min(1.0);
         let step = kept * ln2;
         let covariance = [
@@ -148,14 +149,14 @@ impl FilterState {
         Self { log_ratio: self.log_ratio - ln2 * next, slope: next, covariance }
     }
 
-    /// Having seen `log_ratio` with the given variance at an octave.
+    /// The state after an observation of `log_ratio` with the given variance at an octave.
     fn updated(self, log_ratio: f64, variance: f64, octave: u32) -> Self {
         let [ratio, both, slope] = self.covariance;
         let surprise = log_ratio - self.log_ratio;
         let expected = ratio + variance;
         if surprise > 0.0 && surprise * surprise > 9.0 * expected {
-            // Something new, such as the first firefly: the past says nothing about it, the way from independent
-            // samples a little.
+            // A new effect, such as the first firefly: the past has no information about it, and the step from
+            // independent samples has little.
             let slope = (-log_ratio / (f64::from(octave) * std::f64::consts::LN_2)).clamp(0.0, SLOPE.0);
             return Self { log_ratio, slope, covariance: [variance, 0.0, SLOPE.1 * SLOPE.1 / 4.0] };
         }
@@ -176,8 +177,8 @@ impl FilterState {
 }
 
 impl ConvergenceEstimator {
-    /// Learns from the film at `2^octave` samples in every pixel, and says what its error is; none below two samples or
-    /// without sound sums. Octaves come in ascending order; some may be missing.
+    /// Updates the filter with the film at `2^octave` samples in every pixel, and returns the estimated error; `None`
+    /// below two samples or if the sums are not sound. Octaves come in ascending order; some may be missing.
     pub fn octave(&mut self, octave: u32, sums: &ErrorSums) -> Option<ErrorEstimate> {
         if octave == 0 || octave > 32 || !sums.is_sound() {
             return None;
@@ -209,7 +210,7 @@ impl ConvergenceEstimator {
         Some(interval(value, sums, state.variance(), sums.scatter(ratio / wide)))
     }
 
-    /// What the error is at any number of samples, at least that of the last octave.
+    /// The error at any number of samples that is at least that of the last octave.
     #[must_use]
     pub fn between(&self, samples: f64, sums: &ErrorSums) -> Option<ErrorEstimate> {
         let (octave, state) = self.last?;
@@ -230,7 +231,7 @@ impl ConvergenceEstimator {
     }
 }
 
-/// What the error of an adaptive picture is: half the sum of two means that share no sample (see [`crate::adaptive`]).
+/// The error of an adaptive picture, which is half the sum of two means that share no sample (see [`crate::adaptive`]).
 /// The square of half their difference, `d` of `sums`, has the same expectation as that of the picture's error, without
 /// any model. None below two samples or without sound sums.
 #[must_use]
@@ -246,8 +247,8 @@ pub fn of_halves(sums: &ErrorSums) -> Option<ErrorEstimate> {
     Some(interval(sums.d, sums, scatter.ln_1p(), scatter))
 }
 
-/// Variance of the mean of `samples` in independent blocks of powers of two, over what independent samples would make
-/// of that of `2^octave`.
+/// Variance of the mean of `samples` in independent blocks of powers of two, relative to the variance that independent
+/// samples would have, extrapolated from `2^octave`.
 fn blocks(samples: f64, octave: u32, slope: f64) -> f64 {
     let mut rest = samples.floor();
     let mut sum = 0.0;

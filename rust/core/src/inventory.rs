@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a render consists of: the parts that its scene, camera and request need, and those that were left out for it.
+//! Inventory of a render: the parts that its scene, camera and request need, and those that were left out.
 //!
 //! Plain data, serialisable; any thread. Bytes are of device memory, unless they are of host memory that the device
-//! reaches (readback, upload). Filled in by the renderer from what it made, not from what it was asked for.
+//! reaches (readback, upload). The renderer fills it in from the objects that it made, not from the request.
 
 use serde::{Deserialize, Serialize};
 
-/// Most primvars that are listed by name: names come from scenes of strangers.
+/// Largest number of primvars that are listed by name: names come from scenes of strangers.
 pub const MOST_PRIMVARS: usize = 64;
 /// Longest name of a primvar that is listed, characters.
 const LONGEST_NAME: usize = 80;
 
-/// See the module.
+/// The parts that a render was made of, and those that were left out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct RenderInventory {
-    /// Parts of the passes that are there only for scenes that need them.
+    /// Parts of the passes that are compiled only for scenes that need them.
     pub features: Vec<FeatureUse>,
-    /// Passes; one that was made is one pipeline.
+    /// Passes of the renderer; each one that was made is one pipeline.
     pub passes: Vec<PassUse>,
     /// Buffers and tables by name.
     pub buffers: Vec<BufferUse>,
@@ -26,13 +26,13 @@ pub struct RenderInventory {
     /// Further names of primvars, not listed.
     #[serde(default)]
     pub more_primvars: u64,
-    /// Levels of instance records that the passes are compiled for.
+    /// Number of levels of instance records that the passes are compiled for.
     pub max_levels: u32,
-    /// Entries of a ray's stack that they are compiled for.
+    /// Number of entries of a ray's stack that the passes are compiled for.
     pub stack_size: u32,
     /// Paths in flight.
     pub paths: u64,
-    /// Who walks the rays.
+    /// Backend that traces the rays.
     #[serde(default)]
     pub traversal: TraversalUse,
 }
@@ -43,7 +43,7 @@ pub struct RenderInventory {
 pub struct TraversalUse {
     /// `compute` or `native`.
     pub backend: String,
-    /// In words.
+    /// Reason for the choice, in words.
     pub why: String,
 }
 
@@ -51,11 +51,11 @@ pub struct TraversalUse {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct FeatureUse {
-    /// As the shaders call it.
+    /// Name in the shaders.
     pub name: String,
-    /// In words.
+    /// Description in words.
     pub what: String,
-    /// Compiled in.
+    /// True if the feature is compiled in.
     pub present: bool,
     /// Compiled in although the scene does not need it, for benches and tests.
     #[serde(default)]
@@ -68,9 +68,9 @@ pub struct FeatureUse {
 pub struct PassUse {
     /// Name of its shader.
     pub name: String,
-    /// Whether there is a pipeline of it for this render.
+    /// True if there is a pipeline of it for this render.
     pub made: bool,
-    /// Seconds that compiling its pipeline took when this process first needed it; 0 when left out.
+    /// Seconds that compiling its pipeline took when this process first needed it; 0 if it was left out.
     pub compile_secs: f64,
 }
 
@@ -78,11 +78,11 @@ pub struct PassUse {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct BufferUse {
-    /// What it is called in debuggers and errors.
+    /// Name in debuggers and errors.
     pub name: String,
     /// Bytes; 0 when left out.
     pub bytes: u64,
-    /// Bytes that are not there because the scene needs less: all of it where it was left out.
+    /// Bytes saved because the scene needs less: all of them if it was left out.
     pub saved: u64,
 }
 
@@ -92,13 +92,13 @@ pub struct BufferUse {
 pub struct PrimvarUse {
     /// Its name without `primvars:`.
     pub name: String,
-    /// Meshes and instancers whose values are used.
+    /// Number of meshes and instancers whose values are used.
     pub made: u64,
-    /// Meshes and instancers that have it and whose values nothing reads.
+    /// Number of meshes and instancers that have it and whose values nothing reads.
     pub left_out: u64,
-    /// Bytes of the values used, as floats, each mesh that is shared counted for each prim.
+    /// Bytes of the values used, as floats; a shared mesh counts once for each prim.
     pub bytes: u64,
-    /// Bytes of the authored values that nothing reads, as floats.
+    /// Bytes that the authored values which nothing reads would take as floats.
     pub saved: u64,
 }
 
@@ -109,7 +109,7 @@ impl RenderInventory {
         self.buffers.iter().map(|buffer| buffer.bytes).fold(0, u64::saturating_add)
     }
 
-    /// Bytes that are not there because the scene does not need them, primvars included.
+    /// Bytes saved because the scene does not need them, primvars included.
     #[must_use]
     pub fn saved(&self) -> u64 {
         let buffers = self.buffers.iter().map(|buffer| buffer.saved);
@@ -127,7 +127,7 @@ impl RenderInventory {
         self.note(name, bytes, 0);
     }
 
-    /// Notes a buffer that would have so many bytes if something needed it.
+    /// Notes a buffer that would have this many bytes if something needed it.
     pub fn leave_out(&mut self, name: &str, bytes: u64) {
         self.note(name, 0, bytes);
     }
@@ -142,7 +142,7 @@ impl RenderInventory {
         }
     }
 
-    /// Takes primvars over: those with most bytes first, no more than [`MOST_PRIMVARS`], names cut short.
+    /// Sets the primvars: those with most bytes first, at most [`MOST_PRIMVARS`], names cut short.
     pub fn set_primvars(&mut self, mut primvars: Vec<PrimvarUse>) {
         let weight = |primvar: &PrimvarUse| primvar.bytes.saturating_add(primvar.saved);
         primvars.sort_by(|a, b| weight(b).cmp(&weight(a)).then_with(|| a.name.cmp(&b.name)));

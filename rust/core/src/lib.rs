@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! OocPT's decisions, free of Vulkan, clocks, threads of its own and files: the scene database (edits in, immutable
+//! The parts of OocPT that need no Vulkan, clock, thread of their own or file: the scene database (edits in, immutable
 //! snapshots out), mesh preparation (checking, triangulation, hierarchies), materials, camera rays, lights, settings.
 //!
 //! Guarantees: nothing here panics on any input; everything is a pure function of its arguments; work is spread over
@@ -32,7 +32,7 @@ pub use camera_motion::{CameraMotion, CameraMotionError};
 pub use clipping::MAX_CLIP_PLANES;
 pub use material::{ColorSpace, InputValue, Material, TextureRef, Wrap};
 pub use mesh::{Aabb, AnyAttribute, Attribute, Bvh2, Bvh4, BvhError, BvhNode, MeshAsset, MeshPrimvar, Triangle};
-/// Programs of patterns.
+/// Programs of `MaterialX` patterns.
 pub use oocpt_materialx as materialx;
 pub use partition::{
     Chunk, ChunkInstance, OpenedAssembly, PartitionOptions, PartitionedWorld, RECORD_BYTES, WorldError,

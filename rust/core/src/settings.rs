@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The user's settings: defaults, bounds, names. Core reads no environment; [`Settings::env_name`] says what to read.
+//! The settings of a render: names, defaults and ranges. This crate reads no environment; [`Settings::env_name`] gives
+//! the variable that the caller reads.
 
 mod error;
 mod host_mapped;
@@ -16,7 +17,7 @@ pub use traversal::TraversalKind;
 /// A setting's value as hosts give it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SettingValue {
-    /// Also accepted as the integers 0 and 1.
+    /// A bool; the integers 0 and 1 are accepted too.
     Bool(bool),
     /// Also accepted where a float is wanted.
     Int(i64),
@@ -26,25 +27,25 @@ pub enum SettingValue {
     Text(String),
 }
 
-/// A setting as it is listed.
+/// Description of a setting, as hosts list it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SettingInfo {
     /// Hydra key.
     pub key: &'static str,
-    /// Name for people.
+    /// Label for user interfaces.
     pub name: &'static str,
     /// Default value.
     pub default: SettingValue,
-    /// One line of help.
+    /// Help text of one line.
     pub doc: &'static str,
-    /// Hosts list only what is for users.
+    /// Audience; hosts list only settings for users.
     pub audience: SettingAudience,
-    /// Who may set it.
+    /// Hosts that may set it.
     pub scope: SettingScope,
 }
 
 impl Settings {
-    /// Sets one value by its Hydra key. Gives whether it changed.
+    /// Sets one value by its Hydra key. Returns true if it changed.
     ///
     /// # Errors
     /// See [`SettingError`]; the setting keeps its value.
@@ -97,7 +98,7 @@ impl Settings {
         })
     }
 
-    /// All settings with their defaults, in the order in which hosts show those that are for users.
+    /// All settings with their defaults, in the order in which hosts show those for users.
     #[must_use]
     pub fn descriptors() -> Vec<SettingInfo> {
         let defaults = Self::default();
@@ -111,7 +112,7 @@ impl Settings {
             .collect()
     }
 
-    /// The key of the setting that a person means by `name`: the key itself, or without `oocpt:` in front.
+    /// The key of the setting that a user means by `name`: the key itself, or the key without `oocpt:`.
     ///
     /// # Errors
     /// [`SettingError::Misspelt`] with the nearest key.
@@ -126,7 +127,7 @@ impl Settings {
         Err(SettingError::Misspelt { name: name.to_owned(), nearest })
     }
 
-    /// What `key` is about; `None` for an unknown key.
+    /// The scope of the setting `key`; `None` for an unknown key.
     #[must_use]
     pub fn scope(key: &str) -> Option<SettingScope> {
         TABLE.iter().find(|row| row.key == key).map(|row| row.scope)
@@ -140,7 +141,7 @@ impl Settings {
 }
 
 impl std::fmt::Display for SettingValue {
-    /// As a person would write it.
+    /// Writes the value as a user would type it.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Bool(value) => write!(f, "{value}"),
@@ -204,7 +205,7 @@ fn policy_named(key: &str, text: &str) -> Result<PolicyKind, SettingError> {
     text.trim().parse().map_err(wrong)
 }
 
-/// The one of several that a value names.
+/// The one of several choices that a value names.
 fn choice<T>(
     key: &str,
     value: &SettingValue,
@@ -217,7 +218,7 @@ fn choice<T>(
     named(text.trim()).ok_or_else(unknown)
 }
 
-/// A checked whole number as u32.
+/// A whole number that was checked before, as u32.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked against bounds inside u32")]
 fn whole(value: f64) -> u32 {
     value as u32

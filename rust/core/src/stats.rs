@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a render reports about itself. Plain data, serialisable; any thread.
+//! Statistics that a render reports about itself. Plain data, serialisable; any thread.
 
 use serde::{Deserialize, Serialize};
 
@@ -25,9 +25,9 @@ pub struct RenderStats {
     pub gpu_peak_bytes: u64,
     /// Its hard limit, bytes.
     pub gpu_budget_bytes: u64,
-    /// Host memory of scene data that we hold (not the host's own arrays), bytes.
+    /// Host memory of scene data that the renderer holds (not the host's own arrays), bytes.
     pub host_bytes: u64,
-    /// The most memory that the process has held so far, the host's own data included, bytes; 0: unknown.
+    /// Maximum of the memory that the process has held so far, including the host's own data, bytes; 0: unknown.
     #[serde(default)]
     pub host_peak_bytes: u64,
     /// Rays traced, all kinds.
@@ -38,14 +38,14 @@ pub struct RenderStats {
     pub nonfinite_samples: u64,
     /// Scene data dropped because it was bad.
     pub dropped: DroppedData,
-    /// One line for the user.
+    /// Status line for the user.
     pub annotation: String,
     /// Parts of the pipeline that this scene does not need and that were left out.
     pub features_left_out: Vec<String>,
-    /// Passes, their seconds on the device in this render and how often they ran; only when profiled.
+    /// Passes with their seconds on the device in this render and the number of their runs; only when profiled.
     #[serde(default)]
     pub passes: Vec<(String, f64, u64)>,
-    /// What it consists of, and what was left out; empty until the passes are compiled.
+    /// Parts of the render, and those that were left out; empty until the passes are compiled.
     #[serde(default)]
     pub inventory: RenderInventory,
     /// Placements of meshes, multiplied out.
@@ -58,13 +58,13 @@ pub struct RenderStats {
     pub triangles: u64,
     /// Unique meshes.
     pub meshes: u64,
-    /// What went on between host and device.
+    /// Transfers and residency of scene data.
     #[serde(default)]
     pub streaming: StreamingStats,
-    /// What the last look at the picture's error said.
+    /// The last estimate of the picture's error.
     #[serde(default)]
     pub error: Option<ErrorRow>,
-    /// With adaptive sampling: how the samples so far were spent.
+    /// With adaptive sampling: the samples spent so far.
     #[serde(default)]
     pub adaptive: Option<AdaptiveUsage>,
 }
@@ -73,29 +73,29 @@ pub struct RenderStats {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct ErrorRow {
-    /// Samples of every pixel, at least.
+    /// Least number of samples of a pixel.
     pub samples: u32,
-    /// Since the render began, seconds; comparing with a reference is not counted.
+    /// Seconds since the render began, without comparisons with a reference.
     pub seconds: f64,
-    /// Of these, while the device traced, seconds.
+    /// Part of these seconds in which the device traced.
     pub seconds_tracing: f64,
     /// Rays traced, all kinds.
     pub rays: u64,
-    /// Estimated relMSE with its interval (see [`crate::convergence`]); none while nothing can be said.
+    /// Estimated relMSE with its interval (see [`crate::convergence`]); `None` while there is no estimate.
     pub estimate: Option<ErrorEstimate>,
-    /// The pixels that are worst, by the same estimate: at most one of every workgroup that measured, worst first.
+    /// The worst pixels, by the same estimate: at most one of every workgroup that measured, worst first.
     pub worst: Vec<WorstPixel>,
     /// Bytes of geometry and textures sent to the device so far while rendering.
     pub bytes_paged: u64,
-    /// Against the reference, if there is one.
+    /// Error against the reference, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truth: Option<TrueError>,
-    /// No further sample was to come.
+    /// True if no further sample was to come.
     #[serde(default)]
     pub is_last: bool,
 }
 
-/// What a render has used by its end; also a line of the report that `oocpt:report` names.
+/// Totals of a render at its end; also a line of the report that `oocpt:report` names.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct RenderUsage {
@@ -103,78 +103,77 @@ pub struct RenderUsage {
     pub seconds_total: f64,
     /// The most device memory that was in use, bytes.
     pub gpu_peak_bytes: u64,
-    /// The most that the driver said, bytes ([`StreamingStats::driver_peak_bytes`]).
+    /// Device memory of this process according to the driver, maximum in bytes ([`StreamingStats::driver_peak_bytes`]).
     pub driver_peak_bytes: u64,
     /// Host memory of scene data that the renderer holds, bytes.
     pub host_bytes: u64,
-    /// The most memory that the process has held, bytes ([`RenderStats::host_peak_bytes`]).
+    /// Maximum of the memory that the process has held, bytes ([`RenderStats::host_peak_bytes`]).
     #[serde(default)]
     pub host_peak_bytes: u64,
-    /// Nothing was streamed: all of the scene is on the device.
+    /// True if all of the scene was on the device and nothing was streamed.
     pub in_core: bool,
-    /// Bytes that all of the scene would take on the device, of these bytes of textures, and bytes of tiles of
-    /// textures that are there.
+    /// Bytes that all of the scene would take on the device.
     pub scene_bytes: u64,
-    /// See above.
+    /// Part of `scene_bytes` that is textures.
     pub texture_scene_bytes: u64,
-    /// See above.
+    /// Bytes of texture tiles on the device.
     pub texture_bytes: u64,
-    /// Tiles of textures that were loaded while rendering, and their bytes; 0 where all were loaded before.
+    /// Texture tiles that were loaded while rendering; 0 if all were loaded before.
     pub texture_loads: u64,
-    /// See above.
+    /// Bytes of these texture tiles.
     pub texture_bytes_paged: u64,
     /// Rays traced, all kinds.
     #[serde(default)]
     pub rays_traced: u64,
-    /// Chunks of the scene, loads of them and of tiles, and of these loads of what had been there before.
+    /// Number of chunks of the scene.
     #[serde(default)]
     pub chunks: u64,
-    /// See above.
+    /// Completed loads of chunks and tiles.
     #[serde(default)]
     pub loads: u64,
-    /// See above.
+    /// Part of `loads` that had been on the device before.
     #[serde(default)]
     pub reloads: u64,
-    /// Bytes copied to the device for them.
+    /// Bytes copied to the device for these loads.
     #[serde(default)]
     pub bytes_paged: u64,
-    /// The most bytes of geometry and textures that were on the device, and their limit; 0 where nothing was streamed.
+    /// Maximum of the bytes of geometry and textures on the device; 0 if nothing was streamed.
     #[serde(default)]
     pub geometry_peak_bytes: u64,
-    /// See above.
+    /// Hard limit of these bytes; 0 if nothing was streamed.
     #[serde(default)]
     pub geometry_budget_bytes: u64,
-    /// Bytes of geometry and of tiles of textures that rays read in host memory.
+    /// Bytes of geometry and of texture tiles that rays read in host memory.
     #[serde(default)]
     pub mapped_bytes: u64,
-    /// The last paths were traced by passes without streaming ([`StreamingStats::is_split`]).
+    /// True if the last paths were traced by passes without streaming ([`StreamingStats::is_split`]).
     #[serde(default)]
     pub is_split: bool,
-    /// Seconds during which a load was in flight, and during which the device only waited for loads.
+    /// Seconds during which a load was in flight.
     #[serde(default)]
     pub seconds_loading: f64,
-    /// See above.
+    /// Seconds during which the device only waited for loads.
     #[serde(default)]
     pub seconds_waiting: f64,
-    /// Seconds before the first ray: reading geometry and sending it to the device, and compiling passes for the scene.
+    /// Seconds before the first ray in which geometry was read and sent to the device.
     #[serde(default)]
     pub seconds_uploading: f64,
-    /// See above.
+    /// Seconds before the first ray in which passes were compiled for the scene.
     #[serde(default)]
     pub seconds_compiling: f64,
-    /// Seconds in which a scene in core waited for tiles of textures; waves traced, and waves traced again for tiles.
+    /// Seconds in which a scene in core waited for texture tiles.
     #[serde(default)]
     pub seconds_texture_tiles: f64,
-    /// See above.
+    /// Number of waves traced.
     #[serde(default)]
     pub waves: u64,
-    /// See above.
+    /// Number of waves traced again for texture tiles.
     #[serde(default)]
     pub waves_retraced: u64,
 }
 
 impl RenderUsage {
-    /// What these stats say of it.
+    /// The totals among these statistics.
     #[must_use]
     pub fn of(stats: &RenderStats) -> Self {
         let streaming = &stats.streaming;
@@ -210,15 +209,15 @@ impl RenderUsage {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct WorstPixel {
-    /// From the left.
+    /// Column, counted from the left.
     pub x: u32,
-    /// From the top.
+    /// Row, counted from the top.
     pub y: u32,
     /// Relative squared error.
     pub error: f64,
 }
 
-/// How a picture differs from a reference.
+/// Difference of a picture from a reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct TrueError {
@@ -230,11 +229,11 @@ pub struct TrueError {
     pub flip: f64,
 }
 
-/// How the scene got to the device. Counts and seconds are totals since the render began unless they say "now".
+/// Streaming of the scene to the device. Counts and seconds are totals since the render began unless they say "now".
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct StreamingStats {
-    /// All of the scene fits and nothing is streamed: what follows about loads and rays stays 0.
+    /// True if all of the scene fits and nothing is streamed: the following numbers about loads and rays stay 0.
     pub in_core: bool,
     /// Chunks of the scene.
     pub chunks: u64,
@@ -246,7 +245,7 @@ pub struct StreamingStats {
     pub chunks_touched: u64,
     /// Chunks whose load completed.
     pub loads: u64,
-    /// Of these, chunks that had been resident before.
+    /// Part of `loads`: chunks that had been resident before.
     pub reloads: u64,
     /// Chunks evicted.
     pub evictions: u64,
@@ -256,33 +255,33 @@ pub struct StreamingStats {
     pub bytes_paged: u64,
     /// Of these, bytes that had been on the device before.
     pub reloaded_bytes: u64,
-    /// Visits of rays to chunks that found the chunk resident, divided by all that wanted one; 0 to 1.
+    /// Visits of rays to resident chunks, divided by all visits; 0 to 1.
     pub hit_rate: f64,
     /// Rays that wait for a chunk now.
     pub waiting_rays: u64,
     /// Paths still alive in the oldest unfinished segment now.
     pub stragglers: u64,
-    /// Bytes of geometry and textures (chunks, meshes, assemblies, tiles) on the device or on their way now.
+    /// Bytes of geometry and textures (chunks, meshes, assemblies, tiles) that are resident or loading now.
     pub geometry_bytes: u64,
-    /// Hard limit of these, bytes.
+    /// Hard limit of `geometry_bytes`, bytes.
     pub geometry_budget_bytes: u64,
-    /// The most `geometry_bytes` has been.
+    /// Maximum of `geometry_bytes` so far.
     pub geometry_peak_bytes: u64,
-    /// Bytes of geometry in host memory where rays read it across the bus.
+    /// Bytes of geometry in host memory that rays read across the bus.
     pub mapped_bytes: u64,
-    /// All of the scene is on the device or in host memory that rays read, and the last paths were traced by passes
-    /// that have no streaming in them.
+    /// True if all of the scene is on the device or in host memory that rays read, and the last paths were traced by
+    /// passes that have no streaming in them.
     pub is_split: bool,
-    /// Of these passes, how many were compiled while others traced.
+    /// Number of these passes that were compiled while others traced.
     pub compiled_ahead: u32,
-    /// How often passes were compiled anew because a walk needs a deeper stack than foreseen.
+    /// Number of times that passes were compiled anew because a walk needed a deeper stack than foreseen.
     pub recompilations: u32,
-    /// The most that the driver said, after a wave or a step, this process uses of device memory, its own share
-    /// included; 0 = a driver that does not say, or a software renderer.
+    /// Maximum of the device memory that this process uses according to the driver, read after a wave or a step, bytes;
+    /// 0 = the driver does not report it, or is a software renderer.
     pub driver_peak_bytes: u64,
     /// Bytes that the whole scene would take on the device.
     pub scene_bytes: u64,
-    /// Share of the free device memory that no largest chunk fits into, 0 to 1, now.
+    /// Share of the free device memory that is in pieces too small for the largest chunk, 0 to 1, now.
     pub fragmentation: f64,
     /// Seconds during which the device traced or shaded.
     pub seconds_tracing: f64,
@@ -290,24 +289,24 @@ pub struct StreamingStats {
     pub seconds_loading: f64,
     /// Seconds during which the device did nothing but wait for loads.
     pub seconds_waiting: f64,
-    /// Seconds during which it traced and loaded at once.
+    /// Seconds during which the device traced and a load was in flight at the same time.
     pub seconds_overlapped: f64,
     /// Paths not finished yet of the samples begun, now.
     pub paths_left: u64,
     /// Paths that roulette on loads has ended.
     pub roulette_paths: u64,
-    /// Shadow rays that it has.
+    /// Shadow rays that roulette on loads has ended.
     pub roulette_shadow_rays: u64,
-    /// Loads that it has saved: nobody waited for the chunk any more.
+    /// Number of loads that roulette has saved: no ray waited for the chunk any more.
     pub roulette_loads_saved: u64,
-    /// Of `scene_bytes`, bytes of textures.
+    /// Part of `scene_bytes` that is textures.
     pub texture_scene_bytes: u64,
     /// Of `geometry_bytes`, bytes of tiles of textures on the device now.
     pub texture_bytes: u64,
-    /// Of `loads`, tiles of textures.
+    /// Part of `loads` that is tiles of textures.
     pub texture_loads: u64,
-    /// Of `reloads`, tiles of textures.
+    /// Part of `reloads` that is tiles of textures.
     pub texture_reloads: u64,
-    /// Of `bytes_paged`, bytes of tiles of textures.
+    /// Part of `bytes_paged` that is tiles of textures.
     pub texture_bytes_paged: u64,
 }

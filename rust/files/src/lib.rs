@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Files whose names come from settings and scenes. Opening a pipe waits for its other end, opening a device may do
-//! anything, and neither has an end: so regular files are opened, and nothing else, in bounded time.
+//! Opens files whose names come from settings and scenes. Opening a pipe waits for its other end, opening a device may
+//! do anything, and neither has an end: so these functions open regular files only, in bounded time.
 //!
-//! Each function looks at what has the name before it opens it, opens without waiting (`O_NONBLOCK`), and looks once
-//! more at what it has got, should it have been replaced meanwhile. Links are followed. Errors that say what something
-//! is read on after its name: "is a pipe, not a file". Any thread.
+//! Each function checks the kind of the file before it opens it, opens without waiting (`O_NONBLOCK`), and checks the
+//! opened file again, because the name may have been replaced meanwhile. Links are followed. Messages of errors about
+//! the kind of a file continue its name: "is a pipe, not a file". Any thread.
 
 #![forbid(unsafe_code)]
 
@@ -16,20 +16,20 @@ use std::sync::atomic::{AtomicU32, Ordering};
 /// Opens a file to be read.
 ///
 /// # Errors
-/// It is not there, cannot be read, or is no regular file ([`ErrorKind::InvalidInput`]).
+/// It does not exist, cannot be read, or is not a regular file ([`ErrorKind::InvalidInput`]).
 pub fn open(path: &Path) -> Result<File> {
     let kind = std::fs::metadata(path)?.file_type();
     refuse(kind)?;
     checked(without_waiting(OpenOptions::new().read(true)).open(path)?)
 }
 
-/// All of a file of at most so many bytes.
+/// Reads a whole file of at most `most_bytes`.
 ///
 /// # Errors
 /// As [`open`]; it is longer ([`ErrorKind::FileTooLarge`]), or cannot be read to its end.
 pub fn read(path: &Path, most_bytes: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    // One byte more than allowed tells what is longer, also where it grows meanwhile.
+    // One byte more than allowed detects longer files, also if they grow meanwhile.
     open(path)?.take(most_bytes.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > most_bytes {
         return Err(Error::new(ErrorKind::FileTooLarge, format!("has more than {most_bytes} bytes")));
@@ -37,10 +37,10 @@ pub fn read(path: &Path, most_bytes: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Opens a file to be written at its end, or makes it. With `anew` it is empty then.
+/// Opens a file for writing at its end, or creates it. With `anew` it is emptied.
 ///
 /// # Errors
-/// It cannot be written, or there is something that is no regular file ([`ErrorKind::InvalidInput`]).
+/// It cannot be written, or the name is that of something other than a regular file ([`ErrorKind::InvalidInput`]).
 pub fn append(path: &Path, anew: bool) -> Result<File> {
     refuse_existing(path)?;
     let file = checked(without_waiting(OpenOptions::new().append(true).create(true)).open(path)?)?;
@@ -50,17 +50,17 @@ pub fn append(path: &Path, anew: bool) -> Result<File> {
     Ok(file)
 }
 
-/// Writes a file whole: under another name beside it, which is then its own. Readers see the old one or the new one. Of
-/// a link it is what it leads to that is replaced.
+/// Writes a whole file under another name in the same folder, and renames it. Readers see the old file or the new one.
+/// For a link, the target is replaced.
 ///
 /// # Errors
-/// It cannot be written, or there is something that is no regular file ([`ErrorKind::InvalidInput`]). What was there
-/// stays as it is.
+/// It cannot be written, or the name is that of something other than a regular file ([`ErrorKind::InvalidInput`]). An
+/// existing file stays as it is.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     replace_by(path, |mut file| file.write_all(bytes))
 }
 
-/// As [`replace`], with what `write` writes.
+/// As [`replace`], with the bytes that `write` writes.
 ///
 /// # Errors
 /// Those of `write`, and as [`replace`].
@@ -71,13 +71,13 @@ pub fn replace_by(path: &Path, write: impl FnOnce(File) -> Result<()>) -> Result
     let file = OpenOptions::new().write(true).create_new(true).open(&beside)?;
     let done = write(file).and_then(|()| std::fs::rename(&beside, &path));
     if done.is_err() {
-        // It is the first error that counts.
+        // The first error is the one that is reported.
         let _removed = std::fs::remove_file(&beside);
     }
     done
 }
 
-/// A name that no other call, thread or process uses.
+/// A name in the same folder that no other call, thread or process uses.
 fn name_beside(path: &Path) -> PathBuf {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     let number = COUNT.fetch_add(1, Ordering::Relaxed);
@@ -86,7 +86,7 @@ fn name_beside(path: &Path) -> PathBuf {
     name.into()
 }
 
-/// What is not there may be made.
+/// Fails if there is something other than a regular file; a missing file may be created.
 fn refuse_existing(path: &Path) -> Result<()> {
     match std::fs::metadata(path) {
         Ok(metadata) => refuse(metadata.file_type()),
@@ -142,7 +142,7 @@ mod tests {
     use std::os::unix::net::UnixListener;
     use std::time::{Duration, Instant};
 
-    /// A folder with one of everything, removed at the end.
+    /// A folder with one entry of each kind, removed at the end.
     struct Folder(PathBuf);
 
     impl Folder {
@@ -164,7 +164,7 @@ mod tests {
             names
         }
 
-        /// What is no file, and what it is called.
+        /// The entries that are not files, with the names of their kinds.
         fn others(&self) -> (Vec<(PathBuf, &'static str)>, UnixListener) {
             let [pipe, link, socket] = ["pipe", "link", "socket"].map(|name| self.path(name));
             let made = std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo");
@@ -212,7 +212,7 @@ mod tests {
         assert_eq!(folder.names(), ["link", "pipe", "socket"], "nothing is left, all is as it was");
     }
 
-    /// A pipe that takes a file's place between the two looks is opened without waiting, and refused.
+    /// A pipe that replaces a file between the two checks is opened without waiting, and refused.
     #[test]
     fn a_file_replaced_by_a_pipe_before_opening_is_refused() {
         let folder = Folder::new("between");
@@ -220,7 +220,7 @@ mod tests {
         let pipe = &others[0].0;
         let opened = without_waiting(OpenOptions::new().read(true)).open(pipe).expect("opened without waiting");
         assert_eq!(checked(opened).expect_err("a pipe").to_string(), "is a pipe, not a file");
-        // Nobody reads it.
+        // No process reads the pipe.
         assert!(without_waiting(OpenOptions::new().append(true)).open(pipe).is_err(), "fails without waiting");
     }
 

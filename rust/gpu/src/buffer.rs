@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Buffers with memory of their own.
 //!
-//! For few, long-lived things: queues, staging, readback, film. What comes and goes by the thousand belongs in a
-//! [`Heap`](crate::Heap). All methods may be called from any thread.
+//! They are for few, long-lived things: queues, staging, readback, film. Things that come and go by the thousand belong
+//! in a [`Heap`](crate::Heap). All methods may be called from any thread.
 
 use std::sync::{Arc, PoisonError, RwLock};
 
@@ -18,7 +18,7 @@ use crate::submit::kept::HeldResource;
 /// Device or host memory with a device address. Put it in an [`Arc`] to share it.
 ///
 /// Dropping it does not wait: its memory goes back to the budget when the last submission made so far has finished. A
-/// command list that only knows the *address* must be submitted before the drop, or be told by
+/// command list that only knows the *address* must be submitted before the drop, or keep the buffer by
 /// [`CommandList::keep`](crate::CommandList::keep).
 #[derive(Debug)]
 pub struct Buffer {
@@ -26,12 +26,12 @@ pub struct Buffer {
     name: String,
     size: u64,
     usage: BufferUsage,
-    /// Host threads take turns on the mapped bytes: many readers or one writer.
+    /// Serialises host threads on the mapped bytes: many readers or one writer.
     host: RwLock<()>,
 }
 
 impl Buffer {
-    /// Makes a buffer of `bytes` (0 is allowed and still has an address). New memory holds arbitrary bytes.
+    /// Creates a buffer of `bytes` (0 is allowed and still has an address). New memory holds arbitrary bytes.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`] when the budget or the driver refuses even after waiting for retired memory,
@@ -58,20 +58,20 @@ impl Buffer {
         self.size
     }
 
-    /// The name it was made with.
+    /// Name that it was created with.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// What it is for.
+    /// Usage that it was created for.
     #[must_use]
     pub fn usage(&self) -> BufferUsage {
         self.usage
     }
 
-    /// Copies `bytes` to `offset`. Seen by every submission made after this returns. What a submission in flight sees
-    /// of it is unspecified.
+    /// Copies `bytes` to `offset`. Every submission made after this returns sees it. A submission in flight may see any
+    /// part of it.
     ///
     /// # Errors
     /// [`GpuError::Usage`] when the buffer is not mapped or the range does not fit.
@@ -84,8 +84,8 @@ impl Buffer {
         Ok(())
     }
 
-    /// Copies from `offset` into `bytes`. Holds what submissions wrote that are known to be done
-    /// ([`Submission::wait`](crate::Submission::wait)); of others, unspecified bytes.
+    /// Copies from `offset` into `bytes`. The bytes contain the writes of submissions that are known to be done
+    /// ([`Submission::wait`](crate::Submission::wait)); those of others are unspecified.
     ///
     /// # Errors
     /// [`GpuError::Usage`] when the buffer is not mapped or the range does not fit.
@@ -98,7 +98,7 @@ impl Buffer {
     }
 
     /// Lends all mapped bytes to `f`, which may split them among threads. No other host thread uses the buffer
-    /// meanwhile, and the caller sees to it that no submission in flight does. Do not read from an `UploadDecision`
+    /// meanwhile, and the caller ensures that no submission in flight does. Do not read from an `UploadDecision`
     /// buffer: it may be very slow.
     ///
     /// # Errors

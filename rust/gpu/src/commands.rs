@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Command lists: what the GPU is to do, in order.
+//! Command lists: the operations of the GPU, in order.
 //!
-//! Every operation sees what all earlier ones wrote, in this list and in earlier submissions of its queue; what a
-//! submission of another queue wrote is seen after [`CommandList::wait_for`]. A wrong argument is remembered and
-//! returned by [`CommandList::submit`]; nothing of the list runs then. A list is recorded by one thread at a time;
-//! several threads may each record and submit their own.
+//! Every operation sees the writes of all earlier ones, in this list and in earlier submissions of its queue; writes of
+//! a submission of another queue are seen after [`CommandList::wait_for`]. A wrong argument is remembered and returned
+//! by [`CommandList::submit`], and then nothing of the list runs. A list is recorded by one thread at a time; several
+//! threads may each record and submit their own.
 
 mod dispatch;
 mod host;
@@ -33,11 +33,11 @@ pub struct CommandList {
     slot: Option<CommandSlot>,
     kept: Vec<HeldResource>,
     waits: TimelinePoints,
-    /// The first mistake; nothing is recorded after it.
+    /// The first error; nothing is recorded after it.
     error: Option<GpuError>,
-    /// A part of it has run already.
+    /// True if a part of it has run already.
     is_flushed: bool,
-    /// Of the parts that have run.
+    /// Timings of the parts that have run.
     timings: Vec<(String, f64)>,
 }
 
@@ -54,7 +54,7 @@ impl Gpu {
     }
 
     /// A new command list that only copies, fills and updates. It runs beside other lists where
-    /// [`Gpu::has_transfer_queue`], and in any case in no order with them but that of [`CommandList::wait_for`].
+    /// [`Gpu::has_transfer_queue`], and in any case is ordered with them only by [`CommandList::wait_for`].
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`], or a failed call.
@@ -153,21 +153,21 @@ impl CommandList {
         }
     }
 
-    /// Records what `f` records without barriers in between: those operations may overlap and must not depend on each
-    /// other. What follows waits for all of them.
+    /// Records the operations of `f` without barriers in between: they may overlap and must not depend on each other.
+    /// Later operations wait for all of them.
     pub fn concurrent(&mut self, f: impl FnOnce(&mut Self)) {
         self.recorder.enter_concurrent();
         f(self);
         self.recorder.leave_concurrent();
     }
 
-    /// As [`CommandList::concurrent`] for all that is still to come in this list.
+    /// As [`CommandList::concurrent`] for all later operations of this list.
     pub fn all_concurrent(&mut self) {
         self.recorder.enter_concurrent();
     }
 
-    /// Groups what `f` records under a name: a label for debuggers and, when profiling, one more timing around all of
-    /// it.
+    /// Groups the operations of `f` under a name: a label for debuggers and, when profiling, one more timing around all
+    /// of them.
     pub fn span(&mut self, name: &str, f: impl FnOnce(&mut Self)) {
         if self.error.is_some() {
             return;
@@ -194,24 +194,25 @@ impl CommandList {
         }
     }
 
-    /// Lets nothing of this list run before `earlier`, a submission of any queue of this device, has finished, and lets
-    /// it see all that `earlier` wrote. The host does not wait. It counts for the whole list, wherever it is said;
-    /// earlier submissions of the list's own queue need no word.
+    /// Delays the whole list until `earlier`, a submission of any queue of this device, has finished, and lets it see
+    /// all writes of `earlier`. The host does not wait. The position of the call in the list does not matter; earlier
+    /// submissions of the list's own queue need no call.
     pub fn wait_for(&mut self, earlier: &Submission) {
         if self.same_device(earlier.label(), Arc::as_ptr(earlier.gpu().device())) {
             self.waits.raise(earlier.lane, earlier.value);
         }
     }
 
-    /// Switches timestamps around the operations that follow. Without timestamps on the device there are no timings.
+    /// Switches timestamps around the later operations. Without timestamps on the device there are no timings.
     pub fn profile(&mut self, on: bool) {
         self.recorder.set_timing(on);
     }
 
-    /// Hands the list to the GPU and returns at once.
+    /// Submits the list to the GPU and returns at once.
     ///
-    /// # Errors The first mistake made while recording ([`GpuError::Usage`]), [`GpuError::DeviceLost`], or a failed
-    /// call. Nothing runs then.
+    /// # Errors
+    /// The first error made while recording ([`GpuError::Usage`]), [`GpuError::DeviceLost`], or a failed call. Nothing
+    /// runs then.
     pub fn submit(self) -> Result<Submission, GpuError> {
         let opened = Arc::clone(self.gpu.opened());
         let submission = self.enqueue()?;
@@ -219,7 +220,7 @@ impl CommandList {
         Ok(submission)
     }
 
-    /// Submits, and lets go of nothing yet.
+    /// Submits the list and retains everything that it uses.
     pub(crate) fn enqueue(mut self) -> Result<Submission, GpuError> {
         if let Some(error) = self.error.take() {
             return Err(error);
@@ -240,7 +241,7 @@ impl CommandList {
         Ok(Submission::new(&self.gpu, (lane, value), self.label.clone(), (timings, timer)))
     }
 
-    /// Records one operation unless a mistake was made before.
+    /// Records one operation unless an error occurred before.
     fn operation(&mut self, name: &str, record: impl FnOnce(&ash::Device, vk::CommandBuffer)) {
         if self.error.is_none()
             && let Err(error) = self.recorder.operation(name, record)
@@ -249,7 +250,7 @@ impl CommandList {
         }
     }
 
-    /// Checks that `bytes` at `offset` lie in `range`, keeps it alive, and says where in which buffer they are.
+    /// Checks that `bytes` at `offset` lie in `range`, keeps it alive, and returns their buffer and position.
     fn place(&mut self, range: &dyn DeviceRange, offset: u64, bytes: u64) -> Option<(vk::Buffer, u64)> {
         if self.error.is_some() {
             return None;

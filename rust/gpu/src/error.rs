@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What can go wrong on the device, as few variants as callers can act on.
+//! Errors of the device, with as few variants as callers can act on.
 //!
 //! Plain data, any thread. Running out of memory is an event for the caller's planner (evict, shrink, try again), not
 //! the end.
@@ -8,11 +8,11 @@
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GpuError {
-    /// There is no Vulkan loader, no driver, or no device that the selector names. `reason` is one sentence for the
-    /// user that says what to install or which names exist.
+    /// There is no Vulkan loader, no driver, or no device that the selector names. `reason` is one sentence that tells
+    /// the user what to install or which names exist.
     #[error("no usable Vulkan device: {reason}")]
     NoDevice {
-        /// One sentence: what is missing and what to do.
+        /// One sentence that names what is missing and what to do.
         reason: String,
     },
     /// The chosen device lacks something the renderer cannot do without.
@@ -20,7 +20,7 @@ pub enum GpuError {
     MissingCapability {
         /// The device's name.
         device: String,
-        /// All that is missing, in one comma separated list.
+        /// Everything that is missing, as a comma-separated list.
         missing: String,
     },
     /// The budget or the driver refused memory. Nothing was changed: free something and try again.
@@ -49,7 +49,7 @@ pub enum GpuError {
     /// error.
     #[error("the GPU was lost; last pass known to have finished: {last_pass}")]
     DeviceLost {
-        /// Name of the last pass that wrote its marker, or of what was submitted last when there is no marker.
+        /// Name of the last pass that wrote its marker, or of the last submission if there is no marker.
         last_pass: String,
     },
     /// A call that breaks the contract of this crate (range outside a buffer, wrong push constant size, ...).
@@ -57,7 +57,7 @@ pub enum GpuError {
     Usage {
         /// Name of the object or of the command list.
         name: String,
-        /// What was wrong.
+        /// Description of the error.
         message: String,
     },
     /// A Vulkan call failed in a way that has no variant of its own.

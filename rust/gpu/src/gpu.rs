@@ -34,8 +34,9 @@ pub struct Gpu {
 impl Gpu {
     /// Opens the device that `options.selector` names, or the best one.
     ///
-    /// # Errors [`GpuError::NoDevice`] when there is no loader, driver, or match; [`GpuError::MissingCapability`] when
-    /// the named device lacks something; [`GpuError::Vulkan`] when the driver refuses.
+    /// # Errors
+    /// [`GpuError::NoDevice`] when there is no loader, driver, or match; [`GpuError::MissingCapability`] when the named
+    /// device lacks something; [`GpuError::Vulkan`] when the driver refuses.
     pub fn open(options: &OpenOptions) -> Result<Arc<Self>, GpuError> {
         let validation = match (options.validation, options.sync_validation) {
             (false, _) => ValidationLevel::Off,
@@ -73,39 +74,39 @@ impl Gpu {
         &self.opened
     }
 
-    /// What pipelines are made with.
+    /// Cache that pipelines are created with.
     pub(crate) fn pipeline_cache(&self) -> vk::PipelineCache {
         self.pipeline_cache.raw()
     }
 
-    /// What was opened and why.
+    /// The chosen device, with the reasons for the choice.
     #[must_use]
     pub fn report(&self) -> &DeviceReport {
         &self.device().report
     }
 
-    /// Whether all its memory is the host's too: no bus lies between them.
+    /// Returns true if all its memory is the host's too: no bus lies between them.
     #[must_use]
     pub fn is_unified(&self) -> bool {
         self.device().unified
     }
 
-    /// Its limits.
+    /// Limits of the device.
     #[must_use]
     pub fn limits(&self) -> &DeviceLimits {
         &self.device().limits
     }
 
-    /// Bytes held now, after letting go of what finished work used.
+    /// Bytes held now, after the resources of finished work were released.
     #[must_use]
     pub fn memory(&self) -> MemoryUse {
         self.opened.collect();
         self.device().budget.counts()
     }
 
-    /// Bytes that the driver says this process uses of device-local memory, by whatever it holds: other devices,
-    /// pipelines and the driver's own things too. None without `VK_EXT_memory_budget`. Mesa's software renderer
-    /// (25.0.7) tells of the whole machine instead.
+    /// Bytes of device-local memory that this process uses according to the driver, for every purpose: other devices,
+    /// pipelines and the driver's own objects too. `None` without `VK_EXT_memory_budget`. Mesa's software renderer
+    /// (25.0.7) reports the whole machine instead.
     #[must_use]
     pub fn driver_usage(&self) -> Option<u64> {
         let device = self.device();
@@ -113,8 +114,8 @@ impl Gpu {
         known.then(|| device_usage(&device.instance, device.physical))
     }
 
-    /// Changes the hard budget; None = nine tenths of what this process could hold now. What is held stays held: below
-    /// that, every request fails until enough was dropped.
+    /// Changes the hard budget; `None` = nine tenths of the bytes that this process could hold now. Memory that is held
+    /// stays held: below it, every request fails until enough was dropped.
     pub fn set_budget(&self, budget_bytes: Option<u64>) {
         self.device().budget.set_budget(budget_bytes.unwrap_or_else(|| self.device().automatic_budget()));
     }
@@ -125,19 +126,19 @@ impl Gpu {
         self.device().instance.log.take()
     }
 
-    /// The log behind [`Gpu::take_validation_messages`]; it outlives the device and so shows what was leaked.
+    /// The log behind [`Gpu::take_validation_messages`]; it outlives the device and so shows leaks.
     #[must_use]
     pub fn validation_log(&self) -> ValidationLog {
         self.device().instance.log.clone()
     }
 
-    /// Whether the validation layer was asked for and found.
+    /// Returns true if the validation layer was asked for and found.
     #[must_use]
     pub fn is_validating(&self) -> bool {
         self.device().instance.validating
     }
 
-    /// Waits for all work submitted so far, on all queues, and lets go of what it used.
+    /// Waits for all work submitted so far, on all queues, and releases the resources that it used.
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`], or a failed call.
@@ -148,12 +149,12 @@ impl Gpu {
     }
 
     /// Writes the pipelines compiled so far to the folder of [`OpenOptions::pipeline_cache`], as closing the device
-    /// does: for hosts that end without closing it. Cheap when nothing is new. What fails is logged.
+    /// does: for hosts that end without closing it. Cheap if nothing is new. Failures are logged.
     pub fn save_pipeline_cache(&self) {
         self.pipeline_cache.save();
     }
 
-    /// Whether transfer lists run on a queue of their own.
+    /// Returns true if transfer lists run on a queue of their own.
     #[must_use]
     pub fn has_transfer_queue(&self) -> bool {
         self.device().choice(QueueLane::Transfer) != self.device().choice(QueueLane::Main)

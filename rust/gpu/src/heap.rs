@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Memory for many small and middling things: few big arenas, cut into ranges. The device's own memory, or the host's
-//! that the device reaches across the bus.
+//! Memory for many small and medium things: few big arenas, cut into ranges. It is the device's own memory, or memory
+//! of the host that the device reaches across the bus.
 //!
 //! Ranges are found by `offset-allocator` in units of 256 bytes. Arenas are made when needed, smaller ones when the
 //! budget is short, and go back when empty (one is kept until [`Heap::trim`], with [`HeapOptions::keeps_arenas`] all).
@@ -19,7 +19,7 @@ use crate::memory::block::MemoryBlock;
 use crate::memory::range_memory::RangeMemory;
 use crate::submit::open_device::{BudgetWait, OpenDevice};
 
-/// Smallest arena that is worth having when the budget is short.
+/// Size of the smallest arena that is worth having if the budget is short.
 const SMALLEST_ARENA: u64 = 64 << 10;
 
 /// Device memory cut into ranges. Dropping it leaves its ranges valid.
@@ -29,25 +29,26 @@ pub struct Heap {
     name: String,
     usage: BufferUsage,
     arena_bytes: u64,
-    /// Larger requests get memory of their own.
+    /// Bytes above which a request gets memory of its own.
     largest_shared: u64,
     arenas: Arc<HeapArenas>,
 }
 
-/// How a heap takes memory.
+/// Options of a heap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HeapOptions {
-    /// Size of an arena, bounded to what the driver allows in one piece.
+    /// Size of an arena, limited to what the driver allows in one piece.
     pub arena_bytes: u64,
-    /// Serve requests of up to a whole arena from arenas, not only those of up to half of one. The size of arenas is
-    /// rounded down by up to an eighth, so that the range allocator finds a whole one; see [`Heap::largest_shared`].
+    /// True if requests of up to a whole arena are served from arenas, not only those of up to half of one. The size of
+    /// arenas is rounded down by up to an eighth, so that the range allocator finds a whole one; see
+    /// [`Heap::largest_shared`].
     pub whole_arenas: bool,
-    /// Most bytes of memory that this heap may hold, besides the device's budget; None = no limit of its own.
+    /// Most bytes of memory that this heap may hold, besides the device's budget; `None` = no limit of its own.
     pub limit_bytes: Option<u64>,
-    /// Which memory: [`BufferUsage::Device`], or another for memory of the host, which the device's budget does not
-    /// count.
+    /// Kind of memory: [`BufferUsage::Device`], or another usage for memory of the host, which the device's budget does
+    /// not count.
     pub usage: BufferUsage,
-    /// Arenas that are empty stay until [`Heap::trim`]: for memory that is slow to make.
+    /// True if empty arenas are kept until [`Heap::trim`]: for memory that is slow to allocate.
     pub keeps_arenas: bool,
 }
 
@@ -63,7 +64,7 @@ impl Default for HeapOptions {
     }
 }
 
-/// How full a heap is. Bytes of ranges include rounding to 256 bytes and what is retired but still in use by the GPU.
+/// Usage of a heap. Bytes of ranges include rounding to 256 bytes and retired ranges that the GPU still uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct HeapStats {
@@ -73,23 +74,23 @@ pub struct HeapStats {
     pub arena_bytes: u64,
     /// Bytes of ranges in shared arenas.
     pub used_bytes: u64,
-    /// Bytes of all ranges that somebody holds.
+    /// Bytes of all ranges that have an owner.
     pub live_bytes: u64,
-    /// Bytes of all ranges that were dropped, but may still be in use by the GPU.
+    /// Bytes of all ranges that were dropped, but that the GPU may still use.
     pub retired_bytes: u64,
     /// Bytes of ranges with memory of their own.
     pub dedicated_bytes: u64,
     /// Largest range (to the precision of the allocator's size classes) that fits without a new arena.
     pub largest_free: u64,
-    /// 1 - largest free stretch / all free bytes: 0 = all free space is in one piece.
+    /// 1 - largest free piece / all free bytes: 0 = all free space is in one piece.
     pub fragmentation: f64,
 }
 
 impl Heap {
-    /// A usual size of arenas.
+    /// Default size of arenas.
     pub const DEFAULT_ARENA_BYTES: u64 = 256 << 20;
 
-    /// Makes an empty heap; memory is taken by the first [`Heap::alloc`]. `arena_bytes` is bounded to what the driver
+    /// Creates an empty heap; the first [`Heap::alloc`] allocates memory. `arena_bytes` is limited to what the driver
     /// allows in one piece.
     ///
     /// # Errors
@@ -98,7 +99,7 @@ impl Heap {
         Self::with_options(gpu, name, HeapOptions { arena_bytes, ..HeapOptions::default() })
     }
 
-    /// Makes an empty heap; memory is taken by the first [`Heap::alloc`].
+    /// Creates an empty heap; the first [`Heap::alloc`] allocates memory.
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`].
@@ -120,15 +121,16 @@ impl Heap {
 
     /// Takes `bytes` at an address that is a multiple of `align` (a power of two). The bytes are arbitrary.
     ///
-    /// # Errors [`GpuError::OutOfMemory`] when neither the arenas nor the budget (or the heap's own limit) have room
-    /// even after waiting for what is retired, [`GpuError::TooLarge`], [`GpuError::Usage`] for a bad alignment,
+    /// # Errors
+    /// [`GpuError::OutOfMemory`] when neither the arenas nor the budget (or the heap's own limit) have room even after
+    /// waiting for retired memory, [`GpuError::TooLarge`], [`GpuError::Usage`] for a bad alignment,
     /// [`GpuError::DeviceLost`].
     pub fn alloc(&self, name: &str, bytes: u64, align: u64) -> Result<HeapRange, GpuError> {
         self.alloc_with(name, bytes, align, BudgetWait::WaitForRetired)
     }
 
-    /// As [`Heap::alloc`], but never waits for the GPU: None when there is no room now (budget, limit, fragmentation,
-    /// or the driver refuses). What is retired and done is taken back first.
+    /// As [`Heap::alloc`], but never waits for the GPU: `None` if there is no room now (budget, limit, fragmentation,
+    /// or the driver refuses). Retired memory that the GPU has finished with is taken back first.
     ///
     /// # Errors
     /// As [`Heap::alloc`], without [`GpuError::OutOfMemory`].
@@ -140,15 +142,15 @@ impl Heap {
         }
     }
 
-    /// Largest request in bytes that is served from an arena, if it is aligned to no more than 256 bytes. An empty
-    /// arena of full size has room for it.
+    /// Largest request in bytes that is served from an arena, if its alignment is at most 256 bytes. An empty arena of
+    /// full size has room for it.
     #[must_use]
     pub fn largest_shared(&self) -> u64 {
         self.largest_shared
     }
 
-    /// Changes the heap's own limit ([`HeapOptions::limit_bytes`]). What is held stays held: below that, everything
-    /// that needs more memory fails until enough was dropped.
+    /// Changes the heap's own limit ([`HeapOptions::limit_bytes`]). Memory that is held stays held: below it, requests
+    /// for more memory fail until enough was dropped.
     pub fn set_limit(&self, limit_bytes: Option<u64>) {
         self.arenas.counters.set_limit(limit_bytes);
     }
@@ -159,7 +161,7 @@ impl Heap {
         self.arenas.counters.limit()
     }
 
-    /// How full the heap is now.
+    /// Usage of the heap now.
     #[must_use]
     pub fn stats(&self) -> HeapStats {
         self.opened.collect();
@@ -186,8 +188,8 @@ impl Heap {
     }
 
     /// Makes one arena of `bytes`, or of as much as the budget, the heap's own limit and the driver give in one piece,
-    /// for what is to come: ranges of very different sizes lose less in few large arenas than in many small ones. It
-    /// goes back as any other. Gives its size; 0 where there is no memory.
+    /// for later requests: ranges of very different sizes lose less in few large arenas than in many small ones. It is
+    /// freed as any other. Returns its size; 0 if there is no memory.
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`].
@@ -207,7 +209,7 @@ impl Heap {
         Ok(0)
     }
 
-    /// Gives arenas that hold nothing back to the budget.
+    /// Gives empty arenas back to the budget.
     pub fn trim(&self) {
         self.opened.collect();
         self.arenas.trim(0);
@@ -221,7 +223,8 @@ impl Heap {
             let message = format!("alignment {align} is not a power of two");
             return Err(GpuError::Usage { name: name.to_owned(), message });
         }
-        // Within an arena units are aligned already; a larger alignment is met by moving up inside a longer place.
+        // Units are aligned already within an arena; for a larger alignment the range begins later inside a longer
+        // place.
         let padding = if align > GRANULE { align } else { 0 };
         let needed = bytes.max(1).checked_add(padding).and_then(|n| n.checked_next_multiple_of(GRANULE));
         let fits_shared = |needed: &u64| *needed <= self.largest_shared.max(self.largest_reserved());
@@ -233,12 +236,12 @@ impl Heap {
         self.dedicated(name, bytes, align, patience)
     }
 
-    /// A place in an arena, an old or a new one.
+    /// A place in an existing or a new arena.
     fn share(&self, needed: u64, patience: BudgetWait) -> Result<Option<ArenaPlace>, GpuError> {
         if let Some(place) = self.arenas.take(needed) {
             return Ok(Some(place));
         }
-        // What is done is free before a new arena is thought of.
+        // Finished ranges are free before a new arena is considered.
         self.opened.collect();
         if let Some(place) = self.arenas.take(needed) {
             return Ok(Some(place));
@@ -259,10 +262,10 @@ impl Heap {
         self.arenas.lock().iter().map(|arena| arena.bytes / 2).max().unwrap_or(0)
     }
 
-    /// A place in a new arena, a smaller one if the budget is short; None when even a small one does not fit now.
+    /// A place in a new arena, a smaller one if the budget is short; `None` if even a small one does not fit now.
     fn grow(&self, bytes: u64) -> Result<Option<ArenaPlace>, GpuError> {
         let mut size = self.arena_bytes;
-        // A smaller arena has room for as large a part of it as a full one.
+        // In a smaller arena the same share of the size is usable as in a full one.
         let share = self.arena_bytes / self.largest_shared;
         while size / share >= bytes && size >= SMALLEST_ARENA {
             match self.block(&self.name, size, BudgetWait::Now) {
@@ -276,7 +279,7 @@ impl Heap {
 
     /// A range with memory of its own.
     fn dedicated(&self, name: &str, bytes: u64, align: u64, patience: BudgetWait) -> Result<HeapRange, GpuError> {
-        // Drivers align memory generously, but Vulkan promises nothing about addresses: leave room to move up.
+        // Drivers align memory generously, but Vulkan guarantees nothing about addresses: leave room to move up.
         let room = if align > 1 { align } else { 0 };
         let padded = bytes.checked_add(room).ok_or_else(|| GpuError::TooLarge {
             name: name.to_owned(),

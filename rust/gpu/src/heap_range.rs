@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A stretch of a heap's memory: a place in an arena, or memory of its own. Any thread.
+//! A range of a heap's memory: a place in an arena, or memory of its own. Any thread.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use crate::range::DeviceRange;
 use crate::range::sealed::{RangeParts, ToRangeParts};
 use crate::submit::kept::HeldResource;
 
-/// A stretch of device memory. Dropping it does not wait; see [`Buffer`](crate::Buffer).
+/// A range of device memory. Dropping it does not wait; see [`Buffer`](crate::Buffer).
 #[derive(Debug)]
 pub struct HeapRange {
     memory: Arc<RangeMemory>,
@@ -32,7 +32,7 @@ impl HeapRange {
         self.memory.size
     }
 
-    /// The name it was made with.
+    /// Name that it was created with.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.memory.name

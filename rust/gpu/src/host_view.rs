@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Device memory as the host sees it, by device address: for passes that run on the host where the device is a
-//! processor, whose memory is the host's.
+//! Access of the host to device memory, by device address. It serves passes that run on the host if the device is a
+//! processor, which shares the memory of the host.
 //!
-//! Every look is checked against the bounds of the buffer or arena that the address lies in: an address that is wrong,
-//! or an index from a broken tree, finds nothing. What a view gives are copies and atomic words, never references to
-//! bytes, so that what a submission writes meanwhile can only make numbers wrong. While a view lives nothing that it
-//! sees is destroyed, or given to someone else. Any thread.
+//! Every access is checked against the bounds of the buffer or arena that contains the address: a wrong address, or an
+//! index from a broken tree, finds nothing. A view gives copies and atomic words, never references to bytes, so that
+//! concurrent writes of a submission can only make numbers wrong. While a view lives nothing that it sees is destroyed
+//! or reused. Any thread.
 
 use std::marker::PhantomData;
 use std::mem::size_of;
@@ -27,23 +27,24 @@ struct MappedSpan {
     is_written: bool,
 }
 
-/// See the module. The caller sees to it that no submission in flight writes what it reads, or uses what it writes.
+/// Checked access to device memory by address. The caller ensures that no submission in flight writes memory that it
+/// reads, or uses memory that it writes.
 #[derive(Debug)]
 pub struct HostView {
     opened: Arc<OpenDevice>,
-    /// In the order of addresses.
+    /// Spans in the order of addresses.
     spans: Vec<MappedSpan>,
 }
 
 impl Gpu {
-    /// Whether [`Gpu::host_view`] gives a view.
+    /// Returns true if [`Gpu::host_view`] gives a view.
     #[must_use]
     pub fn has_host_memory(&self) -> bool {
         self.device().report.host_memory
     }
 
-    /// A view of all memory that there is now. `written` are the buffers that are read and written by words; all others
-    /// are read only. None where device memory is not the host's.
+    /// A view of all memory that exists now. `written` are the buffers that are read and written by words; all others
+    /// are read only. `None` if the device does not share the memory of the host.
     #[must_use]
     pub fn host_view(&self, written: &[&Buffer]) -> Option<HostView> {
         let device = self.device();
@@ -62,7 +63,7 @@ impl Gpu {
 }
 
 impl HostView {
-    /// The span that `address` lies in, and how far in it.
+    /// The span that contains `address`, and the offset in it.
     #[inline]
     fn find(&self, address: u64) -> Option<(&MappedSpan, u64)> {
         let after = self.spans.partition_point(|span| span.start <= address);
@@ -71,7 +72,7 @@ impl HostView {
         (offset < span.bytes).then_some((span, offset))
     }
 
-    /// The bytes from `address` to the end of its buffer; none where there is no memory, or where it is written.
+    /// The bytes from `address` to the end of its buffer; empty if there is no memory, or if it is written.
     #[inline]
     #[must_use]
     pub fn bytes(&self, address: u64) -> HostBytes<'_> {
@@ -92,7 +93,7 @@ impl HostView {
         near.all.from(address.wrapping_sub(near.start))
     }
 
-    /// The buffer that `address` lies in, if it is one that is read.
+    /// The buffer that contains `address`, if it is one that is read.
     #[inline(never)]
     fn span_at(&self, address: u64) -> HostSpan<'_> {
         let found = self.find(address).filter(|(span, _)| !span.is_written);
@@ -102,7 +103,7 @@ impl HostView {
         })
     }
 
-    /// The words from `address` to the end of its buffer, which is one of those that are written; else none.
+    /// The words from `address` to the end of its buffer, if it is one of those that are written; else none.
     #[must_use]
     pub fn words(&self, address: u64) -> HostWords<'_> {
         let found = self.find(address).filter(|(span, _)| span.is_written && address.is_multiple_of(4));
@@ -124,14 +125,14 @@ impl MappedSpan {
 
 impl Drop for HostView {
     fn drop(&mut self) {
-        // After the last one goes what was retired meanwhile.
+        // The last view frees the buffers that were retired meanwhile.
         if self.opened.device.host_memory.look_away() {
             self.opened.collect();
         }
     }
 }
 
-/// A buffer that is read, whole: what [`HostView::bytes_near`] found last.
+/// A whole buffer that is read: the last one that [`HostView::bytes_near`] found.
 #[derive(Clone, Copy, Debug)]
 pub struct HostSpan<'v> {
     start: u64,
@@ -139,11 +140,11 @@ pub struct HostSpan<'v> {
 }
 
 impl HostSpan<'_> {
-    /// No buffer.
+    /// An empty view.
     pub const NONE: Self = Self { start: 0, all: HostBytes::NONE };
 }
 
-/// Memory that is read.
+/// A range of memory that is read.
 #[derive(Clone, Copy, Debug)]
 pub struct HostBytes<'v> {
     at: *const u8,
@@ -157,10 +158,10 @@ unsafe impl Send for HostBytes<'_> {}
 unsafe impl Sync for HostBytes<'_> {}
 
 impl HostBytes<'_> {
-    /// No memory.
+    /// An empty range.
     pub const NONE: Self = Self { at: std::ptr::null(), bytes: 0, view: PhantomData };
 
-    /// What is left from byte `offset` on; none behind the end.
+    /// The rest of the range from byte `offset` on; empty behind the end.
     #[inline(always)]
     fn from(self, offset: u64) -> Self {
         let Some(offset) = usize::try_from(offset).ok().filter(|&offset| offset < self.bytes) else {
@@ -171,13 +172,13 @@ impl HostBytes<'_> {
         Self { at, bytes: self.bytes - offset, view: PhantomData }
     }
 
-    /// Whether there is none.
+    /// Returns true if the range is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes == 0
     }
 
-    /// Asks the processor to bring `count` of `T` near, from the `index`-th on; nothing where they do not fit.
+    /// Prefetches `count` values of `T`, from the `index`-th on; does nothing if they do not fit.
     #[inline(always)]
     pub fn prefetch<T>(&self, index: usize, count: usize) {
         let (Some(at), Some(bytes)) = (index.checked_mul(size_of::<T>()), count.checked_mul(size_of::<T>())) else {
@@ -190,14 +191,14 @@ impl HostBytes<'_> {
         prefetch(unsafe { self.at.add(at) }, bytes);
     }
 
-    /// A copy of the `index`-th `T` from here; none where it does not fit.
+    /// A copy of the `index`-th `T` from here; `None` if it does not fit.
     #[inline]
     #[must_use]
     pub fn get<T: AnyBitPattern>(&self, index: usize) -> Option<T> {
         self.at_byte(index.checked_mul(size_of::<T>())?)
     }
 
-    /// As [`HostBytes::get`], for the numbers that tables have.
+    /// As [`HostBytes::get`], with a 32-bit index, as tables have.
     #[inline(always)]
     #[must_use]
     pub fn item<T: AnyBitPattern>(&self, index: u32) -> Option<T> {
@@ -213,7 +214,7 @@ impl HostBytes<'_> {
         Some(unsafe { from.read_unaligned() })
     }
 
-    /// A copy of the `T` that begins at byte `at` from here; none where it does not fit.
+    /// A copy of the `T` that begins at byte `at` from here; `None` if it does not fit.
     #[inline]
     #[must_use]
     pub fn at_byte<T: AnyBitPattern>(&self, at: usize) -> Option<T> {
@@ -229,13 +230,13 @@ impl HostBytes<'_> {
     }
 }
 
-/// Asks the processor to bring bytes near, one at least.
+/// Prefetches `bytes` bytes, at least one.
 #[inline(always)]
 fn prefetch(at: *const u8, bytes: usize) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        /// Bytes of a line of the caches of all processors that there is a prefetch for here.
+        /// Bytes of a cache line of all processors for which there is a prefetch here.
         const LINE: usize = 64;
         let mut byte = 0;
         while byte < bytes {
@@ -274,7 +275,7 @@ impl HostWords<'_> {
         Some(unsafe { &*at })
     }
 
-    /// Asks the processor to bring `count` words near; nothing where they do not fit.
+    /// Prefetches `count` words; does nothing if they do not fit.
     #[inline(always)]
     pub fn prefetch(&self, index: usize, count: usize) {
         if count > 0 && count <= self.count && index <= self.count - count {
@@ -283,14 +284,14 @@ impl HostWords<'_> {
         }
     }
 
-    /// A word; 0 where there is none.
+    /// Word `index`; 0 behind the end.
     #[inline]
     #[must_use]
     pub fn load(&self, index: usize) -> u32 {
         self.word(index).map_or(0, |word| word.load(Ordering::Relaxed))
     }
 
-    /// `N` words; zeros where not all of them are there.
+    /// `N` words; zeros unless all of them exist.
     #[inline(always)]
     #[must_use]
     pub fn load_all<const N: usize>(&self, index: usize) -> [u32; N] {
@@ -303,20 +304,20 @@ impl HostWords<'_> {
         words
     }
 
-    /// Writes a word; false where there is none.
+    /// Writes word `index`; returns false behind the end.
     #[inline]
     pub fn store(&self, index: usize, value: u32) -> bool {
         self.word(index).map(|word| word.store(value, Ordering::Relaxed)).is_some()
     }
 
-    /// Adds to a word, and gives what it was.
+    /// Adds to word `index`; returns its old value.
     #[inline]
     #[must_use]
     pub fn add(&self, index: usize, value: u32) -> Option<u32> {
         self.word(index).map(|word| word.fetch_add(value, Ordering::Relaxed))
     }
 
-    /// Sets bits of a word, and gives what it was. Other threads that do so see what this one wrote before.
+    /// Sets bits of a word, and returns its old value. Other threads that do so see the earlier writes of this one.
     #[inline]
     #[must_use]
     pub fn or(&self, index: usize, bits: u32) -> Option<u32> {

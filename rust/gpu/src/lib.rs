@@ -1,35 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Vulkan made safe: the only crate of OocPT that calls Vulkan.
+//! A safe interface to Vulkan; this is the only crate of OocPT that calls Vulkan.
 //!
-//! What it gives: a device chosen by name or by rank ([`Gpu`]), memory under a hard budget ([`Buffer`], [`Heap`]),
-//! compute [`Pipeline`]s, command lists with barriers of their own ([`CommandList`]), on the main queue or one for
-//! transfers, and submissions to wait for ([`Submission`]). All memory is reached by address; there are no descriptor
-//! sets.
+//! It provides a device chosen by name or by rank ([`Gpu`]), memory under a hard budget ([`Buffer`], [`Heap`]), compute
+//! [`Pipeline`]s, command lists with barriers of their own ([`CommandList`]), on the main queue or one for transfers,
+//! and submissions to wait for ([`Submission`]). All memory is reached by address; there are no descriptor sets.
 //!
-//! What it promises:
+//! Guarantees:
 //! - The bytes of device memory held never exceed the budget; running out is [`GpuError::OutOfMemory`] and changes
 //!   nothing.
-//! - Nothing the GPU may still use is destroyed: dropping retires, and a timeline semaphore says when it can go.
+//! - Nothing the GPU may still use is destroyed: dropping retires, and a timeline semaphore decides when it can be
+//!   destroyed.
 //! - A lost device, a missing driver or a wrong argument is an error with one clear sentence, never a panic.
 //! - Everything may be used from any thread, except that a command list is recorded by one thread at a time.
 //!
-//! What it cannot promise: that shaders stay inside the memory they are given (see [`Pipeline`]).
+//! It cannot guarantee that shaders stay inside the memory they are given (see [`Pipeline`]).
 //!
-//! The way of a piece of work: `commands` (checks) -> `submit::recorder` (barriers, markers, timestamps) ->
+//! The path of a command list: `commands` (checks) -> `submit::recorder` (barriers, markers, timestamps) ->
 //! `submit::queue` (submits, keeps alive) -> `submit::open_device` (collects) -> `device::logical`, `memory::arena`
 //! (let go).
 //!
-//! Layers; a module uses none of a layer below it in this list, and no two use each other (`cargo xtask check` sees to
+//! Layers; a module uses none of a layer below it in this list, and no two use each other (`cargo xtask check` ensures
 //! it for the folders and for the modules beside this file):
-//! - `error`, what every layer gives.
-//! - `instance`, what is there and what of it is chosen. `lane`, `memory_type` and `select` are pure.
-//! - `device`, the `logical` one and its parts; what is compiled for it. `budget`, `retire`, `heap_counters` and
-//!   `options` are bookkeeping, without Vulkan's functions.
-//! - `memory`, what is made from it: buffers, arenas with ranges, parts of staging rings.
-//! - `submit`: `kept` is what command lists keep alive; `recorder` and `queue`; the `open_device` has the queues, and
-//!   takes back what they are done with.
-//! - What callers hold, beside this file: `gpu` first, then `range`, `buffer`, `heap_range`, `heap`, `pipeline`,
-//!   `host_view`, `submission`, last `commands` and `staging`.
+//! - `error`: the errors of every layer.
+//! - `instance`: the instance, its devices, and the choice of a device. `lane`, `memory_type` and `select` are pure.
+//! - `device`: the `logical` one and its parts, and the pipelines compiled for it. `budget`, `retire`, `heap_counters`
+//!   and `options` are bookkeeping, without Vulkan's functions.
+//! - `memory`: buffers, arenas with ranges, parts of staging rings.
+//! - `submit`: `kept` has the objects that command lists keep alive, then `recorder` and `queue`; the `open_device` has
+//!   the queues, and takes back the objects of finished submissions.
+//! - The types that callers hold, beside this file: `gpu` first, then `range`, `buffer`, `heap_range`, `heap`,
+//!   `pipeline`, `host_view`, `submission`, last `commands` and `staging`.
 #![allow(unsafe_code, reason = "this crate exists to contain it; one operation per block, each with its reason")]
 
 mod buffer;

@@ -29,8 +29,9 @@ impl Pipeline {
     /// Compiles `words` for its compute entry point `main`, with 32-bit specialisation constants `(id, value)` and
     /// `push_bytes` of push constants. May take seconds on a software renderer.
     ///
-    /// # Errors [`GpuError::Usage`] for words that are no compute shader or a push size that is no multiple of 4 or
-    /// above the limit; [`GpuError::Vulkan`] when the driver refuses; [`GpuError::DeviceLost`].
+    /// # Errors
+    /// [`GpuError::Usage`] for words that are no compute shader or a push size that is no multiple of 4 or above the
+    /// limit; [`GpuError::Vulkan`] when the driver refuses; [`GpuError::DeviceLost`].
     pub fn new(
         gpu: &Arc<Gpu>,
         name: &str,
@@ -60,7 +61,7 @@ impl Pipeline {
         Ok(Self { inner: Arc::new(made?) })
     }
 
-    /// The name it was made with; the name of its dispatches in timings, labels and crash reports.
+    /// Name that it was created with, which its dispatches have in timings, labels and crash reports.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.inner.name
@@ -73,8 +74,8 @@ impl Pipeline {
     }
 }
 
-/// Whether the words start as SPIR-V and declare a compute entry point called `main`. Bounds are checked: words may be
-/// anything.
+/// Returns true if the words start as SPIR-V and declare a compute entry point called `main`. Bounds are checked: words
+/// may be anything.
 fn has_compute_main(words: &[u32]) -> bool {
     if words.first() != Some(&SPIRV_MAGIC) {
         return false;

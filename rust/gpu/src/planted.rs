@@ -1,29 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What tests plant in an open device, and what they ask of its watch ([`crate::device::watch`]). Compiled with the
-//! feature `faults` alone.
+//! Failures that tests plant in an open device, and their queries of its watch ([`crate::device::watch`]). Compiled
+//! only with the feature `faults`.
 
 use crate::device::watch::{DriverMemory, PlantedFailure};
 use crate::gpu::Gpu;
 
 impl Gpu {
-    /// Makes calls fail, in place of what was planted before.
+    /// Makes calls fail, replacing an earlier planted failure.
     pub fn plant_failure(&self, failure: PlantedFailure) {
         self.device().watch.plant(failure);
     }
 
-    /// How many calls failed because a test wanted it.
+    /// Number of calls that failed because of a planted failure.
     #[must_use]
     pub fn failures_struck(&self) -> u64 {
         self.device().watch.struck()
     }
 
-    /// What the driver gave, as counted at its own functions.
+    /// Memory that the driver gave, as counted at its own functions.
     #[must_use]
     pub fn driver_memory(&self) -> DriverMemory {
         self.device().watch.memory()
     }
 
-    /// Most bytes that the budget ever had on its books, of host and device together.
+    /// Maximum of the bytes that the budget counted so far, of host and device together.
     #[must_use]
     pub fn most_on_the_books(&self) -> u64 {
         self.device().budget.most()

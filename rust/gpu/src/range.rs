@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What operations work on: a stretch of device memory with an owner that can be kept alive.
+//! Ranges of device memory that operations work on; a range can keep its owner alive.
 //!
 //! [`DeviceRange`] is implemented by [`Buffer`](crate::Buffer), [`HeapRange`](crate::HeapRange) and
 //! [`StagingSlice`](crate::StagingSlice) only. Any thread.
 
-/// A stretch of device memory: a whole [`Buffer`](crate::Buffer), a [`HeapRange`](crate::HeapRange) or a
+/// A range of device memory: a whole [`Buffer`](crate::Buffer), a [`HeapRange`](crate::HeapRange) or a
 /// [`StagingSlice`](crate::StagingSlice). Sealed.
 pub trait DeviceRange: sealed::ToRangeParts {
     /// Device address of the first byte, as shaders use it.
     fn address(&self) -> u64;
     /// Size in bytes.
     fn size(&self) -> u64;
-    /// The name it was made with.
+    /// Name that it was created with.
     fn name(&self) -> &str;
 
     /// Lends bytes from an offset on to a function, if the range lies in host memory of a heap
-    /// ([`BufferUsage::Shared`](crate::BufferUsage::Shared)); false, and nothing happens, if not. Threads take turns.
-    /// Seen by every submission made after this returns; no submission in flight uses these bytes: the caller sees to
-    /// that.
+    /// ([`BufferUsage::Shared`](crate::BufferUsage::Shared)); otherwise it does nothing and returns false. Threads are
+    /// serialised. Every submission made after this returns sees the bytes; the caller ensures that no submission in
+    /// flight uses them.
     ///
     /// # Errors
     /// [`GpuError::Usage`](crate::GpuError::Usage) when the bytes do not fit the range.
@@ -27,7 +27,7 @@ pub trait DeviceRange: sealed::ToRangeParts {
 }
 
 pub(crate) mod sealed {
-    /// Where the range really is.
+    /// Buffer and offset of a range.
     #[derive(Debug)]
     pub struct RangeParts {
         pub(crate) buffer: ash::vk::Buffer,

@@ -7,7 +7,7 @@
 //!
 //! Waiting: threads are served in the order they asked. The first waits for the GPU when that holds the oldest part,
 //! else for other threads; a wait never lasts longer than [`POLL`] before everything is looked at anew, so nothing
-//! depends on being woken, and the loss of the device ends it. A thread that holds the rest of the ring itself, in
+//! depends on being woken, and the loss of the device ends it. A thread that itself holds the rest of the ring, in
 //! slices or unsubmitted lists, waits for ever.
 
 use std::sync::{Arc, MutexGuard};
@@ -23,9 +23,9 @@ use crate::range::sealed::{RangeParts, ToRangeParts};
 use crate::submit::kept::HeldResource;
 use crate::submit::open_device::OpenDevice;
 
-/// The name of the memory of every ring.
+/// Name of the memory of every ring.
 const NAME: &str = "staging ring";
-/// Longest wait before everything is looked at anew.
+/// Longest wait before everything is checked again.
 const POLL: Duration = Duration::from_millis(2);
 const POLL_NS: u64 = 2_000_000;
 
@@ -36,7 +36,7 @@ pub struct StagingRing {
     memory: Arc<RingMemory>,
 }
 
-/// Space in a [`StagingRing`], the caller's alone until it is dropped and what copies from it is done.
+/// Space in a [`StagingRing`], which belongs to the caller alone until it is dropped and the copies from it are done.
 #[derive(Debug)]
 pub struct StagingSlice {
     part: Arc<StagingPart>,
@@ -44,7 +44,7 @@ pub struct StagingSlice {
 }
 
 impl StagingRing {
-    /// Makes a ring of `bytes`.
+    /// Creates a ring of `bytes`.
     ///
     /// # Errors
     /// As [`Buffer::new`](crate::Buffer::new); [`GpuError::Usage`] for no bytes, or more than the host can address.
@@ -74,8 +74,9 @@ impl StagingRing {
     /// Reserves `bytes` at an offset that is a multiple of `align` (a power of two), and waits until they are free. The
     /// bytes are arbitrary.
     ///
-    /// # Errors [`GpuError::Usage`] for more bytes than the ring has or a bad alignment, [`GpuError::DeviceLost`], or a
-    /// failed call.
+    /// # Errors
+    /// [`GpuError::Usage`] for more bytes than the ring has or a bad alignment, [`GpuError::DeviceLost`], or a failed
+    /// call.
     pub fn reserve(&self, bytes: u64, align: u64) -> Result<StagingSlice, GpuError> {
         let length = self.check(bytes, align)?;
         let turn = RingTurn::take(&self.memory);
@@ -118,7 +119,7 @@ impl StagingRing {
         StagingSlice { part: Arc::new(StagingPart::new(&self.memory, part)), length }
     }
 
-    /// Waits, not longer than [`POLL`], for something to happen that may free space.
+    /// Waits, not longer than [`POLL`], for a change that may free space.
     fn wait(&self, state: MutexGuard<'_, RingState>, turn: u64) -> Result<(), GpuError> {
         let submitted =
             state.oldest_user(turn).and_then(|lane| Some((lane, self.opened.queue(lane).oldest_in_flight()?)));
@@ -138,7 +139,7 @@ fn misuse(message: String) -> GpuError {
 
 impl StagingSlice {
     /// The bytes, to be filled. Do not read them (it may be very slow), and do not write them once copies from them are
-    /// submitted: what the device sees then is unspecified.
+    /// submitted: the device may then see either value.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         let mapped = self.part.ring.mapped.as_ptr();
         let start = usize::try_from(self.part.start).unwrap_or_default();

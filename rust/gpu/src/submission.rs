@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Work that was handed to the GPU: is it done, wait for it, how long did it take. Any thread.
+//! Submitted work: its completion, its timings, and waiting for it. Any thread.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -16,7 +16,7 @@ pub struct Submission {
     pub(crate) lane: QueueLane,
     pub(crate) value: u64,
     label: String,
-    /// Of its parts that had run before it was submitted ([`CommandList::host`](crate::CommandList::host)).
+    /// Timings of its parts that had run before it was submitted ([`CommandList::host`](crate::CommandList::host)).
     earlier: Vec<(String, f64)>,
     timer: Option<Arc<QueryTimer>>,
 }
@@ -41,7 +41,8 @@ impl Submission {
         self.gpu.device().completed().of(self.lane) >= self.value
     }
 
-    /// Ok(true) once it has finished, Ok(false) when `timeout` passed first. Afterwards the host sees all it wrote.
+    /// Returns `Ok(true)` once it has finished, `Ok(false)` if `timeout` passed first. Afterwards the host sees all its
+    /// writes.
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`], or a failed call.
@@ -73,7 +74,7 @@ impl Submission {
         timings
     }
 
-    /// The label of its command list.
+    /// Label of its command list.
     #[must_use]
     pub fn label(&self) -> &str {
         &self.label

@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Edits: blocks appended to a file that replace faces (or metadata, which nobody here reads). A later edit of a face
-//! replaces an earlier one.
+//! Edits: blocks appended to a file that replace faces (or metadata, which this crate does not read). A later edit of a
+//! face replaces an earlier one.
 
 use crate::format::{BlockEncoding, ExtendedHeader, FACE_BYTES, FieldReader, PtexHeader, parse_block, parse_face};
 use crate::inflate::FileBytes;
 use crate::tables::{FaceTables, TexelBlock};
 use crate::{MAX_EDITS, PtexError};
 
-/// Kind (1 byte) and length of what follows (4 bytes).
+/// Bytes of an edit's header: kind (1 byte) and length of the rest (4 bytes).
 const EDIT_HEADER_BYTES: u32 = 5;
 const FACE_EDIT: u8 = 0;
-/// Number of the face, its record, and the word of its block.
+/// Bytes of a face edit: number of the face, its record, and the word of its block.
 const FACE_EDIT_BYTES: u32 = 4 + FACE_BYTES + 4;
 
-/// Applies all edits. They begin where the extended header says or, in files of before it said so, at `start`.
+/// Applies all edits. They begin where the extended header says or, in older files, at `start`.
 ///
 /// The writer of Ptex 2.4.3 leaves out the barrier (8 bytes) when there is no metadata, but its reader skips it all the
-/// same, and so misses the edits that the writer appends there. What the header says is right.
+/// same, and so misses the edits that the writer appends there. The value in the header is right.
 pub(crate) fn apply(
     file: &FileBytes,
     header: &PtexHeader,
@@ -52,7 +52,7 @@ pub(crate) fn apply(
     Err(PtexError::Edit(at))
 }
 
-/// Replaces one face. `None` if its edit is too short or its face is none.
+/// Replaces one face. `None` if its edit is too short or there is no such face.
 fn replace_face(
     file: &FileBytes,
     header: &PtexHeader,
@@ -74,7 +74,7 @@ fn replace_face(
     let Some((face, block, constant)) = tables.face_mut(number) else { return Ok(None) };
     *face = parse_face(*record, number, header)?;
     face.has_edits = true;
-    // The words of constant faces mean nothing.
+    // The words of constant faces have no meaning.
     let stored = if face.is_constant { 0 } else { bytes };
     if u64::from(stored) > left {
         return Ok(None);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Why a file is not read or written.
+//! Errors of reading and writing files.
 
-/// Why a file is not read or written. A file that gives an error is at fault, except for [`Self::Io`],
-/// [`Self::OutOfMemory`], [`Self::NoFace`] and [`Self::Caller`].
+/// Reason why a file is not read or written. The file is at fault, except for [`Self::Io`], [`Self::OutOfMemory`],
+/// [`Self::NoFace`] and [`Self::Caller`].
 #[derive(Debug, thiserror::Error)]
 pub enum PtexError {
     /// The source of the bytes failed.
@@ -11,24 +11,24 @@ pub enum PtexError {
     /// The first four bytes are not `Ptex`.
     #[error("not a Ptex file")]
     Magic,
-    /// Files of another major version are laid out otherwise.
+    /// The file has another major version, whose layout differs.
     #[error("Ptex files of version {0} are not supported (only 1 is)")]
     Version(u32),
-    /// A field of the header has a value that the format does not have, or above the limits of this crate.
+    /// A field of the header has a value that the format does not allow, or above the limits of this crate.
     #[error("the header's {field} is {value}")]
     Header {
-        /// Which field.
+        /// Name of the field.
         field: &'static str,
-        /// What it says.
+        /// Value of the field.
         value: u64,
     },
-    /// A part lies, wholly or in part, beyond the end of what holds it.
+    /// A part lies, wholly or in part, beyond the end of the part or file that contains it.
     #[error("{0} does not end inside the file: cut short, or its length is wrong")]
     Truncated(&'static str),
-    /// A compressed part is to be more than its compressed bytes can hold.
+    /// A compressed part claims to inflate to more than its compressed bytes can.
     #[error("{part} is to be {bytes} bytes, compressed to {stored}, which cannot be")]
     Ratio {
-        /// Which part.
+        /// Name of the part.
         part: &'static str,
         /// Bytes once inflated.
         bytes: u64,
@@ -38,10 +38,10 @@ pub enum PtexError {
     /// A compressed part does not inflate, or not to the length that it should have.
     #[error("{0} is damaged")]
     Damaged(&'static str),
-    /// A face of an impossible resolution.
+    /// A face has an impossible resolution.
     #[error("face {face} has a resolution of 2^{} x 2^{} texels", log2[0], log2[1])]
     Resolution {
-        /// Which face.
+        /// Number of the face.
         face: u32,
         /// Logarithms of base 2 of its resolution along u and v, as the file has them.
         log2: [i8; 2],
@@ -49,12 +49,12 @@ pub enum PtexError {
     /// A part is more than [`crate::MAX_BYTES`] once inflated.
     #[error("{part} would be {bytes} bytes, which is too many")]
     TooLarge {
-        /// Which part.
+        /// Name of the part.
         part: &'static str,
         /// Bytes once inflated.
         bytes: u64,
     },
-    /// An edit that the format does not have, or one more than [`crate::MAX_EDITS`].
+    /// An edit of an unknown kind, or one more than [`crate::MAX_EDITS`].
     #[error("the edit at byte {0} is damaged")]
     Edit(u64),
     /// There is no memory for this many bytes.
@@ -63,7 +63,7 @@ pub enum PtexError {
     /// The file has no such face.
     #[error("there is no face {0}")]
     NoFace(u32),
-    /// The caller of the writer asks for what the format does not have.
+    /// The caller of the writer asks for something that the format does not have.
     #[error("the file cannot be written: {0}")]
     Caller(&'static str),
 }

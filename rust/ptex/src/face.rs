@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the header of a file says: kinds of meshes, values and borders, and the faces.
+//! The contents of a file's header: kinds of meshes, values and borders, and the faces.
 
-/// What all faces of the mesh are.
+/// Kind of all faces of the mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum MeshType {
     /// Triangles, each a square image cut into "even" and "odd" texels (see the [crate] documentation).
@@ -10,7 +10,7 @@ pub enum MeshType {
     Quad,
 }
 
-/// What each channel of a texel is.
+/// Type of each channel of a texel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum DataType {
     /// Unsigned, 255 is one.
@@ -34,14 +34,14 @@ impl DataType {
     }
 }
 
-/// What lies beyond an edge that has no neighbour, for filters.
+/// Continuation beyond an edge that has no neighbour, for filters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BorderMode {
-    /// The texels at the edge, on and on.
+    /// The texels at the edge continue.
     Clamp,
-    /// Zeros.
+    /// Everything beyond the edge is zero.
     Black,
-    /// The texels of the opposite edge of the same face.
+    /// The texels of the opposite edge of the same face follow.
     Periodic,
 }
 
@@ -51,14 +51,14 @@ pub enum BorderMode {
 pub struct PtexFace {
     /// Logarithms of base 2 of the texels along u and v.
     pub log2: [u8; 2],
-    /// The face beyond each edge, and which edge of that face it is; `None` at the border of the mesh, and where the
-    /// file names a face or an edge that is none.
+    /// The face beyond each edge, and the index of that face's edge; `None` at the border of the mesh, and if the file
+    /// names a face or an edge that does not exist.
     pub adjacent: [Option<(u32, u8)>; 4],
-    /// Whether all texels are equal and only one is stored.
+    /// True if all texels are equal and only one is stored.
     pub is_constant: bool,
-    /// Whether it is the quad at a corner of a polygon that is not a quad.
+    /// True if it is the quad at a corner of a polygon that is not a quad.
     pub is_subface: bool,
-    /// Whether an edit block at the end of the file has replaced it.
+    /// True if an edit block at the end of the file has replaced it.
     pub has_edits: bool,
 }
 

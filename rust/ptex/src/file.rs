@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! An open file: its header, its tables with the edits applied.
+//! An open file: its header, and its tables with the edits applied.
 
 use crate::edits;
 use crate::format::{EXTENDED_BYTES, ExtendedHeader, HEADER_BYTES, PtexHeader};
@@ -7,8 +7,8 @@ use crate::inflate::FileBytes;
 use crate::tables::{FaceTables, FileParts};
 use crate::{BorderMode, DataType, MeshType, PtexError, PtexFace, ReadAt};
 
-/// An open Ptex file. Immutable; any number of threads may use it at once. It keeps the table of faces and one texel
-/// for each, about 80 bytes a face, and no others.
+/// An open Ptex file. Immutable; any number of threads may use it at once. It stores the table of faces and one texel
+/// for each face, about 80 bytes a face, and no other texels.
 pub struct PtexFile {
     pub(crate) bytes: FileBytes,
     mesh_type: MeshType,
@@ -50,27 +50,27 @@ impl PtexFile {
         })
     }
 
-    /// What the faces are.
+    /// Kind of the faces.
     pub fn mesh_type(&self) -> MeshType {
         self.mesh_type
     }
 
-    /// What the channels are.
+    /// Type of the channels.
     pub fn data_type(&self) -> DataType {
         self.tables.texel.data_type
     }
 
-    /// Channels of a texel, 1 to [`crate::MAX_CHANNELS`].
+    /// Number of channels of a texel, 1 to [`crate::MAX_CHANNELS`].
     pub fn channels(&self) -> u32 {
         self.channels
     }
 
-    /// Which channel is alpha, if any. The others are not multiplied by it.
+    /// Index of the alpha channel, if there is one. The others are not multiplied by it.
     pub fn alpha_channel(&self) -> Option<u32> {
         self.alpha_channel
     }
 
-    /// What filters take beyond edges without neighbours, along u and v.
+    /// Continuation beyond edges without neighbours, along u and v.
     pub fn border_modes(&self) -> [BorderMode; 2] {
         self.border_modes
     }

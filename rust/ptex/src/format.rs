@@ -1,27 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The fixed-size records of a file: headers, faces and the words that describe blocks of texels. All little-endian and
-//! packed, as the Ptex file format has them. Parsing checks each field on its own; where parts lie is checked later.
+//! packed, as the Ptex file format has them. Parsing checks each field on its own; the positions of parts are checked
+//! later.
 
 use crate::{BorderMode, DataType, MAX_CHANNELS, MAX_FACES, MAX_LOG2, MeshType, PtexError, PtexFace};
 
 pub(crate) const MAGIC: [u8; 4] = *b"Ptex";
 pub(crate) const VERSION: u32 = 1;
-/// The minor version that [`crate::PtexWriter`] says. Readers do not look at it.
+/// Minor version that [`crate::PtexWriter`] writes. Readers ignore it.
 const MINOR_VERSION: u32 = 4;
 pub(crate) const HEADER_BYTES: u32 = 64;
 pub(crate) const EXTENDED_BYTES: u32 = 40;
 pub(crate) const LEVEL_BYTES: u32 = 16;
 pub(crate) const FACE_BYTES: u32 = 20;
-/// Bytes between metadata and what newer versions added, which old readers take for the end.
+/// Bytes between metadata and the additions of newer versions; old readers take them for the end.
 pub(crate) const BARRIER_BYTES: u32 = 8;
 
 const IS_CONSTANT: u8 = 1;
 const HAS_EDITS: u8 = 2;
 const IS_SUBFACE: u8 = 8;
-/// Bits of a block's word that are its length; the two above are its encoding.
+/// Number of bits of a block's word that are its length; the two above are its encoding.
 const LENGTH_BITS: u32 = 30;
 
-/// Fields one after the other. A field beyond the end is zero: extended headers of old files are shorter.
+/// Reads fields one after the other. A field beyond the end is zero: extended headers of old files are shorter.
 pub(crate) struct FieldReader<'a>(pub(crate) &'a [u8]);
 
 impl FieldReader<'_> {
@@ -48,7 +49,7 @@ impl FieldReader<'_> {
     }
 }
 
-/// What all files begin with. Lengths are of parts as they are stored, bytes.
+/// The header of all files. Lengths are of parts as they are stored, bytes.
 #[derive(Clone, Debug)]
 pub(crate) struct PtexHeader {
     pub(crate) mesh_type: MeshType,
@@ -100,7 +101,7 @@ impl PtexHeader {
         Ok(Self {
             mesh_type,
             data_type,
-            // -1 is none; so is what the texels do not have.
+            // -1 is none; so is a channel that the texels do not have.
             alpha_channel: (alpha < u32::from(channels)).then_some(alpha),
             channels,
             levels,
@@ -114,7 +115,7 @@ impl PtexHeader {
         })
     }
 
-    /// The header without metadata and edits.
+    /// The header as bytes, without metadata and edits.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let mesh_type: u32 = match self.mesh_type {
             MeshType::Triangle => 0,
@@ -160,14 +161,14 @@ fn data_type(value: u32) -> Result<DataType, PtexError> {
     }
 }
 
-/// What follows the header, in all but the oldest files.
+/// The second header, which follows in all but the oldest files.
 #[derive(Clone, Debug)]
 pub(crate) struct ExtendedHeader {
     pub(crate) border_modes: [BorderMode; 2],
     pub(crate) large_metadata_header_bytes: u32,
     pub(crate) large_metadata_bytes: u64,
     pub(crate) edit_bytes: u64,
-    /// Where edits begin; 0 in files of before this was said.
+    /// Offset of the edits; 0 in files from before this field existed.
     pub(crate) edits_at: u64,
 }
 
@@ -229,7 +230,7 @@ pub(crate) fn parse_face(
     };
     let mut adjacent = [None; 4];
     for (side, adjacent) in adjacent.iter_mut().enumerate().take(sides) {
-        // -1 is none; so is what the mesh does not have.
+        // -1 is none; so is a face that the mesh does not have.
         let face = fields.u32();
         let edge = (edges >> (2 * side)) & 3;
         *adjacent = (face < header.faces && usize::from(edge) < sides).then_some((face, edge));
@@ -262,20 +263,20 @@ pub(crate) fn face_record(face: &PtexFace) -> [u8; FACE_BYTES as usize] {
     record
 }
 
-/// How a block holds its texels.
+/// Encoding of the texels of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum BlockEncoding {
-    /// One texel for all.
+    /// One texel for the whole block.
     Constant,
     /// Planes of channels, compressed.
     Zipped,
-    /// The same, each value less the one before it.
+    /// As `Zipped`, each value less the one before it.
     DiffZipped,
     /// Blocks of rectangles.
     Tiled,
 }
 
-/// Splits a block's word into how it is encoded and its length in the file, bytes.
+/// Splits a block's word into its encoding and its length in the file, bytes.
 pub(crate) fn parse_block(word: u32) -> (BlockEncoding, u32) {
     let encoding = match word >> LENGTH_BITS {
         0 => BlockEncoding::Constant,

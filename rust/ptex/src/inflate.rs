@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Bytes of the file, and compressed parts of it: nothing is read, inflated or allocated before its length is known to
-//! be possible.
+//! Reads bytes of the file and inflates its compressed parts: nothing is read, inflated or allocated before its length
+//! is known to be possible.
 
 use flate2::{Decompress, FlushDecompress, Status};
 
 use crate::{MAX_BYTES, PtexError, ReadAt};
 
-/// Deflate's most: a match of 258 bytes in two bits.
+/// Largest ratio of deflate: a match of 258 bytes in two bits.
 const MOST_RATIO: u64 = 1032;
 
 /// The file, and its length when it was opened.
@@ -15,7 +15,7 @@ pub(crate) struct FileBytes {
     size: u64,
 }
 
-/// Where a part is in the file.
+/// The position of a part in the file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StoredPart {
     pub(crate) name: &'static str,
@@ -34,7 +34,7 @@ impl FileBytes {
         self.size
     }
 
-    /// Fails unless the file holds all of a part.
+    /// Fails unless the file contains all of a part.
     pub(crate) fn check(&self, part: StoredPart) -> Result<(), PtexError> {
         let end = part.at.checked_add(part.stored);
         end.filter(|end| *end <= self.size).map(|_| ()).ok_or(PtexError::Truncated(part.name))
@@ -53,7 +53,7 @@ impl FileBytes {
     }
 }
 
-/// Inflates parts, one after the other. Keeps its memory between them.
+/// Inflates parts, one after the other. It reuses its memory between them.
 pub(crate) struct Inflater {
     decompress: Decompress,
     stored: Vec<u8>,
@@ -64,7 +64,7 @@ impl Inflater {
         Self { decompress: Decompress::new(true), stored: Vec::new() }
     }
 
-    /// Fills `out` with what a part inflates to. Fails unless that is just its length.
+    /// Fills `out` with the inflated bytes of a part. Fails unless their number is exactly its length.
     pub(crate) fn fill(&mut self, file: &FileBytes, part: StoredPart, out: &mut [u8]) -> Result<(), PtexError> {
         check_ratio(part, u64::try_from(out.len()).unwrap_or(u64::MAX))?;
         file.check(part)?;
@@ -74,13 +74,13 @@ impl Inflater {
         let status = self.decompress.decompress(&self.stored, out, FlushDecompress::Finish);
         let is_whole = usize::try_from(self.decompress.total_out()) == Ok(out.len());
         match status {
-            // What follows the stream inside of its part means nothing.
+            // Bytes that follow the stream inside of its part have no meaning.
             Ok(Status::StreamEnd) if is_whole => Ok(()),
             _ => Err(PtexError::Damaged(part.name)),
         }
     }
 
-    /// A part that inflates to `bytes`.
+    /// Reads a part that inflates to `bytes`.
     pub(crate) fn table(&mut self, file: &FileBytes, part: StoredPart, bytes: u64) -> Result<Vec<u8>, PtexError> {
         check_table(part, bytes)?;
         file.check(part)?;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Reading the texels of a face. Each call reads the file anew and keeps nothing.
+//! Reads the texels of a face. Each call reads the file again and caches nothing.
 
 use crate::file::PtexFile;
 use crate::format::{BlockEncoding, FieldReader, parse_block};
@@ -12,10 +12,10 @@ const TEXELS: &str = "the face";
 /// Logarithms of the resolution of tiles along u and v, then the length of their table.
 const TILES_HEADER_BYTES: u32 = 2 + 4;
 
-/// How a face is cut.
+/// The tiles of a face.
 struct FaceTiles {
     log2: [u8; 2],
-    /// One for each tile, rows of increasing v, u fastest.
+    /// Blocks, one for each tile, rows of increasing v, u fastest.
     blocks: Vec<TexelBlock>,
 }
 
@@ -31,7 +31,7 @@ impl PtexFile {
         tables.constants.chunks_exact(tables.texel.bytes()).nth(face as usize)
     }
 
-    /// Bytes that [`Self::read_face`] will give.
+    /// Number of bytes that [`Self::read_face`] gives.
     pub fn face_bytes(&self, face: u32) -> Result<u64, PtexError> {
         let log2 = self.face(face)?.log2;
         let bytes = (self.texel_bytes() as u64) << (u32::from(log2[0]) + u32::from(log2[1]));
@@ -94,7 +94,7 @@ fn whole(face: &PtexFace) -> FaceRect {
 struct FaceReader<'a> {
     file: &'a PtexFile,
     inflater: Inflater,
-    /// Texels of a block before their channels come together.
+    /// Texels of a block before their channels are interleaved.
     planes: Vec<u8>,
 }
 
@@ -112,7 +112,7 @@ impl FaceReader<'_> {
         }
     }
 
-    /// Reads a block that has been checked to a rectangle of `out`.
+    /// Reads a block that has been checked into a rectangle of `out`.
     fn block(&mut self, block: TexelBlock, rect: FaceRect, out: &mut [u8]) -> Result<(), PtexError> {
         let texel = self.file.tables.texel;
         let bytes = &self.file.bytes;
@@ -132,7 +132,7 @@ impl FaceReader<'_> {
         Ok(())
     }
 
-    /// Reads where the tiles of a face of `log2` are.
+    /// Reads the positions of the tiles of a face of `log2`.
     fn tiles(&mut self, block: TexelBlock, log2: [u8; 2]) -> Result<FaceTiles, PtexError> {
         let cut_short = PtexError::Truncated("the table of tiles");
         let Some(left) = block.stored.checked_sub(TILES_HEADER_BYTES) else { return Err(cut_short) };

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where the bytes of a file come from.
+//! The source of a file's bytes.
 
 use std::io::{Error, ErrorKind, Result};
 use std::sync::Arc;
 
-/// Where the bytes of a file come from. Several threads read at once.
+/// A source of a file's bytes. Several threads read at once.
 pub trait ReadAt: Send + Sync {
-    /// Bytes of the file.
+    /// Size of the file, bytes.
     fn size(&self) -> u64;
 
-    /// Fills `out` from `offset` on, or fails, when `out` may hold anything.
+    /// Fills `out` from `offset` on, or fails, in which case `out` may contain anything.
     fn read_at(&self, offset: u64, out: &mut [u8]) -> Result<()>;
 }
 
@@ -50,7 +50,7 @@ impl ReadAt for Arc<[u8]> {
 
 #[cfg(unix)]
 impl ReadAt for std::fs::File {
-    /// A file whose length cannot be asked for is empty.
+    /// Size of the file; 0 if its length cannot be read.
     fn size(&self) -> u64 {
         self.metadata().map_or(0, |metadata| metadata.len())
     }

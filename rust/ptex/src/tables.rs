@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a file says of each face, and where its texels are.
+//! The tables of a file: the records of the faces, and the positions of their texels.
 
 use crate::format::{
     BARRIER_BYTES, BlockEncoding, ExtendedHeader, FACE_BYTES, FieldReader, HEADER_BYTES, LEVEL_BYTES, PtexHeader,
@@ -9,17 +9,17 @@ use crate::inflate::{FileBytes, Inflater, StoredPart, check_table};
 use crate::texels::TexelLayout;
 use crate::{PtexError, PtexFace};
 
-/// What the file says of each face.
+/// The records and the blocks of the faces.
 pub(crate) struct FaceTables {
     pub(crate) texel: TexelLayout,
     pub(crate) faces: Vec<PtexFace>,
-    /// For each face, where its texels are.
+    /// Block of texels of each face.
     pub(crate) blocks: Vec<TexelBlock>,
-    /// For each face, its only texel, or (of those that are not constant) the average.
+    /// For each face, its only texel, or (for those that are not constant) the average.
     pub(crate) constants: Vec<u8>,
 }
 
-/// Texels in the file.
+/// A block of texels in the file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TexelBlock {
     pub(crate) at: u64,
@@ -28,12 +28,12 @@ pub(crate) struct TexelBlock {
 }
 
 impl FaceTables {
-    /// Reads them as the file was first written: without edits.
+    /// Reads the tables as the file was first written, without edits.
     pub(crate) fn read(bytes: &FileBytes, header: &PtexHeader, parts: &FileParts) -> Result<Self, PtexError> {
         let texel = TexelLayout { data_type: header.data_type, channels: header.channels.into() };
         let count = u64::from(header.faces);
         let [face_bytes, constant_bytes] = [count * u64::from(FACE_BYTES), count * texel.bytes() as u64];
-        // Before anything is inflated, so that a file that lies of the number of its faces costs nothing.
+        // This check comes before anything is inflated, so that a file with a wrong number of faces costs nothing.
         check_table(parts.faces, face_bytes)?;
         check_table(parts.constants, constant_bytes)?;
         let mut inflater = Inflater::new();
@@ -52,13 +52,13 @@ impl FaceTables {
     }
 }
 
-/// Where the parts are.
+/// The positions of the parts.
 pub(crate) struct FileParts {
     faces: StoredPart,
     constants: StoredPart,
     level_info: StoredPart,
     level_data: StoredPart,
-    /// The end of all that is not edits.
+    /// End of everything but the edits.
     pub(crate) end: u64,
 }
 
@@ -94,7 +94,7 @@ fn read_faces(table: &[u8], header: &PtexHeader) -> Result<Vec<PtexFace>, PtexEr
     Ok(faces)
 }
 
-/// Where the texels of the finest level are; the other levels are not read.
+/// Reads the blocks of the finest level; the other levels are not read.
 fn read_blocks(
     bytes: &FileBytes,
     header: &PtexHeader,

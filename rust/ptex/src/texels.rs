@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Texels as they are compressed, and as they are given. Compressed, each channel is a plane of rows, one plane after
-//! the other; integers may be stored as differences to the value before, across rows and planes. Given, the channels
-//! of a texel are together.
+//! Converts texels between their compressed form and the form that callers get. Compressed, each channel is a plane of
+//! rows, one plane after the other; integers may be stored as differences to the value before, across rows and planes.
+//! For callers, the channels of a texel are interleaved.
 
 use crate::DataType;
 
-/// What a texel is.
+/// Type and number of the channels of a texel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TexelLayout {
     pub(crate) data_type: DataType,
@@ -17,7 +17,7 @@ pub(crate) struct TexelLayout {
 pub(crate) struct FaceRect {
     pub(crate) at: [usize; 2],
     pub(crate) size: [usize; 2],
-    /// Texels of a row of the face.
+    /// Number of texels of a row of the face.
     pub(crate) face_width: usize,
 }
 
@@ -79,7 +79,7 @@ fn rows_mut(face: &mut [u8], rect: FaceRect, texel: usize) -> impl Iterator<Item
     rows.filter_map(move |row| row.get_mut(start..end))
 }
 
-/// `N` is the bytes of a value.
+/// Interleaves the channels; `N` is the number of bytes of a value.
 fn interleave<const N: usize>(planes: &[u8], channels: usize, rect: FaceRect, out: &mut [u8]) {
     let row_bytes = rect.size[0] * N;
     for (channel, plane) in planes.chunks_exact(row_bytes * rect.size[1]).take(channels).enumerate() {

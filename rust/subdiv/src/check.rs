@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What C++ relies on.
+//! Checks of everything that the C++ code relies on.
 
 use std::collections::BTreeSet;
 
 use crate::{ControlMesh, Error, PackedValues, SubdivisionScheme, SurfaceData};
 
-/// Most pieces of an edge. A quad that is cut into as many along each side has 2^23 triangles.
+/// Largest number of pieces of an edge. A quad that is cut into as many along each side has 2^23 triangles.
 pub const MAX_RATE: i32 = 2048;
-/// Most points of a face.
+/// Largest number of points of a face.
 pub const MAX_FACE_POINTS: usize = 256;
-/// Most faces around a point; with sharp edges at it, and where many points have many faces, fewer.
+/// Largest number of faces around a point; less with sharp edges at it, and if many points have many faces.
 pub const MAX_VALENCE: u16 = 256;
 /// Largest work of a mesh at its points with many faces. It grows with the third power of the faces, once for all
-/// points that are alike; with the fourth where sharpness makes all faces differ. Some seconds.
+/// points that are alike; with the fourth if sharpness makes all faces differ. It takes some seconds.
 const MAX_WORK: u64 = 1 << 28;
-/// Points with more faces than this, and faces with more points, count.
+/// Only points with more faces than this, and faces with more points, count as work.
 const MANY: u64 = 8;
 
-/// A length as C++ counts.
+/// A length as a C++ `int`.
 pub(crate) fn int(length: usize) -> Result<i32, Error> {
     i32::try_from(length).map_err(|_too_large| Error::Invalid("more than can be numbered"))
 }
@@ -77,7 +77,8 @@ fn faces(control: &ControlMesh<'_>) -> Result<(), Error> {
     ensure(work(control, &valences) <= MAX_WORK, "too many faces meet at too many points")
 }
 
-/// What evaluation takes around points with many faces and in faces with many points, measured in nanoseconds or so.
+/// Estimated time of the evaluation around points with many faces and in faces with many points, roughly in
+/// nanoseconds.
 fn work(control: &ControlMesh<'_>, valences: &[u16]) -> u64 {
     let mut is_sharp = vec![false; valences.len()];
     for &point in control.crease_pairs.iter().chain(control.corner_points) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The boundary to C++ (`cpp/subdiv/limitSurface.h`). C++ checks nothing that [`crate::ControlMesh`] has checked.
+//! The boundary to C++ (`cpp/subdiv/limitSurface.h`). C++ does not repeat the checks of [`crate::ControlMesh`].
 #![allow(unsafe_code, reason = "cxx writes the calls")]
 #![allow(missing_docs, unreachable_pub, unused_qualifications, reason = "cxx writes the calls")]
 #![allow(clippy::multiple_unsafe_ops_per_block, reason = "cxx writes the calls")]
@@ -28,30 +28,30 @@ mod bridge {
         corner_points: &'a [i32],
         corner_weights: &'a [f32],
         holes: &'a [i32],
-        /// Values of each channel.
+        /// Number of values of each channel.
         channel_counts: &'a [i32],
         /// Value of each corner, channel by channel.
         channel_values: &'a [i32],
     }
 
-    /// Which faces are cut, and how finely.
+    /// The faces that are cut, and the rates of their edges.
     struct Cut<'a> {
-        /// Pieces of each edge.
+        /// Number of pieces of each edge.
         rates: &'a [i32],
-        /// Number of the first inner place of each edge; control vertices are places, too.
+        /// Number of the first inner place of each edge; control vertices are places too.
         edge_sites: &'a [i32],
         first_face: i32,
         end_face: i32,
     }
 
-    /// What is evaluated. Widths are floats of a value.
+    /// The values that are evaluated. Widths are floats of a value.
     struct Values<'a> {
         positions: &'a [f64],
         vertex: &'a [f32],
         vertex_width: i32,
         varying: &'a [f32],
         varying_width: i32,
-        /// Channel by channel.
+        /// Face-varying values, channel by channel.
         face_varying: &'a [f32],
         face_varying_widths: &'a [i32],
     }
@@ -63,9 +63,9 @@ mod bridge {
         type Facets;
 
         fn new_limit_surface(rules: Rules, topology: &Topology<'_>) -> Result<UniquePtr<LimitSurface>>;
-        /// End points of the edges, two for each.
+        /// End points of the edges, two for each edge.
         fn edges(self: &LimitSurface) -> &[i32];
-        /// Triangles that these rates give in each face, more or less.
+        /// Approximate number of triangles that these rates give in each face.
         fn expected_facets(self: &LimitSurface, rates: &[i32], facets: &mut [u64]) -> Result<()>;
         fn tessellate(self: &LimitSurface, cut: &Cut<'_>, values: &Values<'_>) -> Result<UniquePtr<Facets>>;
 

@@ -7,9 +7,9 @@
 //! neighbours always fit: faces share the positions on their edges, bit for bit. Positions and normals are in object
 //! space, in the units of the points.
 //!
-//! Any thread; [`LimitSurface::tessellate`] works on the caller's rayon pool. Nothing that a control mesh says can
-//! crash a call: what does not fit is an [`Error`]. The library is linked statically with hidden symbols, beside
-//! whatever a host has loaded.
+//! Any thread; [`LimitSurface::tessellate`] works on the caller's rayon pool. No control mesh can crash a call:
+//! unusable input is an [`Error`]. The library is linked statically with hidden symbols, so that it does not meet the
+//! one that a host may have loaded.
 
 mod check;
 mod ffi;
@@ -24,10 +24,11 @@ use seam::SeamJoiner;
 
 pub use check::{MAX_FACE_POINTS, MAX_RATE, MAX_VALENCE};
 
-/// Triangles of a block of faces: a block takes some milliseconds. Part of what decides about bits.
+/// Number of triangles of a block of faces: a block takes some milliseconds. Block borders affect the bits of the
+/// result.
 const BLOCK_FACETS: u64 = 1 << 14;
 
-/// `subdivisionScheme`.
+/// Values of `subdivisionScheme`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum SubdivisionScheme {
     /// Faces become bilinear patches.
@@ -39,7 +40,7 @@ pub enum SubdivisionScheme {
     Loop,
 }
 
-/// `interpolateBoundary`.
+/// Values of `interpolateBoundary`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum BoundaryRule {
     /// Faces at a boundary have no surface.
@@ -51,56 +52,56 @@ pub enum BoundaryRule {
     EdgeAndCorner,
 }
 
-/// `faceVaryingLinearInterpolation`: where face-varying values are not smoothed.
+/// Values of `faceVaryingLinearInterpolation`: the places at which face-varying values are interpolated linearly.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum FaceVaryingLinear {
-    /// Nowhere.
+    /// No value is interpolated linearly.
     None,
-    /// At corners.
+    /// Values at corners are linear.
     CornersOnly,
-    /// At corners, and where more than two islands meet.
+    /// Values are linear at corners, and where more than two islands meet.
     #[default]
     CornersPlus1,
-    /// As `CornersPlus1`, and at darts.
+    /// As `CornersPlus1`, and linear at darts.
     CornersPlus2,
-    /// Along boundaries.
+    /// Values along boundaries are linear.
     Boundaries,
-    /// Everywhere.
+    /// All values are linear.
     All,
 }
 
-/// `triangleSubdivisionRule`.
+/// Values of `triangleSubdivisionRule`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum TriangleRule {
-    /// Triangles are as other faces.
+    /// Triangles are subdivided as other faces.
     #[default]
     CatmullClark,
     /// Weights that make triangles of a Catmull-Clark mesh smoother.
     Smooth,
 }
 
-/// How sharpness goes down from level to level.
+/// Rule by which sharpness decreases from level to level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum CreaseRule {
-    /// By one a level.
+    /// Sharpness decreases by one per level.
     #[default]
     Uniform,
-    /// Averaged along the crease.
+    /// Sharpness is averaged along the crease.
     Chaikin,
 }
 
 /// The rules of a control mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct SubdivisionRules {
-    /// Scheme.
+    /// Subdivision scheme.
     pub scheme: SubdivisionScheme,
-    /// At boundaries.
+    /// Rule for boundaries.
     pub boundary: BoundaryRule,
-    /// For face-varying values.
+    /// Rule for face-varying values.
     pub face_varying: FaceVaryingLinear,
-    /// For triangles of a Catmull-Clark mesh.
+    /// Rule for triangles of a Catmull-Clark mesh.
     pub triangles: TriangleRule,
-    /// For semi-sharp creases.
+    /// Rule for semi-sharp creases.
     pub creasing: CreaseRule,
 }
 
@@ -109,18 +110,18 @@ pub struct SubdivisionRules {
 pub struct FaceVaryingChannel<'a> {
     /// Number of the value of each corner.
     pub corners: &'a [i32],
-    /// Values.
+    /// Number of values.
     pub count: usize,
 }
 
 /// A control mesh. All indices are of points, all arrays may be empty.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ControlMesh<'a> {
-    /// Rules.
+    /// Subdivision rules.
     pub rules: SubdivisionRules,
-    /// Points.
+    /// Number of points.
     pub point_count: usize,
-    /// Corners of each face.
+    /// Number of corners of each face.
     pub face_counts: &'a [i32],
     /// Point of each corner.
     pub face_points: &'a [i32],
@@ -130,7 +131,7 @@ pub struct ControlMesh<'a> {
     pub crease_weights: &'a [f32],
     /// Sharp points.
     pub corner_points: &'a [i32],
-    /// Their sharpness.
+    /// Sharpness of these points.
     pub corner_weights: &'a [f32],
     /// Faces without a surface.
     pub holes: &'a [i32],
@@ -141,13 +142,13 @@ pub struct ControlMesh<'a> {
 /// Some values of `width` floats each.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PackedValues<'a> {
-    /// Floats of a value; 0 = there are none.
+    /// Number of floats of a value; 0 = there are none.
     pub width: usize,
     /// The values, one after the other.
     pub floats: &'a [f32],
 }
 
-/// What is evaluated on a surface.
+/// The data that are evaluated on a surface.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SurfaceData<'a> {
     /// Position of each point, 3 floats.
@@ -164,32 +165,32 @@ pub struct SurfaceData<'a> {
 /// one position.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LimitFacets {
-    /// Three floats a vertex.
+    /// Positions, three floats for each vertex.
     pub positions: Vec<f32>,
     /// Unit normals of the right-handed surface, three floats a vertex; zero where the surface has none.
     pub normals: Vec<f32>,
-    /// `SurfaceData::vertex` at each vertex.
+    /// Values of `SurfaceData::vertex` at each vertex.
     pub vertex: Vec<f32>,
-    /// `SurfaceData::varying` at each vertex.
+    /// Values of `SurfaceData::varying` at each vertex.
     pub varying: Vec<f32>,
-    /// All channels at each vertex, one behind the other.
+    /// Values of all channels at each vertex, interleaved.
     pub face_varying: Vec<f32>,
-    /// Three vertices a triangle.
+    /// Triangles, three vertices for each.
     pub triangles: Vec<u32>,
     /// Control face of each triangle.
     pub faces: Vec<u32>,
-    /// For each vertex the first one that lies where it does, on the edges and corners of the same control faces. Those
-    /// that only touch are none.
+    /// For each vertex the first one at the same position on the edges and corners of the same control faces. Vertices
+    /// that only touch are not joined.
     pub places: Vec<u32>,
 }
 
-/// Why there is no surface.
+/// Reason why there is no surface.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
     /// The control mesh is not usable.
     #[error("{0}")]
     Invalid(&'static str),
-    /// OpenSubdiv said so.
+    /// OpenSubdiv reported an error.
     #[error("{0}")]
     Library(String),
 }
@@ -264,8 +265,8 @@ impl LimitSurface {
         Ok(facets)
     }
 
-    /// Triangles on the surface; `rates` says into how many pieces each of [`Self::edges`] is cut. Blocks of faces are
-    /// cut side by side, on the caller's rayon pool; the result is the same for any number of threads.
+    /// Triangles on the surface; `rates` is the number of pieces of each of [`Self::edges`]. Blocks of faces are cut in
+    /// parallel, on the caller's rayon pool; the result is the same for any number of threads.
     ///
     /// # Errors
     /// When lengths do not fit, or a rate is not in `1..=MAX_RATE`.
@@ -299,7 +300,7 @@ impl LimitSurface {
         Ok(seam.facets)
     }
 
-    /// The number of the first place inside of each edge, and how many places there are: control points come first.
+    /// The number of the first place inside each edge, and the number of all places: control points come first.
     fn edge_sites(&self, rates: &[i32]) -> Result<(Vec<i32>, usize), Error> {
         let mut sites = self.point_count;
         let first = |rate: &i32| {
@@ -313,7 +314,7 @@ impl LimitSurface {
     }
 }
 
-/// Faces that are cut together: so many that about [`BLOCK_FACETS`] triangles come out.
+/// Ranges of faces that are cut together, so many that about [`BLOCK_FACETS`] triangles result.
 fn blocks(expected: &[u64]) -> Vec<Range<usize>> {
     let (mut blocks, mut start, mut facets) = (Vec::new(), 0, 0);
     for (face, of_face) in expected.iter().enumerate() {
@@ -327,7 +328,7 @@ fn blocks(expected: &[u64]) -> Vec<Range<usize>> {
     blocks
 }
 
-/// As OpenSubdiv numbers them (`Sdc::SchemeType`, `Sdc::Options`).
+/// Rules as OpenSubdiv numbers them (`Sdc::SchemeType`, `Sdc::Options`).
 fn rules(rules: SubdivisionRules) -> ffi::Rules {
     ffi::Rules {
         scheme: match rules.scheme {

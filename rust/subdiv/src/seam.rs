@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Blocks of faces put together: vertices at the places that blocks share become one, where they are alike.
+//! Joins blocks of faces: equal vertices at positions that blocks share become one.
 
 use crate::{Error, LimitFacets, ffi};
 
-/// No vertex.
+/// Marks the absence of a vertex.
 const NONE: u32 = u32::MAX;
-/// Normals with a larger cosine are one normal. As in C++, within blocks.
+/// Normals with a larger cosine than this count as equal. As in C++, within blocks.
 const SAME_NORMAL: f64 = 1.0 - 1e-4;
-/// Values that differ by less than this share of their size are one value.
+/// Values that differ by less than this share of their size count as equal.
 const SAME_VALUE: f32 = 1e-4;
 
-/// What was put together so far.
+/// The result of the blocks joined so far.
 pub(crate) struct SeamJoiner {
     pub(crate) facets: LimitFacets,
-    /// First vertex at each place that faces share.
+    /// First vertex at each position that faces share.
     heads: Vec<u32>,
-    /// The next vertex at the same place.
+    /// Next vertex at the same position.
     next: Vec<u32>,
-    /// Face-varying floats of a vertex.
+    /// Number of face-varying floats of a vertex.
     width: usize,
 }
 
@@ -52,7 +52,7 @@ impl SeamJoiner {
         Ok(())
     }
 
-    /// Puts a vertex behind the first one at its place, whose position is everybody's.
+    /// Links a vertex after the first one at its place, whose position is shared.
     fn link(&mut self, head: u32, vertex: u32) {
         let behind = self.next.get_mut(head as usize).map(|next| std::mem::replace(next, vertex));
         if let (Some(behind), Some(slot)) = (behind, self.next.get_mut(vertex as usize)) {
@@ -73,11 +73,11 @@ impl SeamJoiner {
         }
         let own = values(&self.facets.face_varying, self.width, vertex);
         let other = values(block.face_varying(), self.width, at);
-        // NaN is like nothing.
+        // NaN is not equal to anything.
         own.iter().zip(other).all(|(a, b)| (a - b).abs() <= SAME_VALUE * (1.0 + a.abs()))
     }
 
-    /// A new vertex like that of the block, where `head` is if there is one.
+    /// Adds a vertex like that of the block, at `head` if there is one.
     fn push(&mut self, block: &ffi::Facets, at: usize, head: u32) -> Result<u32, Error> {
         let count = self.facets.places.len();
         let vertex = u32::try_from(count).ok().filter(|vertex| *vertex != NONE);

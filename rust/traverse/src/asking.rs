@@ -1,30 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Streaming: what a walk asks about cutouts whose tiles are absent, and was told (traversal/pending.glsl).
-//! `resolve_cutouts` answers. Any thread.
+//! Streaming: the alpha tests that a walk defers because tiles are absent, and their answers (traversal/pending.glsl).
+//! `resolve_cutouts` answers them. Any thread.
 
 use crate::pending::{PendingItem, before};
 use oocpt_abi::DeferredAlphaTest;
 use oocpt_gpu::HostWords;
 
-/// Words of a question.
+/// Number of words of a deferred alpha test.
 const QUESTION_WORDS: usize = size_of::<DeferredAlphaTest>() / 4;
 
-/// What a walk asks with streaming, and what it was told.
+/// The deferred alpha test of a ray, and the answer that it came with.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CutoutQuestions {
-    /// The nearest cutout, in the item with the smallest key, that cannot be answered because a tile is absent.
+    /// The nearest cutout, in the item with the smallest key, that cannot be tested because a tile is absent.
     question: Option<(PendingItem, DeferredAlphaTest)>,
-    /// What the ray came back with.
+    /// Item and answer that the ray came back with.
     answer: Option<(PendingItem, DeferredAlphaTest)>,
 }
 
 impl CutoutQuestions {
-    /// Of a ray that comes with an answer or none.
+    /// Begins a ray with an answer, or without one.
     pub(crate) fn begin(&mut self, answer: Option<(PendingItem, DeferredAlphaTest)>) {
         (self.question, self.answer) = (None, answer);
     }
 
-    /// Asks about something in an item, unless something before it was asked already.
+    /// Defers the alpha test of a cutout in an item, unless one before it was deferred already.
     pub(crate) fn ask(&mut self, item: PendingItem, q: DeferredAlphaTest) {
         let is_next = self.question.as_ref().is_none_or(|(asked, other)| {
             if item == *asked { before((q.t, q.id), (other.t, other.id)) } else { item.is_before(asked) }
@@ -34,18 +34,18 @@ impl CutoutQuestions {
         }
     }
 
-    /// What the ray was told about an item.
+    /// The answer about an item.
     pub(crate) fn answer_about(&self, item: &PendingItem) -> Option<&DeferredAlphaTest> {
         self.answer.as_ref().filter(|(of, _)| of == item).map(|(_, answer)| answer)
     }
 
-    /// What was asked about an item.
+    /// The deferred alpha test of an item.
     pub(crate) fn question_about(&self, item: &PendingItem) -> Option<&DeferredAlphaTest> {
         self.question.as_ref().filter(|(of, _)| of == item).map(|(_, question)| question)
     }
 }
 
-/// The question of a path.
+/// Loads the deferred alpha test of a path.
 pub(crate) fn load_question(questions: HostWords<'_>, path: u32) -> DeferredAlphaTest {
     let mut words = [0_u32; QUESTION_WORDS];
     for (i, word) in words.iter_mut().enumerate() {
@@ -54,7 +54,7 @@ pub(crate) fn load_question(questions: HostWords<'_>, path: u32) -> DeferredAlph
     bytemuck::cast(words)
 }
 
-/// Keeps the question of a path.
+/// Stores the deferred alpha test of a path.
 pub(crate) fn store_question(questions: HostWords<'_>, path: u32, question: &DeferredAlphaTest) {
     let words: [u32; QUESTION_WORDS] = bytemuck::cast(*question);
     for (i, word) in words.into_iter().enumerate() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Whether a material says that a surface is there for a ray: `is_cut_in` of traversal/opacity.glsl. Any thread.
+//! Evaluates if the material lets a surface exist for a ray: `is_cut_in` of traversal/opacity.glsl. Any thread.
 
 use crate::pending::before;
 use crate::presence::{AlphaTest, OpacitySource};
@@ -13,7 +13,8 @@ const CHANNEL_SHIFT: u32 = 4;
 const INCLUSIVE: u32 = 64;
 const PRESENT: u32 = 128;
 
-/// `is_covered`: whether a ray meets what is there in so many parts of 255; `chance` is a number from 0 to below 1.
+/// Alpha test by a mask, as `is_covered` of the shaders: returns true if a ray meets the kept part of a cell with this
+/// coverage, in parts of 255; `chance` is a random number in [0, 1).
 fn is_covered(coverage: u8, is_chance: bool, of_aovs: bool, chance: impl FnOnce() -> f32) -> bool {
     match coverage {
         0 | 255 => coverage != 0,
@@ -23,18 +24,18 @@ fn is_covered(coverage: u8, is_chance: bool, of_aovs: bool, chance: impl FnOnce(
 }
 
 impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
-    /// The question that is kept with what the ray waits for: one about the first of its list.
+    /// The deferred alpha test that is stored with the items that the ray waits for: one about the first of its list.
     pub(crate) fn kept_question(&self) -> Option<&DeferredAlphaTest> {
         self.asking.question_about(self.pending.items().first()?)
     }
 
-    /// The flags of a ray that waits for what is pending (`pending_flags`).
+    /// The flags of a ray that waits for the pending items (`pending_flags`).
     pub(crate) fn waiting_flags(&self) -> u32 {
         let asked = self.kept_question().map_or(RayFlags::empty(), |_| RayFlags::ASKED);
         self.pending.flags() | asked.bits()
     }
 
-    /// Whether the material says that the surface is there for this ray.
+    /// Returns true if the surface exists for this ray according to its material.
     #[inline(never)]
     pub(crate) fn is_cut_in(&mut self, surface: CandidateSurface, t: f32, uv: [f32; 2]) -> bool {
         let CandidateSurface { item: triangle, number, subset_and_sides } = surface;
@@ -93,7 +94,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         }
     }
 
-    /// Asks, and puts the item on the list of what the ray waits for.
+    /// Defers the alpha test, and adds the item to the list that the ray waits for.
     fn wait_for(&mut self, question: DeferredAlphaTest) {
         self.asking.ask(self.item, question);
         self.pending.remember(self.item);

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Native traversal: the trace passes of the wavefront on the host, for devices that are processors.
 //!
-//! There device memory is host memory, and a software driver's compute shader is a slow way to walk a tree. [`closest`]
-//! and [`shadow`] do between two submissions what `shaders/traversal` does inside of one: over the same trees, rays and
-//! queues, in the operations of the shaders where they make the bits of a hit, so that the picture is the same, bit for
-//! bit, as the one of the shaders on a device that rounds each product (`fma` of GLSL does not promise more).
+//! On such a device, memory is shared with the host, and the compute shaders of a software driver walk trees slowly.
+//! [`closest`] and [`shadow`] do between two submissions what `shaders/traversal` does inside of one. They read the
+//! same trees, rays and queues, and use the operations of the shaders wherever these decide the bits of a hit, so that
+//! the picture is the same, bit for bit, as the one of the shaders on a device that rounds each product (`fma` of GLSL
+//! does not promise more).
 //!
-//! The way of a ray: `passes` (queues, rays, hit records) -> `walk` (trees) -> `node` (boxes) -> `leaf` (a test for
+//! The path of a ray: `passes` (queues, rays, hit records) -> `walk` (trees) -> `node` (boxes) -> `leaf` (a test for
 //! each kind of item) -> `opacity` and `cutout` (-> `presence` -> `opacity_mask` or `texture`); `motion` gives the maps
-//! of what moves. What a walk does most, `simd` has by what instructions the processor has. Memory is reached through
-//! [`oocpt_gpu::HostView`], which checks every look. Any thread; the work is spread over rayon's pool.
+//! of moving placements. `simd` has the most frequent tests of a walk for each instruction set. Memory is accessed
+//! through [`oocpt_gpu::HostView`], which checks every access. Any thread; the work is spread over rayon's pool.
 #![forbid(unsafe_code)]
 
 mod asking;
@@ -34,28 +35,28 @@ pub use passes::{closest, shadow};
 
 use oocpt_abi::Features;
 
-/// What the passes are specialised by: the constants of the shaders.
+/// The specialisation constants of the passes, as in the shaders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TraversalConstants {
-    /// Deepest chain of instance records, 1 to 16.
+    /// Length of the longest chain of instance records, 1 to 16.
     pub max_levels: u32,
-    /// Stack entries of a ray.
+    /// Number of stack entries of a ray.
     pub stack_size: u32,
-    /// What the scene needs.
+    /// Features that the scene needs.
     pub features: Features,
-    /// Bytes of all trees, items and records: what is small stays in the caches, and no ray has to wait for memory.
+    /// Bytes of all trees, items and records: small ones stay in the caches, so that no ray has to wait for memory.
     pub geometry_bytes: u64,
-    /// Which instructions it may use. The hits are the same, bit for bit.
+    /// Instructions that it may use. The hits are the same, bit for bit.
     pub instructions: InstructionSet,
 }
 
-/// Instructions of a processor.
+/// An instruction set of the processor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum InstructionSet {
-    /// The widest that there are on this one.
+    /// The widest instructions that this processor has.
     #[default]
     Widest,
-    /// What every one has.
+    /// Instructions that every processor has.
     Portable,
 }
 
@@ -65,12 +66,12 @@ impl TraversalConstants {
     }
 }
 
-/// Why a pass did nothing.
+/// Reason why a pass did nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TraceError {
-    /// A table is not where the frame says.
+    /// A table is not at the address in the frame.
     NoMemory {
-        /// In words.
+        /// Name of the table, in words.
         what: &'static str,
     },
 }
@@ -85,8 +86,9 @@ impl std::fmt::Display for TraceError {
 
 impl std::error::Error for TraceError {}
 
-/// What native traversal cannot do yet of what a scene needs; none if it can do all of it. Nor does it look opacity up
-/// in Ptex, or in floats through the sRGB curve: whoever knows the textures sees to that.
+/// The first feature that a scene needs and native traversal does not support; `None` if it supports all of them.
+/// Opacity by Ptex, or by floats through the sRGB curve, is not supported either: the caller, who knows the textures,
+/// checks for these.
 #[must_use]
 pub fn unsupported(features: Features) -> Option<&'static str> {
     features.contains(Features::CUTOUT_PROGRAMS).then_some("cutouts by programs")

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Placements that move, at the time of a path (`geometry/motion.glsl`, in its operations). Pure, any thread.
+//! Moving placements at the time of a path (`geometry/motion.glsl`, with the same operations). Pure, any thread.
 
 use crate::scene::TraversalScene;
 use crate::vector::{AffineRows, V3, apply_columns, dot3};
@@ -12,7 +12,7 @@ const KEY_QUADS: usize = 4;
 const _: () = assert!(size_of::<GpuMotionKey>() == 16 * KEY_QUADS, "a key has so many units");
 
 impl TraversalScene<'_> {
-    /// `path_time`; 0 where nothing moves.
+    /// Time of a path, as `path_time` of the shaders; 0 if nothing moves.
     #[inline(always)]
     pub(crate) fn path_time(&self, path: u32) -> f32 {
         if !(self.has(Features::MOTION) || self.has(Features::DEFORMATION)) {
@@ -31,7 +31,7 @@ impl TraversalScene<'_> {
         sample_1d(sample, TIME_SET, pixel_seed(x, y, seed))
     }
 
-    /// `pixel_position` of wavefront/wavefront.glsl.
+    /// Pixel of a path, as `pixel_position` of wavefront/wavefront.glsl.
     fn pixel_position(&self, index: u32) -> [u32; 2] {
         let (width, height) = (self.frame.width.max(1), self.frame.height);
         let strip_size = width.wrapping_mul(8).max(1);
@@ -44,14 +44,14 @@ impl TraversalScene<'_> {
         [8 * tile + in_tile % columns, 8 * strip + in_tile / columns]
     }
 
-    /// `TARGET_NUMBER`.
+    /// Number of a target, as `TARGET_NUMBER` of the shaders.
     #[inline(always)]
     pub(crate) fn target_number(&self, target: u32) -> u32 {
         let flags = if self.has(Features::MOTION) { TARGET_ASSEMBLY | TARGET_MOVING } else { TARGET_ASSEMBLY };
         target & !flags
     }
 
-    /// `placed_map`: the map of a record of `instances`; none where its keys are not in memory.
+    /// Map of a record of `instances`, as `placed_map` of the shaders; `None` if its keys are not in memory.
     #[inline(always)]
     pub(crate) fn placed_map(&self, instances: HostBytes<'_>, record: &GpuInstance, time: f32) -> Option<AffineRows> {
         if self.has(Features::MOTION) && record.target & TARGET_MOVING != 0 {
@@ -61,7 +61,7 @@ impl TraversalScene<'_> {
     }
 }
 
-/// `moving_map`.
+/// Map of a moving record at a time, as `moving_map` of the shaders.
 #[inline(never)]
 fn moving_map(instances: HostBytes<'_>, record: &GpuInstance, time: f32) -> Option<AffineRows> {
     let [first, count, ..] = record.object_from_parent[0].map(|word| word.to_bits() as usize);
@@ -77,14 +77,14 @@ fn moving_map(instances: HostBytes<'_>, record: &GpuInstance, time: f32) -> Opti
     Some(inverse_between(&key(at)?, &key(at + 1)?, time))
 }
 
-/// `quadrant_sine`.
+/// Sine, as `quadrant_sine` of the shaders.
 fn quadrant_sine(x: f32) -> f32 {
     let y = x * x;
     let high = y * (y * -2.505_210_8e-8 + 2.755_731_9e-6) + -1.984_127e-4;
     x * (y * (y * (y * high + 8.333_333e-3) + -1.666_666_7e-1) + 1.0)
 }
 
-/// `inverse_map` of what `between` gives.
+/// Inverse map between two keys, as `inverse_map` of the shaders.
 fn inverse_between(a: &GpuMotionKey, b: &GpuMotionKey, time: f32) -> AffineRows {
     let f = ((time - a.time) / (b.time - a.time)).clamp(0.0, 1.0);
     let mix = |a: [f32; 3], b: [f32; 3]| f * (V3(b) - V3(a)) + V3(a);

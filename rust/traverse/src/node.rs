@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A ray against the boxes of a node's four children: traversal/node.glsl. Pure, any thread.
+//! Tests a ray against the boxes of a node's four children: traversal/node.glsl. Pure, any thread.
 
 use crate::vector::V3;
 use oocpt_abi::{ABSENT, Bvh4Node, LEAF, POINT_BUNDLE};
 use std::hint::select_unpredictable;
 
-/// The number of an inner node, or of what a leaf begins with.
+/// Mask of the number of an inner node, or of a leaf's first item.
 pub(crate) const NUMBER: u32 = 0x0fff_ffff;
 
-/// The ray of a level, as boxes are tested with it; a fourth number is 0.
+/// The ray of a level, in the form that box tests use; the fourth numbers are 0.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(16))]
 pub(crate) struct BoxRay {
     pub(crate) o: [f32; 4],
     pub(crate) reciprocal: [f32; 4],
-    /// How far boxes are padded, along the ray.
+    /// Padding of the boxes along the ray.
     pub(crate) around: [f32; 4],
-    /// How the planes of a node lie for it; only what needs it sets it.
+    /// Order of a node's planes along the ray; set only for instructions that use it.
     pub(crate) turns: [[u8; 16]; 2],
 }
 
@@ -30,16 +30,16 @@ impl BoxRay {
     }
 }
 
-/// What a walk does with a node: the children that it meets.
+/// The children of a node that a ray meets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EnteredChildren {
-    /// Where the ray enters each child, or the node if that is farther.
+    /// Distance at which the ray enters each child, or the node if that is farther.
     pub(crate) entries: [f32; 4],
-    /// A bit for each child that is met.
+    /// Mask with one bit for each child that is met.
     pub(crate) mask: u32,
 }
 
-/// The children of a node of a mesh: nodes first, as many as `first_child` says, then leaves.
+/// The children of a node of a mesh: `first_child` nodes first, then leaves.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MeshChildren {
     inner: u32,
@@ -60,13 +60,13 @@ impl MeshChildren {
         }
     }
 
-    /// A bit for each child that there is.
+    /// Mask with one bit for each child that exists.
     #[inline(always)]
     pub(crate) fn there(&self) -> u32 {
         u32::from(self.leaves.there) | ((1 << self.inner) - 1)
     }
 
-    /// What the child in a lane is: a node or a leaf.
+    /// Reference of the child in a lane: a node or a leaf.
     #[inline(always)]
     pub(crate) fn at(&self, lane: u32) -> u32 {
         let lane = lane & 3;
@@ -78,18 +78,18 @@ impl MeshChildren {
     }
 }
 
-/// What the byte of a node says that counts the triangles of its leaves.
+/// The triangle counts in a node's byte.
 #[derive(Clone, Copy, Debug)]
 struct LeafCounts {
-    /// A byte to a child: its triangles.
+    /// Number of triangles of each child, a byte each.
     counts: u32,
-    /// A byte to a child: those of the children before it.
+    /// Number of triangles of the children before each child, a byte each.
     before: u32,
-    /// A bit for each child that has some.
+    /// Mask with one bit for each child that has triangles.
     there: u8,
 }
 
-/// By that byte, two bits to a child.
+/// Counts by that byte, which has two bits for each child.
 static LEAVES: [LeafCounts; 256] = {
     let mut all = [LeafCounts { counts: 0, before: 0, there: 0 }; 256];
     let mut byte = 0_u32;
@@ -109,7 +109,8 @@ static LEAVES: [LeafCounts; 256] = {
     all
 };
 
-/// The points of a leaf that says which bundle it has, of so many points: `bundle_members` of the shaders.
+/// The points of a leaf, which has the number of its bundle, of a mesh with this number of points: `bundle_members` of
+/// the shaders.
 #[inline(always)]
 pub(crate) fn bundle_members(leaf: u32, points: u32) -> u32 {
     if leaf < LEAF || leaf == ABSENT {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Whether a surface that a walk meets is there, by displayOpacity (traversal/opacity.glsl), and the seed that decides
-//! (`traversal/opacity_seed.glsl`). Any thread.
+//! Evaluates if a surface that a walk meets exists by its displayOpacity (traversal/opacity.glsl), with the seed of the
+//! decision (`traversal/opacity_seed.glsl`). Any thread.
 
 use crate::primvar::indices;
 use crate::scene::TraversalScene;
@@ -13,7 +13,7 @@ use oocpt_abi::{
 use oocpt_gpu::HostBytes;
 
 impl TraversalScene<'_> {
-    /// The seed of a ray of a path: `ray` is twice the bounce, and one more for shadow rays.
+    /// Seed of a ray of a path: `ray` is twice the bounce, plus one for shadow rays.
     pub(crate) fn opacity_seed(&self, path: u32, ray: u32) -> u32 {
         if !self.special.features.intersects(Features::OPACITY | Features::CUTOUTS) {
             return 0;
@@ -49,13 +49,13 @@ impl TraversalScene<'_> {
         (seed, pixel & !STREAM_BIT, sample.wrapping_add(row).wrapping_add(place / width))
     }
 
-    /// Streaming: where the radiance of the path in a slot goes when it ends.
+    /// Streaming: place to which the radiance of the path in a slot is written when it ends.
     pub(crate) fn path_place(&self, path: u32) -> u32 {
         self.view.bytes(self.streaming.places).get(path as usize).unwrap_or(0)
     }
 }
 
-/// `attribute_float` of geometry/attribute.glsl.
+/// Value of an attribute, as `attribute_float` of geometry/attribute.glsl.
 fn attribute(values: HostBytes<'_>, corners: HostBytes<'_>, rate: u32, triangle: u32, uv: [f32; 2]) -> Option<f32> {
     let at = |index: u32| values.get::<f32>(index as usize);
     let [x, y, z] = indices(corners, rate, triangle)?;
@@ -66,7 +66,7 @@ fn attribute(values: HostBytes<'_>, corners: HostBytes<'_>, rate: u32, triangle:
 }
 
 impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
-    /// Whether the surface is there for this ray.
+    /// Returns true if the surface exists for this ray.
     #[inline(never)]
     pub(crate) fn is_opaque(&self, surface: CandidateSurface, uv: [f32; 2]) -> bool {
         let CandidateSurface { item: triangle, number, subset_and_sides } = surface;

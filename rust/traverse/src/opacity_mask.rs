@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How much of a cutout is there around a place, without its texture: `traversal/opacity_mask.glsl` and
+//! Coverage of a cutout around a position, without its texture: `traversal/opacity_mask.glsl` and
 //! `texture/near_width.glsl`, operation by operation. The layout is that of `oocpt_core::texture::OpacityMask`. Pure,
 //! any thread.
 
@@ -14,14 +14,14 @@ use oocpt_gpu::{HostBytes, HostView};
 pub(crate) struct MaskCandidate<'a> {
     pub(crate) corners: &'a TriangleCorners,
     pub(crate) uv: [f32; 2],
-    /// Of the triangle.
+    /// Edges of the triangle.
     pub(crate) edges: [V3; 2],
     pub(crate) direction: V3,
     /// Width of the ray's cone over the length of the direction.
     pub(crate) cone: f32,
 }
 
-/// `inside_image`: a coordinate in the image; none around a picture that is not continued.
+/// Coordinate in the image, as `inside_image` of the shaders; `None` around a picture that is not continued.
 fn inside_image(s: f32, wrap: u32, narrow: &mut bool) -> Option<f32> {
     let s = near_image(s, wrap);
     if (0.0..=1.0).contains(&s) {
@@ -38,8 +38,8 @@ fn inside_image(s: f32, wrap: u32, narrow: &mut bool) -> Option<f32> {
     }
 }
 
-/// `coverage_in_mask`: how much is there at `st`, in 255 parts, for a lookup as wide as `width` texels; none where
-/// the finest level of the texture says it.
+/// Coverage at `st` in parts of 255, for a lookup as wide as `width` texels, as `coverage_in_mask` of the shaders;
+/// `None` if the finest level of the texture decides.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -61,7 +61,7 @@ fn coverage_in_mask(mask: HostBytes<'_>, [size, modes]: [u32; 2], st: [f32; 2], 
     (!narrow || matches!(coverage, 0 | 255)).then_some(coverage)
 }
 
-/// `coverage_at`.
+/// Coverage at a position, as `coverage_at` of the shaders.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -95,7 +95,7 @@ fn dot2(a: [f32; 3], b: [f32; 2]) -> f32 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-/// `near_lookup_width`: how wide a lookup is, in texels; 0 where it cannot be told.
+/// Width of a lookup in texels, as `near_lookup_width` of the shaders; 0 if it cannot be computed.
 fn near_lookup_width(at: &MaskCandidate<'_>, [at_e, at_f]: [[f32; 2]; 2]) -> f32 {
     let ([e, f], d) = (at.edges, at.direction);
     let (p, q) = (cross3(e, d), cross3(f, d));

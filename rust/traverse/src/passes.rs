@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The two trace passes, on all threads: `wavefront/intersect_closest.comp` and `wavefront/intersect_shadow.comp`.
 //!
-//! A thread takes blocks of a queue, one after the other. What a block has found goes to the queues with one atomic,
-//! as a subgroup's does.
+//! A thread takes blocks of a queue, one after the other. The results of a block are pushed to the queues with one
+//! atomic, as those of a subgroup are.
 
 mod rays;
 
@@ -26,11 +26,11 @@ use oocpt_gpu::{HostView, HostWords};
 use rayon::prelude::*;
 use std::mem::offset_of;
 
-/// Rays of a block.
+/// Number of rays of a block.
 const BLOCK: u32 = 128;
-/// Rays that a thread walks at once.
+/// Number of rays that a thread walks at once.
 const RAYS_AT_ONCE: usize = 8;
-/// Words of a ray, a shadow ray, a pending list.
+/// Number of words of a ray; of a shadow ray and of a pending list below.
 const RAY_WORDS: usize = size_of::<Ray>() / 4;
 const SHADOW_WORDS: usize = size_of::<ShadowRay>() / 4;
 const PENDING_WORDS: usize = size_of::<PendingItems>() / 4;
@@ -41,18 +41,18 @@ macro_rules! counter {
     };
 }
 
-/// What a pass shares among its threads.
+/// The state that the threads of a pass share.
 struct PassContext<'s, 'v> {
     scene: &'s TraversalScene<'v>,
     counters: HostWords<'v>,
-    /// The rays, with their flags.
+    /// Rays, with their flags.
     rays: HostWords<'v>,
     pending: HostWords<'v>,
-    /// Of cutouts; streaming.
+    /// Deferred alpha tests; streaming.
     questions: HostWords<'v>,
 }
 
-/// What a block pushes.
+/// The queue entries that a block pushes.
 #[derive(Default)]
 struct QueuePushes {
     surfaces: Vec<u32>,
@@ -65,7 +65,7 @@ struct QueuePushes {
 /// Traces the closest hits of a round.
 ///
 /// # Errors
-/// [`TraceError::NoMemory`] where a table of the frame is not there.
+/// [`TraceError::NoMemory`] if a table of the frame is missing.
 pub fn closest(view: &HostView, push: PushConstants, special: TraversalConstants) -> Result<(), TraceError> {
     let scene = TraversalScene::new(view, push, special)?;
     let rays = view.words(scene.frame.rays);
@@ -78,7 +78,7 @@ pub fn closest(view: &HostView, push: PushConstants, special: TraversalConstants
     Ok(())
 }
 
-/// Traces the shadow rays of a round, and adds what they bring.
+/// Traces the shadow rays of a round, and adds their contributions.
 ///
 /// # Errors
 /// As [`closest`].
@@ -104,7 +104,7 @@ impl<'s, 'v> PassContext<'s, 'v> {
         Self { scene, counters, rays, pending: view.words(pending), questions: view.words(questions) }
     }
 
-    /// Traces each of `count` entries of a queue.
+    /// Traces `count` entries of a queue.
     fn trace<const ANY_HIT: bool>(&self, count: u32, rays: &impl QueuedRays<'s, 'v, ANY_HIT>) {
         #[cfg(target_arch = "x86_64")]
         if self.scene.special.instructions == InstructionSet::Widest
@@ -177,7 +177,7 @@ impl<'s, 'v> PassContext<'s, 'v> {
         }
     }
 
-    /// The world ray at word `at`, apart from what only one kind of rays has.
+    /// The world ray at word `at`, without the parts that only one kind of ray has.
     #[inline(always)]
     fn load_ray(&self, at: usize) -> WorldRay {
         let ray: Ray = bytemuck::cast(self.rays.load_all::<RAY_WORDS>(at));
@@ -185,7 +185,7 @@ impl<'s, 'v> PassContext<'s, 'v> {
         WorldRay { o: V3(ray.o), d: V3(ray.d), o_lo: V3(ray.o_lo), t_max: ray.t_max, flags, ..WorldRay::default() }
     }
 
-    /// Words from one hit record to the next.
+    /// Number of words from one hit record to the next.
     fn hit_words(&self) -> usize {
         hit_stride(self.scene.special.max_levels) as usize / 4
     }
@@ -220,7 +220,7 @@ impl<'s, 'v> PassContext<'s, 'v> {
         walk.begin(simd, ray, listed);
     }
 
-    /// Keeps what a ray waits for.
+    /// Stores the items that a ray waits for.
     fn store_pending<const ANY_HIT: bool>(&self, path: u32, walk: &RayTraversal<'s, 'v, ANY_HIT>) {
         if let Some(question) = walk.kept_question() {
             store_question(self.questions, path, question);
@@ -235,7 +235,7 @@ impl<'s, 'v> PassContext<'s, 'v> {
         }
     }
 
-    /// Notes that a ray of the path has finished, and pushes the path when the other one had too.
+    /// Notes that a ray of the path has finished, and pushes the path if the other one had finished too.
     fn finish(&self, path: u32, bits: PathProgress, pushes: &mut QueuePushes) {
         let progress = self.scene.view.words(self.scene.streaming.progress);
         let before = progress.or(path as usize, bits.bits()).unwrap_or(0);
@@ -251,7 +251,7 @@ impl<'s, 'v> PassContext<'s, 'v> {
         list.push(path);
     }
 
-    /// What the light brings if nothing is in its way, or of a shadow the share that its colour tells.
+    /// Adds the contribution of the light if nothing shadows it, or in shadow the share that its shadow colour leaves.
     fn add_light(&self, at: usize, path: u32, hit: bool, waits: bool, radiance: HostWords<'v>) {
         let color = self.rays.load(at + RAY_WORD_IN_SHADOW as usize);
         if if hit { color == 0 } else { waits } {

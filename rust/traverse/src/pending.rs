@@ -1,57 +1,56 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Streaming: the items that a ray has come to and could not visit, the first four (traversal/pending.glsl). Pure, any
-//! thread.
+//! Streaming: the first four items that a ray reached and could not visit (traversal/pending.glsl). Pure, any thread.
 
 use oocpt_abi::{NO_MESH, pack_waiting, waiting_count};
 
 const MAX: usize = oocpt_abi::MAX_PENDING as usize;
 
-/// A distance and a number, in the order of a ray.
+/// Distance and number, by which items are ordered along a ray.
 pub(crate) type EntryKey = (f32, u32);
 
-/// Whether `a` comes before `b`.
+/// Returns true if `a` comes before `b`.
 pub(crate) fn before(a: EntryKey, b: EntryKey) -> bool {
     a.0 < b.0 || (a.0 == b.0 && a.1 < b.1)
 }
 
-/// A chunk instance whose chunk is absent, or, in one that is there, all records of a mesh that the ray enters at one
+/// A chunk instance whose chunk is absent, or, in a resident one, all records of a mesh that the ray enters at one
 /// distance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct PendingItem {
-    /// The chunk instance and where it is entered.
+    /// Chunk instance, with the distance at which it is entered.
     pub(crate) chunk: EntryKey,
-    /// The mesh and where its records are entered.
+    /// Mesh, with the distance at which its records are entered.
     pub(crate) record: EntryKey,
 }
 
 impl PendingItem {
-    /// A whole chunk instance.
+    /// An item for a whole chunk instance.
     pub(crate) fn of_chunk(chunk: EntryKey) -> Self {
         Self { chunk, record: (0.0, NO_MESH) }
     }
 
-    /// Whether it comes before `other`.
+    /// Returns true if it comes before `other`.
     pub(crate) fn is_before(&self, other: &Self) -> bool {
         if self.chunk == other.chunk { before(self.record, other.record) } else { before(self.chunk, other.chunk) }
     }
 
-    /// Whether nothing of its chunk instance was visited.
+    /// Returns true if nothing of its chunk instance was visited.
     pub(crate) fn is_whole(&self) -> bool {
         self.record.1 == NO_MESH
     }
 }
 
-/// The list that a ray came back with.
+/// The items that a ray came back with.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ListedItems {
     pub(crate) items: [PendingItem; MAX],
     pub(crate) count: usize,
-    /// What is behind the last item is to be visited.
+    /// True if everything behind the last item is to be visited.
     pub(crate) more: bool,
 }
 
 impl ListedItems {
-    /// The items of a ray of these flags.
+    /// The items of a ray with these flags.
     pub(crate) fn new(flags: u32, items: [PendingItem; MAX]) -> Self {
         Self { items, count: (waiting_count(flags) as usize).min(MAX), more: false }
     }
@@ -60,29 +59,29 @@ impl ListedItems {
         &self.items[..self.count]
     }
 
-    /// Those of a chunk instance.
+    /// The items of a chunk instance.
     pub(crate) fn of_chunk(&self, chunk_instance: u32) -> impl Iterator<Item = &PendingItem> {
         self.items().iter().filter(move |item| item.chunk.1 == chunk_instance)
     }
 
-    /// Whether a chunk instance that is not listed is to be visited.
+    /// Returns true if a chunk instance that is not listed is to be visited.
     pub(crate) fn has_chunk_due(&self, chunk: EntryKey) -> bool {
         !self.more || self.items().last().is_none_or(|last| before(last.chunk, chunk))
     }
 
-    /// Whether records of a chunk instance of which items are listed are still to be visited.
+    /// Returns true if records of a chunk instance of which items are listed are still to be visited.
     pub(crate) fn is_due(&self, item: &PendingItem) -> bool {
         let is_behind = self.more && self.items().last().is_some_and(|last| last.is_before(item));
         is_behind || self.items().contains(item)
     }
 }
 
-/// See the module.
+/// The items that a ray waits for.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PendingList {
     items: [PendingItem; MAX],
     count: usize,
-    /// There are others, behind all of the list.
+    /// True if there are others behind all items of the list.
     pub(crate) more: bool,
 }
 
@@ -91,12 +90,12 @@ impl PendingList {
         (self.count, self.more) = (0, false);
     }
 
-    /// Those of the list, in order.
+    /// The items, in order.
     pub(crate) fn items(&self) -> &[PendingItem] {
         &self.items[..self.count]
     }
 
-    /// Notes an item, once; of more than four the first stay.
+    /// Adds an item, once; the first four are kept.
     pub(crate) fn remember(&mut self, item: PendingItem) {
         let at = self.items().iter().position(|other| !other.is_before(&item)).unwrap_or(self.count);
         if self.items().get(at) == Some(&item) {
@@ -113,7 +112,8 @@ impl PendingList {
         }
     }
 
-    /// Drops what is entered behind `limit`. Where other items may begin before it, the last one stays: it says which.
+    /// Drops items that are entered behind `limit`. If other items may begin before it, the last one stays, because it
+    /// marks the end of the list.
     pub(crate) fn forget_behind(&mut self, limit: f32) {
         if self.items().last().is_none_or(|last| last.chunk.0 > limit) {
             self.more = false;
@@ -130,7 +130,7 @@ impl PendingList {
         self.count = kept;
     }
 
-    /// The flags of a ray that waits for these.
+    /// The flags of a ray that waits for these items.
     pub(crate) fn flags(&self) -> u32 {
         pack_waiting(u32::try_from(self.count).unwrap_or(0), self.more)
     }

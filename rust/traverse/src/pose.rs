@@ -6,18 +6,18 @@ use crate::vector::V3;
 use oocpt_abi::{Features, GpuMesh, GpuPoint, GpuTriangle, LeafType, MESH_KEYS_SHIFT, MeshFlags};
 use oocpt_gpu::{HostBytes, HostSpan};
 
-/// The arrays of the two keys that a time is between.
+/// The arrays of the two keys around a time.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MeshPose<'v> {
     pub(crate) triangles: HostBytes<'v>,
     later: HostBytes<'v>,
-    /// Of the way from one to the other.
+    /// Fraction of the time between the first key and the second.
     part: f32,
     pub(crate) moves: bool,
-    /// Items are points, whose radii these are.
+    /// True if the items are points, with these radii.
     pub(crate) of_points: bool,
     radii: HostBytes<'v>,
-    /// From a point to the next one; 0: all have the same radius.
+    /// Stride from the radius of a point to the next; 0: all have the same radius.
     radius_stride: usize,
 }
 
@@ -68,7 +68,7 @@ impl<'v> MeshPose<'v> {
 }
 
 impl<'v> TraversalScene<'v> {
-    /// The triangles of a mesh at a time. `near`: where items were found last.
+    /// The triangles of a mesh at a time. `near`: the buffers in which items were found last.
     #[inline(always)]
     pub(crate) fn pose_of(&self, mesh: &GpuMesh, time: f32, near: &mut HostSpan<'v>) -> MeshPose<'v> {
         let still = MeshPose { triangles: self.view.bytes_near(mesh.triangles, near), ..MeshPose::NONE };

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a material asks about whether its surfaces are there: traversal/presence.glsl, without programs and Ptex. Any
-//! thread.
+//! The alpha test of a material: traversal/presence.glsl, without programs and Ptex. Any thread.
 
 use crate::leaf;
 use crate::opacity_mask::{MaskCandidate, coverage_at};
@@ -15,7 +14,7 @@ use oocpt_abi::{
 };
 use std::mem::offset_of;
 
-/// Where the opacity comes from.
+/// Source of the opacity.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum OpacitySource {
     Value(f32),
@@ -24,19 +23,19 @@ pub(crate) enum OpacitySource {
         scale: f32,
         bias: f32,
     },
-    /// So many parts of 255 are there.
+    /// Coverage by the mask, in parts of 255.
     Covered(u8),
 }
 
-/// What to ask.
+/// The source of the opacity, and the threshold that it is compared with.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AlphaTest {
     pub(crate) opacity: OpacitySource,
-    /// 0: the opacity is a probability.
+    /// Threshold; 0: the opacity is a probability.
     pub(crate) threshold: f32,
 }
 
-/// A member of a material in the table of them.
+/// Reads a member of a material in the table of materials.
 macro_rules! member {
     ($scene:expr, $material:expr, $($member:ident).+) => {
         $scene.of_material($material, offset_of!(GpuMaterial, $($member).+))
@@ -44,7 +43,7 @@ macro_rules! member {
 }
 
 impl TraversalScene<'_> {
-    /// The word of a surface's slot (`material_slot`).
+    /// Word of a surface's slot, as `material_slot` of the shaders.
     pub(crate) fn material_slot(&self, prim_id: i32, subset: u32) -> u32 {
         let index = prim_id.wrapping_add(1).cast_unsigned();
         if index > MAX_PRIM_ID {
@@ -62,7 +61,7 @@ impl TraversalScene<'_> {
         self.materials.at_byte((material as usize).checked_mul(size_of::<GpuMaterial>())?.checked_add(offset)?)
     }
 
-    /// `cone_width`.
+    /// Width of the ray's cone, as `cone_width` of the shaders.
     fn cone_width(&self, path: u32, t: f32) -> f32 {
         let [width, spread] = self.cones.get::<[f32; 2]>(path as usize).unwrap_or_default();
         spread * t + width
@@ -70,7 +69,7 @@ impl TraversalScene<'_> {
 }
 
 impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
-    /// What the material of a candidate asks; none where it does not.
+    /// Alpha test of a candidate's material; `None` if it has none.
     pub(crate) fn presence(&self, triangle: u32, subset_and_sides: u32, t: f32, uv: [f32; 2]) -> Option<AlphaTest> {
         let scene = self.scene;
         let slot = scene.material_slot(self.instance.prim_id, subset_and_sides & SUBSET_MASK);
@@ -98,11 +97,12 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         Some(AlphaTest { opacity, threshold })
     }
 
-    /// Which texel is the opacity of a candidate, or what the mask says: of the finest level, however wide the ray is.
+    /// Texel with the opacity of a candidate, or the coverage by the mask: at the finest level, however wide the ray
+    /// is.
     fn texel(&self, material: u32, input: &GpuInput, triangle: u32, t: f32, uv: [f32; 2]) -> Option<OpacitySource> {
         let scene = self.scene;
         let set = (input.kind >> INPUT_SET_SHIFT) & 3;
-        // A shadow ray starts as wide as its surface was seen and stays so.
+        // A shadow ray starts as wide as the ray that saw its surface, and keeps that width.
         let (cone, d) = (scene.cone_width(self.world.path, if ANY_HIT { 0.0 } else { t }), self.direction());
         let mut st = [0.0; 2];
         if set != INPUT_NO_SET {
@@ -134,7 +134,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         Some(OpacitySource::Texel { lookup, scale: input.value[at], bias: input.bias[at] })
     }
 
-    /// `item_edges`.
+    /// Edges of an item, as `item_edges` of the shaders.
     fn edges(&self, triangle: u32) -> Option<[V3; 2]> {
         let (corners, _) = self.pose.item(triangle)?;
         let features = self.scene.special.features;

@@ -7,10 +7,10 @@ use crate::walk::RayTraversal;
 use oocpt_abi::{AttributeRate, Features, GpuAttribute, GpuInstance, NO_NAME, NO_ROW, NO_VALUE, TARGET_ASSEMBLY};
 use oocpt_gpu::HostBytes;
 
-/// As the shaders keep all of them, however wide.
+/// Value of a primvar, in four floats of any width, as in the shaders.
 pub(crate) type PrimvarValue = [f32; 4];
 
-/// Which three values a triangle has; all the same for a rate without corners.
+/// Indices of the three values of a triangle; all equal for a rate without corners.
 pub(crate) fn indices(corners: HostBytes<'_>, rate: u32, triangle: u32) -> Option<[u32; 3]> {
     let first = triangle.wrapping_mul(3);
     match rate {
@@ -23,7 +23,7 @@ pub(crate) fn indices(corners: HostBytes<'_>, rate: u32, triangle: u32) -> Optio
     }
 }
 
-/// `primvar_at`: value `index`, of `width` floats.
+/// Value `index` of `width` floats, as `primvar_at` of the shaders.
 fn value_at(values: HostBytes<'_>, index: u32, width: u32) -> Option<PrimvarValue> {
     let at = (index as usize).checked_mul(width as usize)?.checked_mul(size_of::<f32>())?;
     match width {
@@ -39,7 +39,7 @@ fn value_at(values: HostBytes<'_>, index: u32, width: u32) -> Option<PrimvarValu
 pub(crate) struct TriangleCorners([PrimvarValue; 3]);
 
 impl TriangleCorners {
-    /// `primvar_value`.
+    /// Interpolated value, as `primvar_value` of the shaders.
     pub(crate) fn at(&self, [u, v]: [f32; 2]) -> PrimvarValue {
         let Self([a, b, c]) = *self;
         if a == b && b == c {
@@ -48,13 +48,13 @@ impl TriangleCorners {
         [0, 1, 2, 3].map(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v)
     }
 
-    /// The first two numbers of the mean, by weight even where all corners are the same.
+    /// The first two numbers of the interpolated value; it is weighted even if all corners are equal.
     pub(crate) fn mixed(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         let Self([a, b, c]) = *self;
         [0, 1].map(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v)
     }
 
-    /// By how much its first two numbers grow from the first corner to the others.
+    /// Change of its first two numbers from the first corner to the others.
     pub(crate) fn growth(&self) -> [[f32; 2]; 2] {
         let Self([a, b, c]) = *self;
         [[b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]]
@@ -62,7 +62,7 @@ impl TriangleCorners {
 }
 
 impl TraversalScene<'_> {
-    /// `take_value`: the value that `row` of a table of instance values has for a primvar, if it has one.
+    /// Value that `row` of a table of instance values has for a primvar, if it has one, as `take_value` of the shaders.
     fn row_value(&self, table: u64, row: u32, name: u32) -> Option<PrimvarValue> {
         let attributes = self.view.bytes(table);
         let mut value = None;
@@ -102,7 +102,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         Some(TriangleCorners(if i == j && j == k { [a; 3] } else { [a, at(j), at(k)] }))
     }
 
-    /// `instance_primvar`: that of the innermost level that has one.
+    /// Value of the innermost level that has one, as `instance_primvar` of the shaders.
     pub(crate) fn instance_primvar(&self, name: u32) -> Option<PrimvarValue> {
         let scene = self.scene;
         if !scene.has(Features::INSTANCE_PRIMVARS) || name == NO_NAME {

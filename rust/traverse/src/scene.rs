@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the trace passes read, resolved once for a pass: addresses become bytes with bounds. Any thread.
+//! Resolves the inputs of the trace passes once for a pass: addresses become bytes with bounds. Any thread.
 
 use crate::{TraceError, TraversalConstants};
 use oocpt_abi::{
@@ -8,7 +8,7 @@ use oocpt_abi::{
 };
 use oocpt_gpu::{HostBytes, HostView};
 
-/// See the module.
+/// The scene that the rays of a pass are traced through.
 #[derive(Debug)]
 pub(crate) struct TraversalScene<'v> {
     pub(crate) view: &'v HostView,
@@ -30,7 +30,7 @@ pub(crate) struct TraversalScene<'v> {
     links: Option<LightLinks<'v>>,
 }
 
-/// Which prims are in the way of which shadow rays.
+/// The categories that decide which prims block which shadow rays.
 #[derive(Debug)]
 struct LightLinks<'v> {
     bits: HostBytes<'v>,
@@ -85,7 +85,7 @@ impl<'v> TraversalScene<'v> {
         self.special.features.contains(feature)
     }
 
-    /// First hits through pixel centres.
+    /// Returns true if the pass finds first hits through pixel centres.
     #[inline(always)]
     pub(crate) fn is_of_aovs(&self) -> bool {
         self.push.flags & PushFlags::AOVS.bits() != 0
@@ -118,11 +118,11 @@ impl<'v> TraversalScene<'v> {
 
     /// Counts rays that enter a unit.
     pub(crate) fn count_rays(&self, unit: u32, rays: u32) {
-        // Memory that is not there counts nothing.
+        // Missing memory counts nothing.
         self.view.words(self.streaming.unit_rays).add(unit as usize, rays).unwrap_or_default();
     }
 
-    /// Whether a prim is in the way of rays of `category`, which is not 0 (`is_linked`).
+    /// Returns true if a prim blocks rays of `category`, which is not 0 (`is_linked`).
     pub(crate) fn is_linked(&self, category: u32, instance: &GpuInstance) -> bool {
         let Some(links) = &self.links else { return true };
         let index = instance.prim_id.wrapping_add(1).cast_unsigned();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The two tests that a walk spends its time in, by what the processor has: a ray against the boxes of four children,
+//! The two tests that take most of a walk's time, for each instruction set: a ray against the boxes of four children,
 //! and the edges of a triangle. Each kind does the same operations in the same order, so the same bits. Pure, any
 //! thread.
 
@@ -15,28 +15,28 @@ use bytemuck::cast;
 use oocpt_abi::{ABSENT, Bvh4Node, LevelNode, SLAB_PAD};
 use std::fmt::Debug;
 
-/// What every node begins with: `origin` and `cell`, the lower planes, the upper planes, and two numbers of its own.
+/// Beginning of every node: `origin` and `cell`, the lower planes, the upper planes; two numbers of its own follow.
 pub(crate) type NodeGrid = [[u32; 4]; 3];
 
-/// Two functions of three numbers, a number for each corner.
+/// The edge functions of a triangle, one for each corner.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EdgeFunctions {
-    /// The edge functions opposite to the corners.
+    /// Values of the edge functions opposite to the corners.
     pub(crate) w: [f32; 3],
-    /// Some are below zero, and some above it.
+    /// True if some are below zero, and some above it.
     pub(crate) is_outside: bool,
 }
 
-/// Instructions of a processor.
+/// The tests, for one instruction set.
 pub(crate) trait Simd: Copy + Debug + Send + Sync {
-    /// Calls `op`, and lets the compiler use these instructions in all that it inlines there.
+    /// Calls `op`, and lets the compiler use these instructions in all code that it inlines there.
     fn vectorize<O: pulp::NullaryFnOnce>(self, op: O) -> O::Output;
 
-    /// The children of a box grid that the ray enters before `limit`, which is no NaN, as if all four were there;
-    /// `entry` is where it enters the node.
+    /// The children of a box grid that the ray enters before `limit`, which is not NaN, as if all four existed; `entry`
+    /// is the distance at which it enters the node.
     fn meet(self, grid: &NodeGrid, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren;
 
-    /// A bit for each child of a level's node that there is.
+    /// Mask with one bit for each child of a level's node that exists.
     fn there(self, children: &[u32; 4]) -> u32;
 
     /// The children of a node of the top level, a chunk or an assembly.
@@ -48,7 +48,7 @@ pub(crate) trait Simd: Copy + Debug + Send + Sync {
         met
     }
 
-    /// The children of a node of a mesh.
+    /// Meets the children of a node of a mesh.
     #[inline(always)]
     fn meet_mesh(self, node: &Bvh4Node, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren {
         let mut met = self.meet(&cast(*node), ray, limit, entry);
@@ -59,12 +59,12 @@ pub(crate) trait Simd: Copy + Debug + Send + Sync {
     /// The ray from `o` along `d` against boxes that are padded by `pad`.
     fn box_ray(self, o: V3, d: V3, pad: f32) -> BoxRay;
 
-    /// The edge functions of a triangle as seen from `o`, in the plane whose two axes these rows give. Each corner has
-    /// a fourth number, which is nothing.
+    /// The edge functions of a triangle relative to `o`, in the plane with these two axes as rows. The fourth number of
+    /// each corner is ignored.
     fn edges(self, corners: &[[f32; 4]; 3], o: V3, plane: [V3; 2]) -> EdgeFunctions;
 }
 
-/// What every processor has.
+/// Instructions that every processor has.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PortableSimd;
 
@@ -87,7 +87,7 @@ impl Simd for PortableSimd {
     fn meet(self, grid: &NodeGrid, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren {
         let [x, y, z, cell, planes @ ..]: [u32; 12] = cast(*grid);
         let (origin, cell) = ([x, y, z], cell.to_le_bytes());
-        // Comparisons that keep what is there where the other is NaN: what min and max of the shaders do.
+        // These comparisons keep the old value where the other is NaN, as min and max of the shaders do.
         let mut entries = [0.0_f32; 4];
         let mut leaves = [f32::INFINITY; 4];
         for axis in [2, 1, 0] {
@@ -181,7 +181,7 @@ mod tests {
         }
     }
 
-    /// NaN is NaN, whatever its bits.
+    /// Compares two floats; all NaN are equal.
     fn same(a: f32, b: f32) -> bool {
         a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())
     }

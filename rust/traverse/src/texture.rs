@@ -13,7 +13,7 @@ use oocpt_abi::{
 use oocpt_gpu::HostBytes;
 use std::mem::offset_of;
 
-/// `UNKNOWN_TEXEL`.
+/// Value of a texel that is not known, as `UNKNOWN_TEXEL` of the shaders.
 const UNKNOWN_TEXEL: f32 = 0.5;
 
 macro_rules! feedback {
@@ -22,23 +22,23 @@ macro_rules! feedback {
     };
 }
 
-/// What to look up.
+/// The parameters of a lookup.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TextureLookup {
     pub(crate) texture: u32,
     pub(crate) st: [f32; 2],
-    /// Of the filter, in texels.
+    /// Width of the filter, texels.
     pub(crate) width: f32,
     pub(crate) channel: u32,
 }
 
-/// What a lookup gives.
+/// Result of a lookup.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum LookupResult {
     Texel(f32),
-    /// There is no image, or none that could be read; with `TEXTURE_BORDER` that is a texel.
+    /// There is no image, or none that could be read; with `TEXTURE_BORDER` this value is a texel.
     Fallback(f32),
-    /// Streaming: a tile is absent. So many of the eight texels are done, and this is their mean.
+    /// Streaming: a tile is absent. It has the number of the eight texels that are done, and their mean.
     Waits {
         page: u32,
         taps: u32,
@@ -46,18 +46,18 @@ pub(crate) enum LookupResult {
     },
 }
 
-/// A texture, or a part of a UDIM set, and the place in it.
+/// A texture, or a part of a UDIM set, and the position in it.
 enum UdimPart {
     Found(GpuTexture, [f32; 2]),
-    /// The set has none there.
+    /// The set has no part at the position.
     Missing(GpuTexture),
 }
 
-/// `TextureLevel`.
+/// A level of a texture, as `TextureLevel` of the shaders.
 struct MipLevel {
     size: [u32; 2],
     page: u32,
-    /// Bytes of a tile before its texels.
+    /// Offset of its texels in the tile, bytes.
     offset: usize,
     in_tail: bool,
 }
@@ -91,7 +91,7 @@ fn wraps_of(t: &GpuTexture) -> [u32; 2] {
     [TEXTURE_WRAP_S_SHIFT, TEXTURE_WRAP_T_SHIFT].map(|shift| (t.flags >> shift) & 3)
 }
 
-/// Whether the fallback is what lies outside of the picture.
+/// Returns true if the fallback is the border around the picture.
 fn has_border(t: &GpuTexture) -> bool {
     t.flags & TEXTURE_BORDER != 0
 }
@@ -100,13 +100,13 @@ fn fallback_value(t: &GpuTexture, channel: u32) -> f32 {
     t.fallback[channel as usize & 3]
 }
 
-/// What a texture gives that has no texels.
+/// Value of a texture without texels.
 fn fallback_of(t: &GpuTexture, channel: u32) -> LookupResult {
     let value = fallback_value(t, channel);
     if has_border(t) { LookupResult::Texel(value) } else { LookupResult::Fallback(value) }
 }
 
-/// `near_image`.
+/// Coordinate relative to the nearest image, as `near_image` of the shaders.
 pub(crate) fn near_image(s: f32, wrap: u32) -> f32 {
     #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN is 0")]
     if !(s.abs() < 1.0e9) {
@@ -120,7 +120,7 @@ pub(crate) fn near_image(s: f32, wrap: u32) -> f32 {
     }
 }
 
-/// `select_level`: the finer of two levels up to `coarsest`, and the share of the next one.
+/// Finer of two levels up to `coarsest`, and share of the next one, as `select_level` of the shaders.
 pub(crate) fn select_level(coarsest: u32, width: f32) -> (u32, f32) {
     #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN is the finest level")]
     if !(width > 1.0) {
@@ -134,12 +134,12 @@ pub(crate) fn select_level(coarsest: u32, width: f32) -> (u32, f32) {
     (level, f32::from_bits((bits & 0x007f_ffff) | 0x3f80_0000) - 1.0)
 }
 
-/// `texel_place`: the lower of the two texels around s, and the share of the upper one.
+/// Lower of the two texels around s, and share of the upper one, as `texel_place` of the shaders.
 #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "as the shader")]
 fn texel_place(s: f32, size: u32) -> (i32, f32) {
     let bits = s.to_bits();
     let exponent = (bits >> 23) & 0xff;
-    // s is its mantissa / 2^shift; larger ones than 4 are not asked for.
+    // s is its mantissa / 2^shift; values above 4 do not occur.
     let shift = 150_u32.saturating_sub(exponent).max(1);
     if shift > 60 {
         return (-1, 0.5);
@@ -150,7 +150,7 @@ fn texel_place(s: f32, size: u32) -> (i32, f32) {
     ((place >> shift) as i32, share)
 }
 
-/// `wrap_texel`: none for transparent black.
+/// Index of a texel, as `wrap_texel` of the shaders; `None` for transparent black.
 fn wrap_texel(x: i32, size: u32, wrap: u32) -> Option<u32> {
     let (x, size) = (i64::from(x), i64::from(size));
     let inside = match wrap {
@@ -166,14 +166,14 @@ fn wrap_texel(x: i32, size: u32, wrap: u32) -> Option<u32> {
     u32::try_from(inside).ok()
 }
 
-/// `byte_to_unit`.
+/// Value of a byte in [0, 1], as `byte_to_unit` of the shaders.
 fn byte_to_unit(byte: u8) -> f32 {
     let v = f32::from(byte);
     v * (257.0 / 65536.0) + v * 5.983_839e-8
 }
 
 impl TraversalScene<'_> {
-    /// `texture_part`.
+    /// Part of a texture at `st`, as `texture_part` of the shaders.
     fn texture_part(&self, texture: u32, st: [f32; 2]) -> Option<UdimPart> {
         let t: GpuTexture = self.textures.get(texture as usize)?;
         if t.flags & TEXTURE_UDIM == 0 {
@@ -189,10 +189,11 @@ impl TraversalScene<'_> {
         Some(UdimPart::Found(found, [st[0] - part[0], st[1] - part[1]]))
     }
 
-    /// `continue_lookup` from its begin; in core `requested_lookup`, which goes on without what is absent.
+    /// Looks a texture up: `continue_lookup` of the shaders from its beginning; in core `requested_lookup`, which
+    /// continues without absent tiles.
     pub(crate) fn look_up(&self, path: u32, lookup: &TextureLookup) -> LookupResult {
         let TextureLookup { texture, st, width, channel } = *lookup;
-        // Where the tables have no such texture, all is there.
+        // If the tables have no such texture, the surface is opaque.
         let Some(part) = self.texture_part(texture, st) else { return LookupResult::Fallback(1.0) };
         let (t, st) = match part {
             UdimPart::Found(t, st) if t.levels > 0 => (t, st),
@@ -253,10 +254,10 @@ impl TraversalScene<'_> {
         LookupResult::Texel(mean)
     }
 
-    /// A channel of `decode_texel`; 0 where there is no memory.
+    /// A channel of a texel, as in `decode_texel` of the shaders; 0 without memory.
     fn texel(&self, t: &GpuTexture, tile: HostBytes<'_>, offset: usize, index: usize, channel: u32) -> f32 {
         let channels = t.flags & TEXTURE_CHANNELS;
-        // Which number of a texel it is: (r), (r, a) and (r, g, b, a) stand for four channels.
+        // Index of the number in a texel: (r), (r, a) and (r, g, b, a) stand for four channels.
         let number = match (channels, channel) {
             (1, 3) => return 1.0,
             (1, _) => 0,
@@ -277,7 +278,7 @@ impl TraversalScene<'_> {
         }
     }
 
-    /// `request_tile`: says that a path lacks a tile.
+    /// Notes that a path lacks a tile, as `request_tile` of the shaders.
     fn request_tile(&self, path: u32, page: u32) {
         if self.frame.texture_feedback == 0 {
             return;
@@ -316,7 +317,7 @@ mod tests {
         ] {
             assert_eq!(texel_place(s, size), (place, share), "{s} of {size}");
         }
-        // Whatever the bits are, there is an answer.
+        // Any bits give an answer.
         for s in [f32::MAX, f32::INFINITY, f32::NAN, -f32::MAX, f32::MIN_POSITIVE, 1.0e-45] {
             let (_, share) = texel_place(s, u32::MAX);
             assert!((0.0..=1.0).contains(&share), "{s}: {share}");

@@ -4,7 +4,7 @@
 
 use std::ops::{Add, Index, Mul, Sub};
 
-/// Three floats.
+/// A vector of three floats.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct V3(pub(crate) [f32; 3]);
 
@@ -14,10 +14,10 @@ impl V3 {
         Self([f(self[0]), f(self[1]), f(self[2])])
     }
 
-    /// The largest absolute component; NaN counts as nothing.
+    /// The largest absolute component; NaN is ignored.
     #[inline(always)]
     pub(crate) fn largest(self) -> f32 {
-        // Not `f32::max`, which asks which one is NaN.
+        // `f32::max` is not used, because it tests which one is NaN.
         self.0.into_iter().fold(0.0, |most, x| if x.abs() > most { x.abs() } else { most })
     }
 }
@@ -72,7 +72,7 @@ pub(crate) fn dot3(a: V3, b: V3) -> f32 {
     a[0] * b[0] + (a[1] * b[1] + a[2] * b[2])
 }
 
-/// `combine_rows` of affine.glsl: the columns of a matrix times a vector.
+/// Columns of a matrix times a vector, as `combine_rows` of affine.glsl.
 #[inline(always)]
 pub(crate) fn apply_columns([x, y, z]: [V3; 3], v: V3) -> V3 {
     v[0] * x + (v[1] * y + v[2] * z)
@@ -83,7 +83,7 @@ pub(crate) fn cross3(a: V3, b: V3) -> V3 {
     V3([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 }
 
-/// A normal of a triangle, not unit, from its two shorter edges.
+/// Normal of a triangle, not of unit length, from its two shorter edges.
 #[inline(always)]
 pub(crate) fn triangle_normal(v0: V3, v1: V3, v2: V3) -> V3 {
     let (a, b, c) = (v1 - v0, v2 - v0, v2 - v1);
@@ -93,7 +93,7 @@ pub(crate) fn triangle_normal(v0: V3, v1: V3, v2: V3) -> V3 {
     cross3(if without_a { b } else { a }, if without_c { b } else { c })
 }
 
-/// Rows of an affine map, as they lie in memory.
+/// Rows of an affine map, as in memory.
 pub(crate) type AffineRows = [[f32; 4]; 3];
 
 #[inline(always)]
@@ -118,14 +118,15 @@ pub(crate) fn difference(a: (V3, V3), b: (V3, V3)) -> V3 {
     s + (e + (a.1 - b.1))
 }
 
-/// What no component of `d` counts as smaller than.
+/// Magnitude below which components of `d` count as this.
 #[inline(always)]
 pub(crate) fn tiny_component(d: V3) -> f32 {
     let tiny = d.largest() * 8.673_617e-19;
     if tiny > 1.0e-37 { tiny } else { 1.0e-37 }
 }
 
-/// `safe_reciprocal` of traversal/box.glsl: no component counts as smaller than 2^-60 of the largest one.
+/// Reciprocal, as `safe_reciprocal` of traversal/box.glsl: no component counts as smaller than 2^-60 of the largest
+/// one.
 #[inline(always)]
 pub(crate) fn safe_reciprocal(d: V3) -> V3 {
     let tiny = tiny_component(d);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Walk of a ray through the top level, chunks, nested assemblies and meshes: traversal/traverse.glsl on a host thread.
 //!
-//! What makes the bits of a hit (frames, entries of boxes, leaf tests, the order of ids) is done in the same operations
-//! as there; the order in which children are visited is free, since the hit does not depend on it. Whatever the memory
-//! holds, a walk reads inside it and ends: an index that leads nowhere is no hit, and a walk of more than
-//! [`MOST_STEPS`] is given up and counted as one without room.
+//! Everything that decides the bits of a hit (frames, entries of boxes, leaf tests, the order of ids) uses the same
+//! operations as there; the order in which children are visited may differ, because the hit does not depend on it. For
+//! any contents of memory, a walk reads within bounds and ends: an index out of range is no hit, and a walk of more
+//! than [`MOST_STEPS`] is given up and counted as an overflow.
 
 mod leaves;
 mod levels;
@@ -28,17 +28,17 @@ use oocpt_abi::{
 };
 use oocpt_gpu::{HostBytes, HostSpan};
 
-/// Steps that a ray may take, a thousand times what rays of the largest scenes take.
+/// Largest number of steps of a ray, a thousand times as many as rays of the largest scenes take.
 const MOST_STEPS: u32 = 1 << 24;
-/// Geometry of fewer bytes is taken to be in the caches: a ray goes on as long as [`LONG_TURN`] says. Of more each step
-/// may wait for memory: the ray asks for it, and others take their turns until it is there.
+/// Bytes of geometry below which it counts as cached: a ray then continues for [`LONG_TURN`] steps. With more bytes
+/// each step may wait for memory: the ray prefetches it, and other rays take their turns until it has arrived.
 const CACHED_BYTES: u64 = 16 << 20;
-/// Steps: nodes, leaves or instances.
+/// Number of steps (nodes, leaves or instances) of a long turn.
 const LONG_TURN: u32 = 256;
-/// Deepest chain of instance records.
+/// Largest number of nested instance records.
 pub(crate) const MOST_LEVELS: usize = MAX_LEVELS as usize;
 
-/// The world ray.
+/// The ray in the world.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct WorldRay {
     pub(crate) o: V3,
@@ -46,13 +46,13 @@ pub(crate) struct WorldRay {
     pub(crate) d: V3,
     pub(crate) t_max: f32,
     pub(crate) path: u32,
-    /// Bits of `RAY_*`; streaming.
+    /// Flags, bits of `RAY_*`; streaming.
     pub(crate) flags: u32,
-    /// Decides about opacity.
+    /// Seed of the decisions about opacity.
     pub(crate) seed: u32,
-    /// Of the path, in the shutter; with something that moves only.
+    /// Time of the path in the shutter; valid only if something moves.
     pub(crate) time: f32,
-    /// Any hit: category of the prims that count; 0: all.
+    /// Category of the prims that block the ray, for any hit; 0: all.
     pub(crate) shadow_link: u32,
 }
 
@@ -63,11 +63,11 @@ pub(crate) struct ClosestHit {
     pub(crate) uv: [f32; 2],
     pub(crate) triangle: u32,
     pub(crate) chunk_instance: u32,
-    /// Instance records from the chunk's down.
+    /// Instance records, from the chunk's down.
     pub(crate) chain: [u32; MOST_LEVELS],
 }
 
-/// A level to come back to.
+/// The state of a level that the walk returns to.
 #[derive(Clone, Copy, Debug)]
 struct WalkLevel<'v> {
     ray: BoxRay,
@@ -88,7 +88,7 @@ pub(crate) struct RecentBuffers<'v> {
     pub(crate) items: HostSpan<'v>,
 }
 
-/// See the module. Made once for many rays.
+/// The walk of a ray. It is created once and used for many rays.
 #[derive(Debug)]
 pub(crate) struct RayTraversal<'s, 'v, const ANY_HIT: bool> {
     pub(crate) scene: &'s TraversalScene<'v>,
@@ -98,36 +98,36 @@ pub(crate) struct RayTraversal<'s, 'v, const ANY_HIT: bool> {
     pub(crate) asking: CutoutQuestions,
     pub(crate) hit: bool,
     pub(crate) hit_before: bool,
-    /// Of resident chunks; streaming.
+    /// Number of visits of resident chunks; streaming.
     pub(crate) visits: u32,
-    /// Rays that ran out of stack, levels or steps.
+    /// Number of rays that ran out of stack, levels or steps.
     pub(crate) overflows: u32,
     is_streaming: bool,
     at: WalkLevel<'v>,
-    /// What is visited next, and how many steps were taken.
+    /// The next reference, and the number of steps so far.
     next: StackKey,
     steps: u32,
-    /// Steps before it is another ray's turn.
+    /// Number of steps before it is another ray's turn.
     turn: u32,
-    /// Where the ray enters what is visited now.
+    /// Distance at which the ray enters what is visited now.
     entry: f32,
     limit: f32,
     level: usize,
     pub(crate) chunk_instance: u32,
     in_mesh: bool,
-    /// What the ray came back with, and whether of the current chunk only some of it is to be visited; streaming.
+    /// Items that the ray came back with, and true if only some of the current chunk is to be visited; streaming.
     listed: ListedItems,
     filters: bool,
-    /// Where the walk is: the chunk instance and, in a mesh, its records; streaming.
+    /// Position of the walk: the chunk instance and, in a mesh, its records; streaming.
     pub(crate) item: PendingItem,
     pub(crate) mesh: GpuMesh,
-    /// Its items, with what of them moves.
+    /// Items of the current mesh, with their motion.
     pub(crate) pose: MeshPose<'v>,
     shear: RayShear,
-    /// Records from the chunk to here, and the innermost one.
+    /// Records from the chunk to the current level, and the innermost one.
     pub(crate) chain: [u32; MOST_LEVELS],
     pub(crate) instance: GpuInstance,
-    /// The top level, and those below.
+    /// State of the top level, and of those below.
     levels: [WalkLevel<'v>; MOST_LEVELS + 1],
     near: RecentBuffers<'v>,
     stack: TraversalStack,
@@ -174,19 +174,19 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
         }
     }
 
-    /// Index of the current level, below the top level, in chains.
+    /// Index in chains of the current level, which is below the top level.
     #[inline(always)]
     pub(crate) fn level_index(&self) -> usize {
         self.level.saturating_sub(1)
     }
 
-    /// Where the ray goes in the frame of the current level or mesh.
+    /// Direction of the ray in the frame of the current level or mesh.
     #[inline(always)]
     pub(crate) fn direction(&self) -> V3 {
         self.at.d
     }
 
-    /// In place of a walk: nothing was met, nothing is waited for.
+    /// Clears the results in place of a walk: no hit, nothing pending.
     pub(crate) fn no_walk(&mut self) {
         self.pending.clear();
         (self.hit, self.hit_before, self.visits) = (false, false, 0);
@@ -194,8 +194,8 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
         self.stack.reset();
     }
 
-    /// Begins the walk of a ray. With streaming one that has waited goes on: `found` is its hit so far if its flags say
-    /// so, and `listed` what it waited for.
+    /// Begins the walk of a ray. With streaming, a ray that has waited continues: `found` is its hit so far if its
+    /// flags say so, and `listed` the items that it waited for.
     #[inline(always)]
     pub(crate) fn begin(&mut self, simd: impl Simd, world: WorldRay, listed: ListedItems) {
         self.world = world;
@@ -205,7 +205,7 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
             self.found.chain[..self.scene.special.levels()].fill(0);
         }
         let limit = if self.hit_before { self.found.t * CULL_PAD } else { world.t_max };
-        // NaN: nothing is nearer, and boxes are entered as if there were no limit.
+        // NaN: no hit is nearer, and boxes are entered as if there were no limit.
         self.limit = if limit.is_nan() { f32::INFINITY } else { limit };
         (self.entry, self.level, self.in_mesh) = (0.0, 0, false);
         (self.hit, self.visits) = (false, 0);
@@ -221,7 +221,8 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
         }
     }
 
-    /// A few nodes or a leaf further, to where memory is read next, which is asked for; false at the end of the walk.
+    /// Advances by a few nodes or a leaf, to the next read of memory, which is prefetched; returns false at the end of
+    /// the walk.
     #[inline(always)]
     pub(crate) fn step(&mut self, simd: impl Simd) -> bool {
         let mut turn = self.turn;
@@ -250,11 +251,11 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
         false
     }
 
-    /// Puts what a ray that has waited is to visit on the stack; returns where to begin.
+    /// Pushes the items that a ray that has waited is to visit on the stack; returns the first one.
     fn begin_resumed(&mut self) -> StackKey {
         let is_gone = |item: &PendingItem| !item.is_whole() && !self.is_chunk_there(item.chunk.1);
         if self.world.flags & RayFlags::MORE.bits() != 0 {
-            // What is behind the last item begins in its chunk: it waits until that one is there again.
+            // Items behind the last one begin in its chunk: they wait until that chunk is resident again.
             self.listed.more = !self.listed.items().last().is_some_and(is_gone);
             self.pending.more = !self.listed.more;
         }
@@ -276,7 +277,7 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
         instance.and_then(|instance| self.scene.chunk(instance.chunk)).is_some_and(|chunk| chunk.nodes != 0)
     }
 
-    /// Behind it nothing is visited that was put off: a ray that any hit ends takes whatever comes.
+    /// Distance behind which deferred references are not visited: a ray that any hit ends takes all.
     #[inline(always)]
     fn pop_limit(&self) -> f32 {
         if ANY_HIT { f32::INFINITY } else { self.limit }
@@ -287,7 +288,7 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
         self.stack.pop(self.pop_limit())
     }
 
-    /// Brings near what a reference of the current tree names.
+    /// Prefetches the node or leaf of a reference in the current tree.
     #[inline(always)]
     fn prefetch(&self, reference: u32) {
         let number = (reference & NUMBER) as usize;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The table of lobes: orders name lobes that there are, once each, and every lobe is in every order.
+//! The table of lobes: orders name existing lobes, once each, and every lobe is in every order.
 
 use oocpt_abi::{Features, LOBE_ALONE, LOBES, LOBES_ADDED, LOBES_EVALUATED, lobes_in_order};
 use std::collections::BTreeSet;

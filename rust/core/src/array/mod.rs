@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Typed views over arrays that somebody else owns (a `VtArray` held by the bridge, or a `Vec`).
+//! Typed views over arrays that the caller owns (a `VtArray` held by the bridge, or a `Vec`).
 //!
 //! Guarantees: nothing is copied; every access is bounds-checked and gives `None` past the end or when the element type
 //! does not fit; any alignment is accepted. Any thread may read.
@@ -15,13 +15,13 @@ use half::f16;
 
 pub use view::{ArrayView, column_matrix};
 
-/// Bytes that stay where they are and as they are for as long as the source lives.
+/// Bytes that do not move or change as long as the source lives.
 pub trait ArraySource: Send + Sync + fmt::Debug {
     /// The whole array, tightly packed, in native byte order. Must give the same slice on every call.
     fn bytes(&self) -> &[u8];
 }
 
-/// What one element of a [`TypedArray`] is. Names follow Gf (`h` = half, `f` = float, `d` = double).
+/// The type of one element of a [`TypedArray`]. Names follow Gf (`h` = half, `f` = float, `d` = double).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ElementType {
     /// One byte, zero is false.
@@ -120,15 +120,15 @@ impl ElementType {
         self.layout().1
     }
 
-    /// True for the three quaternion types.
+    /// Returns true for the three quaternion types.
     #[must_use]
     pub const fn is_quat(self) -> bool {
         matches!(self, Self::Quath | Self::Quatf | Self::Quatd)
     }
 }
 
-/// Rust types that know their [`ElementType`]. Quaternions share memory with four-vectors: use
-/// [`TypedArray::from_vec`] for them.
+/// Rust types with a known [`ElementType`]. Quaternions share memory with four-vectors: use [`TypedArray::from_vec`]
+/// for them.
 pub trait ArrayElement: Pod + Send + Sync {
     /// The element type of a `Vec<Self>`.
     const TYPE: ElementType;
@@ -146,7 +146,7 @@ elements! {
     [[f32; 4]; 4] => Matrix4f, [[f64; 4]; 4] => Matrix4d,
 }
 
-/// Why bytes are not an array of the wanted type.
+/// Reason why bytes are not an array of the wanted type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ArrayError {
     /// The byte length is not a whole number of elements.
@@ -230,7 +230,7 @@ impl TypedArray {
         Self { element: ElementType::Bool, source: Arc::new(OwnedBools(values.iter().map(|&b| u8::from(b)).collect())) }
     }
 
-    /// What one element is.
+    /// Type of one element.
     #[must_use]
     pub fn element(&self) -> ElementType {
         self.element
@@ -242,7 +242,7 @@ impl TypedArray {
         self.source.bytes().len() / self.element.size()
     }
 
-    /// True when there is no element.
+    /// Returns true if there is no element.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.source.bytes().is_empty()
@@ -255,7 +255,7 @@ impl TypedArray {
         (bytes.as_ptr() as usize, bytes.len())
     }
 
-    /// Same element type and same bytes; O(1) when the identity is the same.
+    /// Returns true if both have the same element type and the same bytes; O(1) if the identity is the same.
     #[must_use]
     pub fn same_contents(&self, other: &Self) -> bool {
         self.element == other.element
@@ -268,43 +268,43 @@ impl TypedArray {
         ArrayView::new(self.element, self.source.bytes())
     }
 
-    /// See [`ArrayView::scalar`].
+    /// Element `i` as [`ArrayView::scalar`] reads it.
     #[must_use]
     pub fn scalar(&self, i: usize) -> Option<f64> {
         self.view().scalar(i)
     }
 
-    /// See [`ArrayView::vec3`].
+    /// Element `i` as [`ArrayView::vec3`] reads it.
     #[must_use]
     pub fn vec3(&self, i: usize) -> Option<DVec3> {
         self.view().vec3(i)
     }
 
-    /// See [`ArrayView::vec4`].
+    /// Element `i` as [`ArrayView::vec4`] reads it.
     #[must_use]
     pub fn vec4(&self, i: usize) -> Option<DVec4> {
         self.view().vec4(i)
     }
 
-    /// See [`ArrayView::quat`].
+    /// Element `i` as [`ArrayView::quat`] reads it.
     #[must_use]
     pub fn quat(&self, i: usize) -> Option<DQuat> {
         self.view().quat(i)
     }
 
-    /// See [`ArrayView::matrix`].
+    /// Element `i` as [`ArrayView::matrix`] reads it.
     #[must_use]
     pub fn matrix(&self, i: usize) -> Option<DMat4> {
         self.view().matrix(i)
     }
 
-    /// See [`ArrayView::index`].
+    /// Element `i` as [`ArrayView::index`] reads it.
     #[must_use]
     pub fn index(&self, i: usize) -> Option<i32> {
         self.view().index(i)
     }
 
-    /// See [`ArrayView::boolean`].
+    /// Element `i` as [`ArrayView::boolean`] reads it.
     #[must_use]
     pub fn boolean(&self, i: usize) -> Option<bool> {
         self.view().boolean(i)

@@ -29,13 +29,13 @@ impl<'a> ArrayView<'a> {
         self.bytes.len() / (self.component.size() * self.components)
     }
 
-    /// True when there is no element.
+    /// Returns true if there is no element.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
 
-    /// What one element is.
+    /// Type of one element.
     #[must_use]
     pub fn element(&self) -> ElementType {
         self.element
@@ -47,7 +47,7 @@ impl<'a> ArrayView<'a> {
         self.bytes
     }
 
-    /// A byte of element `i`: reading it brings the element into the cache. 0 past the end.
+    /// Reads a byte of element `i`, which loads the element into the cache. 0 past the end.
     #[must_use]
     #[inline]
     pub(crate) fn touch(&self, i: usize) -> u8 {
@@ -118,7 +118,7 @@ impl<'a> ArrayView<'a> {
         if self.element.is_quat() { self.floats::<4>(i).map(DQuat::from_array) } else { None }
     }
 
-    /// Element `i` of a matrix array as the column-vector matrix (the transpose of what Gf means by it).
+    /// Element `i` of a matrix array as the column-vector matrix (the transpose of Gf's row-vector matrix).
     #[must_use]
     #[inline]
     pub fn matrix(&self, i: usize) -> Option<DMat4> {
@@ -140,9 +140,10 @@ impl<'a> ArrayView<'a> {
     }
 }
 
-/// `GfMatrix4d` data, which lies row by row for row vectors, as the matrix for column vectors: read column by column,
-/// the same sixteen numbers are its transpose, and that is the one wanted. Points are homogeneous, so an affine matrix
-/// may have another number than 1 in its corner, as a matrix that was scaled as a whole has; it is divided by it.
+/// Converts `GfMatrix4d` data, which are row by row for row vectors, to the matrix for column vectors. Read column by
+/// column, the same sixteen numbers are the transpose, which is the one wanted. Points are homogeneous, so an affine
+/// matrix may have another number than 1 in its corner, as a matrix that was scaled as a whole does; the matrix is
+/// divided by it.
 #[must_use]
 pub fn column_matrix(gf_data: &[f64; 16]) -> DMat4 {
     let [x, y, z, w] = [3, 7, 11, 15].map(|at| gf_data[at]);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a description says when nothing is authored: a constructor names what it sets and takes the rest from here.
+//! Default values of descriptions: a constructor names the fields that it sets and takes the rest from here.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use super::{
 use crate::array::TypedArray;
 
 impl Default for PrimDesc {
-    /// Visible, at the origin of the world, without a path.
+    /// A visible prim at the origin of the world, without a path.
     fn default() -> Self {
         Self {
             path: "".into(),
@@ -26,7 +26,7 @@ impl Default for PrimDesc {
 }
 
 impl Default for MeshDesc {
-    /// Without a face, without a material.
+    /// A mesh without a face and without a material.
     fn default() -> Self {
         Self {
             prim: PrimDesc::default(),
@@ -56,7 +56,7 @@ impl Default for MeshDesc {
 }
 
 impl Default for InstancerDesc {
-    /// Without a prototype.
+    /// An instancer without a prototype.
     fn default() -> Self {
         Self {
             prim: PrimDesc::default(),

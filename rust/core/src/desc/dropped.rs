@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Counters of what a description says that cannot be used.
+//! Counters of the parts of a description that cannot be used.
 
 use std::fmt::Write as _;
 
@@ -37,7 +37,7 @@ dropped! {
     wrong_array_types: "arrays of the wrong type",
     /// Meshes without a single usable face.
     empty_meshes: "meshes without a usable face",
-    /// Curves, points, spheres and capsules of which no piece, ribbon or ball is left: no points, no width, normals
+    /// Curves, points, spheres and capsules of which no piece, ribbon or ball remains: no points, no width, normals
     /// without a length.
     empty_items: "curves, points or spheres with nothing to draw",
     /// Meshes above the size limit.
@@ -46,7 +46,7 @@ dropped! {
     negative_counts: "faces with a negative vertex count",
     /// Faces with fewer than three corners.
     small_faces: "faces with fewer than 3 vertices",
-    /// Faces with more corners than we triangulate.
+    /// Faces with more corners than the triangulation accepts.
     huge_faces: "faces with too many vertices",
     /// Faces whose corners run past the end of the index array.
     faces_past_end: "faces past the end of faceVertexIndices",
@@ -60,15 +60,16 @@ dropped! {
     zero_area_triangles: "zero-area triangles",
     /// Hole indices that name no face.
     hole_indices: "hole indices out of range",
-    /// Faces of subdivision meshes that have a point twice, but not in a row.
+    /// Faces of subdivision meshes that have a point twice, but not consecutively.
     folded_faces: "faces with a point twice",
-    /// Creases and corners with indices, lengths or sharpnesses that make no sense.
+    /// Creases and corners with inconsistent indices, lengths or sharpnesses.
     creases: "creases or corners that name no edge or have no usable sharpness",
     /// Subdivision meshes and displaced ones that OpenSubdiv cannot refine.
     unrefined_meshes: "meshes that cannot be subdivided or displaced, seen as polygons",
     /// Subdivision meshes and curves with more triangles or pieces than a prim may have at the wanted rate.
     coarse_meshes: "meshes or curves that are cut more coarsely than asked, to stay below the limit of their size",
-    /// Points of displaced surfaces that would be no finite or a huge coordinate away; they stay where they are.
+    /// Points of displaced surfaces that would move to a coordinate that is not finite or is huge; they stay where they
+    /// are.
     displacements: "displacements that are not finite or too large",
     /// Curves with fewer points than a segment has, a negative number of them, or points that cannot be used.
     curves: "curves with too few or unusable points",
@@ -78,13 +79,13 @@ dropped! {
     primvars: "primvars of the wrong length, type or interpolation",
     /// Primvars that are longer than needed (they are used).
     long_primvars: "primvars longer than needed",
-    /// Primvar values replaced: not finite or index out of range.
+    /// Primvar values that are not finite or whose index is out of range; they are replaced.
     primvar_values: "primvar values not finite or out of range",
     /// Prims with a singular or non-finite transform.
     prim_transforms: "singular or non-finite transforms",
     /// Instances with a singular or non-finite matrix.
     instance_transforms: "instances with singular or non-finite matrices",
-    /// Instances that stay where they are: a map of their motion is singular, not finite or too far away.
+    /// Instances that do not move: a map of their motion is singular, not finite or too far away.
     instance_motions: "instances that do not move, with singular or non-finite matrices on their way",
     /// Instance indices that name no instance.
     instance_indices: "instance indices out of range",
@@ -94,13 +95,13 @@ dropped! {
     short_masks: "masks shorter than the instances",
     /// Instancers that contain themselves.
     instancer_cycles: "instancers that contain themselves",
-    /// Instancers nested deeper than we go.
+    /// Instancers nested deeper than the limit.
     deep_instancers: "instancers nested too deeply",
     /// References to an instancer or prototype that does not exist.
     missing_instancers: "missing instancers or prototypes",
     /// Lights with unusable values.
     lights: "lights with unusable values",
-    /// Lights inside prototypes with more places than are multiplied out.
+    /// Lights inside prototypes with more placements than are multiplied out.
     instanced_lights: "lights inside prototypes with too many places, some of which are left out",
 }
 
@@ -111,8 +112,8 @@ impl DroppedData {
         self.entries().iter().fold(0, |sum, (_, n)| sum.saturating_add(*n))
     }
 
-    /// The counters above 0 with their texts, in the order of [`Self::message`]: of bad data, then those of limits of
-    /// the renderer that were reached by data that are not bad.
+    /// The counters above 0 with their texts, in the order of [`Self::message`]: first those of bad data, then those of
+    /// limits of the renderer that good data reached.
     #[must_use]
     pub fn told(&self) -> [Vec<(&'static str, u64)>; 2] {
         let limits = Self {
@@ -134,7 +135,7 @@ impl DroppedData {
         [rest, limits].map(|part| part.entries().into_iter().filter(|(_, n)| *n > 0).collect())
     }
 
-    /// One line naming every kind with its count, or `None` when nothing was dropped.
+    /// One line that names every kind with its count, or `None` if nothing was dropped.
     #[must_use]
     pub fn message(&self) -> Option<String> {
         let mut line = String::new();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the scene database takes in: plain descriptions of prims, as Hydra gives them, unchecked.
+//! The inputs of the scene database: plain descriptions of prims, as Hydra gives them, unchecked.
 //!
 //! Arrays are borrowed ([`TypedArray`]). Matrices are column-vector (`p' = M p`). Any thread.
 
@@ -24,10 +24,10 @@ use glam::DMat4;
 
 use crate::array::TypedArray;
 
-/// How primvar values are spread over a mesh (`HdInterpolation`).
+/// Rate at which a primvar has values on a mesh (`HdInterpolation`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Interpolation {
-    /// One value.
+    /// One value for the whole mesh.
     Constant,
     /// One value per face.
     Uniform,
@@ -41,32 +41,32 @@ pub enum Interpolation {
     Instance,
 }
 
-/// A primvar: values, how they are spread, and optional indices into the values.
+/// A primvar: values, their rate, and optional indices into the values.
 #[derive(Clone, Debug)]
 pub struct Primvar {
-    /// How elements map to the mesh.
+    /// The rate of its elements.
     pub interpolation: Interpolation,
-    /// The values.
+    /// Values, before `indices`.
     pub values: TypedArray,
     /// If present, element `k` is `values[indices[k]]`.
     pub indices: Option<TypedArray>,
 }
 
-/// A primvar and what it is called.
+/// A primvar with its name.
 #[derive(Clone, Debug)]
 pub struct NamedPrimvar {
     /// Name without `primvars:`, for example "st".
     pub name: Arc<str>,
-    /// The values.
+    /// Values and rate.
     pub primvar: Primvar,
 }
 
 /// A file that a scene names.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct AssetRef {
-    /// As written in the scene; for messages.
+    /// Path as written in the scene; for messages.
     pub authored: Arc<str>,
-    /// What the host's resolver made of it; empty when it could not be found. `<UDIM>` stays in the text.
+    /// Path as the host's resolver gave it; empty if it could not be found. `<UDIM>` stays in the text.
     pub resolved: Arc<str>,
 }
 
@@ -81,7 +81,7 @@ pub struct SubsetDesc {
     pub faces: TypedArray,
 }
 
-/// "This prim is part of the prototype `prototype_root` of `instancer`".
+/// An instancing relation: "this prim is part of the prototype `prototype_root` of `instancer`".
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct InstancedBy {
     /// Path of the instancer.
@@ -90,33 +90,35 @@ pub struct InstancedBy {
     pub prototype_root: Arc<str>,
 }
 
-/// What all prims have.
+/// The data that all prims have.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrimDesc {
     /// Unique path.
     pub path: Arc<str>,
-    /// Local to world; relative to the prototype root when the prim is instanced.
+    /// Local to world; relative to the prototype root if the prim is instanced.
     pub transform: DMat4,
-    /// The same at times about the shutter; empty where it does not move.
+    /// Values of `transform` at times around the shutter; empty if the prim does not move.
     pub motion: Vec<TransformSample>,
     /// An invisible prim contributes nothing.
     pub visible: bool,
-    /// "default" (also "" and "geometry"), "render", "proxy", "guide". Only looked at for meshes, as Hydra does.
+    /// Purpose: "default" (also "" and "geometry"), "render", "proxy" or "guide". It is used for meshes only, as in
+    /// Hydra.
     pub purpose: Arc<str>,
-    /// Empty: the prim is in the world. Otherwise it appears in each of these prototypes, and not in the world.
+    /// Prototypes that contain the prim; it appears in each of them, and not in the world. Empty: the prim is in the
+    /// world.
     pub instanced_by: Vec<InstancedBy>,
 }
 
-/// A mesh, curves or points: what has a surface. The "faces" of curves are the curves, those of points the points.
+/// A prim with a surface: a mesh, curves or points. The "faces" of curves are the curves, those of points the points.
 #[derive(Clone, Debug)]
 pub struct MeshDesc {
     /// Path, placement, visibility.
     pub prim: PrimDesc,
     /// Hydra's prim id, goes to the primId output.
     pub prim_id: i32,
-    /// False: seen from the front only.
+    /// True if it is seen from both sides, false if from the front only.
     pub double_sided: bool,
-    /// Orientation of the faces.
+    /// True if its faces are left-handed.
     pub left_handed: bool,
     /// Subdivision scheme.
     pub subdivision: Subdivision,
@@ -132,27 +134,27 @@ pub struct MeshDesc {
     pub hole_indices: Option<TypedArray>,
     /// Positions in object space.
     pub points: TypedArray,
-    /// How they move while the shutter is open.
+    /// Motion of the points while the shutter is open.
     pub point_motion: PointsMotion,
-    /// What they are.
+    /// Kind of primitive that the points make.
     pub shape: PrimShape,
-    /// The solid that shape, points, faces, widths and normals are made of ([`MeshDesc::take_form`]).
+    /// Solid from which shape, points, faces, widths and normals are made ([`MeshDesc::take_form`]).
     pub solid: Option<SolidDesc>,
-    /// Diameters of curves and points; a pixel where there are none.
+    /// Diameters of curves and points; `None`: one pixel.
     pub widths: Option<Primvar>,
     /// Authored normals, object space.
     pub normals: Option<Primvar>,
     /// `displayColor`, linear.
     pub display_color: Option<Primvar>,
-    /// `displayOpacity`.
+    /// `displayOpacity`, in [0, 1].
     pub display_opacity: Option<Primvar>,
-    /// All other primvars. Built only where a bound material asks for them.
+    /// All other primvars. They are built only if a bound material reads them.
     pub primvars: Vec<NamedPrimvar>,
     /// Path of the bound material.
     pub material: Option<Arc<str>>,
-    /// Faces with other materials. A face in none has `material`, a face in several belongs to the first.
+    /// Faces with other materials. A face in no subset has `material`, a face in several belongs to the first.
     pub subsets: Vec<SubsetDesc>,
-    /// Collections of lights' links that the prim is in (`categories` of Hydra).
+    /// Collections of light linking that the prim is in (`categories` of Hydra).
     pub categories: Vec<Arc<str>>,
 }
 
@@ -188,24 +190,25 @@ pub struct InstancerDesc {
     pub prototypes: Vec<InstancerPrototype>,
     /// Bool per instance, false = not shown.
     pub mask: Option<TypedArray>,
-    /// Three-vectors.
+    /// Translation of each instance (three-vectors).
     pub translations: Option<TypedArray>,
-    /// Quaternions (normalised on use; a zero one is the identity), or four-vectors meaning (i, j, k, real).
+    /// Rotation of each instance: quaternions (normalised on use; a zero one is the identity), or four-vectors as (i,
+    /// j, k, real).
     pub rotations: Option<TypedArray>,
-    /// Three-vectors.
+    /// Scale of each instance (three-vectors).
     pub scales: Option<TypedArray>,
-    /// Matrices.
+    /// Transform of each instance (matrices).
     pub transforms: Option<TypedArray>,
-    /// How the instances move while the shutter is open.
+    /// Motion of the instances while the shutter is open.
     pub motion: InstancerMotion,
     /// Other primvars with a value per instance.
     pub primvars: Vec<NamedPrimvar>,
-    /// Collections of lights' links that instances are in.
+    /// Collections of light linking that the instances are in.
     pub links: Arc<InstanceLinks>,
 }
 
-/// Which collections of lights' links the instances of an instancer are in (`categories` and `instanceCategories` of
-/// Hydra). All that an instance shows is in them, beside the collections that it is in itself.
+/// Collections of light linking that the instances of an instancer are in (`categories` and `instanceCategories` of
+/// Hydra). Everything that an instance shows is in them, besides the collections that it is in itself.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct InstanceLinks {
     /// Sets of collections.
@@ -243,11 +246,11 @@ impl MaterialDesc {
 pub struct NodeDesc {
     /// Path, for messages.
     pub path: Arc<str>,
-    /// What it is, for example `UsdUVTexture`.
+    /// Name of its definition, for example `UsdUVTexture`.
     pub kind: Arc<str>,
     /// Authored inputs.
     pub params: Vec<ParamDesc>,
-    /// Inputs that come from other nodes; they win over params of the same name.
+    /// Connections to other nodes; they win over params of the same name.
     pub connections: Vec<ConnectionDesc>,
 }
 
@@ -256,7 +259,7 @@ pub struct NodeDesc {
 pub struct ParamDesc {
     /// Name without `inputs:`.
     pub name: Arc<str>,
-    /// Value.
+    /// Value of the input.
     pub value: ParamValue,
 }
 
@@ -269,11 +272,11 @@ pub enum ParamValue {
     Int(i64),
     /// A floating-point number of any width.
     Float(f32),
-    /// Two of them.
+    /// Two floating-point numbers.
     Vec2([f32; 2]),
-    /// Three of them; also colours, linear Rec. 709.
+    /// Three floating-point numbers; also colours, linear Rec. 709.
     Vec3([f32; 3]),
-    /// Four of them.
+    /// Four floating-point numbers.
     Vec4([f32; 4]),
     /// A token or string.
     Text(Arc<str>),
@@ -281,7 +284,7 @@ pub enum ParamValue {
     Asset(AssetRef),
 }
 
-/// "`input` of this node is `output` of that one".
+/// A connection: "`input` of this node is `output` of that one".
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConnectionDesc {
     /// Name of the input, without `inputs:`.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What moves while the shutter is open, as Hydra gives it, unchecked. Times are parts of the shutter: it opens at 0
-//! and closes at 1; samples may lie before and after.
+//! Motion while the shutter is open, as Hydra gives it, unchecked. Times are parts of the shutter: it opens at 0 and
+//! closes at 1; samples may lie before and after.
 
 use glam::DMat4;
 
@@ -9,41 +9,41 @@ use crate::array::TypedArray;
 /// A transform at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransformSample {
-    /// Part of the shutter.
+    /// Time as a part of the shutter.
     pub time: f64,
-    /// As [`super::PrimDesc::transform`].
+    /// Transform, as [`super::PrimDesc::transform`].
     pub transform: DMat4,
 }
 
 /// The points of a mesh, of curves or of points at a time.
 #[derive(Clone, Debug)]
 pub struct PointsSample {
-    /// Part of the shutter.
+    /// Time as a part of the shutter.
     pub time: f64,
-    /// As [`super::MeshDesc::points`].
+    /// Points, as [`super::MeshDesc::points`].
     pub points: TypedArray,
-    /// Values of [`super::MeshDesc::normals`]; none: those that the frame has.
+    /// Values of [`super::MeshDesc::normals`]; `None`: those of the frame.
     pub normals: Option<TypedArray>,
-    /// Values of [`super::MeshDesc::widths`]; none: those that the frame has.
+    /// Values of [`super::MeshDesc::widths`]; `None`: those of the frame.
     pub widths: Option<TypedArray>,
 }
 
-/// How points move within the prim's frame, and normals and widths with them. Velocities win over samples, as
+/// Motion of points within the prim's frame, with their normals and widths. Velocities win over samples, as
 /// `UsdGeomPointBased` has it.
 #[derive(Clone, Debug, Default)]
 pub struct PointsMotion {
-    /// In the order of time; fewer than two where nothing is sampled.
+    /// Samples in the order of time; fewer than two if nothing is sampled.
     pub samples: Vec<PointsSample>,
-    /// Three-vectors, units per second.
+    /// Velocities (three-vectors), units per second.
     pub velocities: Option<TypedArray>,
-    /// Three-vectors, units per second squared; count with velocities only.
+    /// Accelerations (three-vectors), units per second squared; used with velocities only.
     pub accelerations: Option<TypedArray>,
-    /// When the shutter opens and closes, seconds from the time of the points themselves.
+    /// Opening and closing of the shutter, seconds from the time of the points themselves.
     pub seconds: [f64; 2],
 }
 
 impl PointsMotion {
-    /// Whether there is anything that may move the points.
+    /// Returns true if there is anything that may move the points.
     #[must_use]
     pub fn is_given(&self) -> bool {
         self.samples.len() > 1 || self.velocities.as_ref().is_some_and(|velocities| !velocities.is_empty())
@@ -53,29 +53,29 @@ impl PointsMotion {
 /// The arrays of an instancer at a time.
 #[derive(Clone, Debug, Default)]
 pub struct InstancerSample {
-    /// Part of the shutter.
+    /// Time as a part of the shutter.
     pub time: f64,
-    /// As [`super::InstancerDesc::translations`].
+    /// Translations, as [`super::InstancerDesc::translations`].
     pub translations: Option<TypedArray>,
-    /// As [`super::InstancerDesc::rotations`].
+    /// Rotations, as [`super::InstancerDesc::rotations`].
     pub rotations: Option<TypedArray>,
-    /// As [`super::InstancerDesc::scales`].
+    /// Scales, as [`super::InstancerDesc::scales`].
     pub scales: Option<TypedArray>,
-    /// As [`super::InstancerDesc::transforms`].
+    /// Transforms, as [`super::InstancerDesc::transforms`].
     pub transforms: Option<TypedArray>,
 }
 
-/// How the instances of an instancer move. Velocities win over samples, as `UsdGeomPointInstancer` has it.
+/// Motion of the instances of an instancer. Velocities win over samples, as `UsdGeomPointInstancer` has it.
 #[derive(Clone, Debug, Default)]
 pub struct InstancerMotion {
-    /// In any order of time; empty where nothing is sampled.
+    /// Samples in any order of time; empty if nothing is sampled.
     pub samples: Vec<InstancerSample>,
-    /// Three-vectors, units per second.
+    /// Velocities (three-vectors), units per second.
     pub velocities: Option<TypedArray>,
-    /// Three-vectors, units per second squared; count with velocities only.
+    /// Accelerations (three-vectors), units per second squared; used with velocities only.
     pub accelerations: Option<TypedArray>,
-    /// Three-vectors along the axes of rotation, degrees per second.
+    /// Angular velocities: three-vectors along the axes of rotation, degrees per second.
     pub angular_velocities: Option<TypedArray>,
-    /// When the shutter opens and closes, seconds from the time of the arrays themselves.
+    /// Opening and closing of the shutter, seconds from the time of the arrays themselves.
     pub seconds: [f64; 2],
 }

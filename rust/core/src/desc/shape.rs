@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the points of a prim are (`UsdGeomMesh`, `UsdGeomBasisCurves`, `UsdGeomPoints`).
+//! The kinds of primitive that the points of a prim make (`UsdGeomMesh`, `UsdGeomBasisCurves`, `UsdGeomPoints`).
 
 use crate::array::TypedArray;
 
-/// What the points of a prim are. Curves and points have widths ([`super::MeshDesc::widths`]); those of a mesh do not
-/// count.
+/// The kind of primitive that the points of a prim make. Curves and points have widths ([`super::MeshDesc::widths`]);
+/// those of a mesh are ignored.
 #[derive(Clone, Debug, Default)]
 pub enum PrimShape {
     /// Corners of polygons, or of the control mesh of a subdivision surface.
     #[default]
     Mesh,
-    /// Control points of curves: tubes, or ribbons where the prim has normals.
+    /// Control points of curves: tubes, or ribbons if the prim has normals.
     Curves(CurvesDesc),
-    /// Centres of balls.
+    /// The points are centres of balls.
     Points,
-    /// Opposite corners of boxes along the axes of the prim's frame, two for each box. Tests alone have it.
+    /// Opposite corners of axis-aligned boxes in the prim's frame, two for each box. Only tests have it.
     #[cfg(feature = "faults")]
     ToyBoxes,
 }
 
 impl PrimShape {
-    /// Tells shapes apart in hashes of what is made of them; none for a mesh.
+    /// Number that distinguishes shapes in hashes; `None` for a mesh.
     pub(crate) fn number(&self) -> Option<u8> {
         match self {
             Self::Mesh => None,
@@ -32,43 +32,43 @@ impl PrimShape {
     }
 }
 
-/// `type` and `basis`.
+/// Values of `type` and `basis`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum CurveBasis {
-    /// Straight from point to point.
+    /// Straight lines from point to point.
     Linear,
-    /// Cubic, four points a segment, each last one the first of the next.
+    /// Cubic Bezier curve with four points per segment; the last is the first of the next segment.
     #[default]
     Bezier,
-    /// Cubic, uniform.
+    /// Uniform cubic B-spline.
     BSpline,
-    /// Cubic, through the points.
+    /// Cubic curve through its points.
     CatmullRom,
 }
 
-/// `wrap`.
+/// Values of `wrap`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum CurveWrap {
-    /// As the points say.
+    /// The curve begins and ends where its points say.
     #[default]
     Nonperiodic,
-    /// Closed.
+    /// The curve is closed.
     Periodic,
-    /// From the first point to the last one, also where the basis would stop short of them.
+    /// The curve runs from the first point to the last one, also if the basis would stop short of them.
     Pinned,
     /// Each pair of points is a line of its own (Hydra's `segmented`, linear only).
     Segmented,
 }
 
-/// How points make curves.
+/// The way in which points make curves.
 #[derive(Clone, Debug)]
 pub struct CurvesDesc {
-    /// Basis.
+    /// Basis of the segments.
     pub basis: CurveBasis,
-    /// Ends.
+    /// Treatment of the ends.
     pub wrap: CurveWrap,
-    /// Points of each curve (ints).
+    /// Number of points of each curve (ints).
     pub counts: TypedArray,
-    /// Point of each vertex of the curves (ints); none: the points in their order.
+    /// Point of each vertex of the curves (ints); `None`: the points in their order.
     pub indices: Option<TypedArray>,
 }

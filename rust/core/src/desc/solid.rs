@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Solids of revolution (`UsdGeomSphere`, `UsdGeomCapsule`, `UsdGeomCylinder`, `UsdGeomCone`), and what is built of
-//! them. Pure.
+//! Solids of revolution (`UsdGeomSphere`, `UsdGeomCapsule`, `UsdGeomCylinder`, `UsdGeomCone`), and the prims that are
+//! built from them. Pure.
 //!
 //! A solid has one of two forms:
 //! - *exact*: a sphere is a point, a capsule whose ends have the same radius a piece of a curve;
-//! - *polygons* with the normals of the solid. All others have it, and whatever is displaced or emits: only polygons
-//!   are moved, and sampled as lights.
+//! - *polygons* with the normals of the solid. All others have this form, and so do solids that are displaced or emit,
+//!   because only polygons can be displaced and sampled as lights.
 //!
 //! Corners of polygons lie on the solid. With [`AROUND`] of them in a circle its area is 0.07 % too small, and its
 //! outline is off by 5.4e-4 radii at most.
@@ -17,39 +17,39 @@ use super::{
 };
 use crate::array::TypedArray;
 
-/// Corners of a circle.
+/// Number of corners of a circle.
 pub const AROUND: u32 = 96;
-/// Rows of faces from the equator of a ball to its pole.
+/// Number of rows of faces from the equator of a ball to its pole.
 const ROWS: u32 = AROUND / 4;
 
-/// A solid at a time. Lengths in object space; signs do not count.
+/// The size of a solid at a time. Lengths are in object space; signs are ignored.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolidSize {
     /// Radii at the lower and the upper end of the axis.
     pub radii: [f64; 2],
-    /// From one end of the axis to the other one, which is not where a capsule ends.
+    /// Distance between the ends of the axis; the half balls of a capsule extend beyond them.
     pub height: f64,
 }
 
 /// A solid of revolution around the origin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SolidDesc {
-    /// At the frame's own time.
+    /// Size at the frame's own time.
     pub size: SolidSize,
-    /// Parts of the shutter, in the order of time; fewer than two where it keeps its size.
+    /// Sizes at parts of the shutter, in the order of time; fewer than two if it keeps its size.
     pub samples: Vec<(f64, SolidSize)>,
-    /// Its axis: x, y or z.
+    /// Axis of revolution: 0, 1, 2 = x, y, z.
     pub axis: usize,
-    /// Half balls end it, not discs.
+    /// True if half balls end it, false if discs do.
     pub is_round: bool,
 }
 
-/// Which parts a solid has at some time: so its faces are the same at all times.
+/// The parts that a solid has at some time; its faces are made of them, so they are the same at all times.
 #[derive(Clone, Copy, Debug)]
 struct SolidParts {
-    /// The ends of a flat solid that are points.
+    /// True for each end of a flat solid that is a point.
     closes: [bool; 2],
-    /// There is a distance between the ends.
+    /// True if there is a distance between the ends.
     has_body: bool,
 }
 
@@ -64,11 +64,11 @@ struct ProfileStation {
 #[derive(Clone, Copy, Debug)]
 struct ProfileBand {
     from: usize,
-    /// Along the axis, and away from it.
+    /// Normals on both sides: the parts along the axis and away from it.
     normals: [[f64; 2]; 2],
 }
 
-/// Stations and what is between them.
+/// The stations of a profile, and the faces between them.
 #[derive(Debug, Default)]
 struct SolidProfile {
     stations: Vec<ProfileStation>,
@@ -97,7 +97,7 @@ impl SolidProfile {
 }
 
 impl SolidSize {
-    /// Whether there is such a solid.
+    /// Returns true if the size is one of a solid.
     fn is_usable(self) -> bool {
         self.height.is_finite() && self.radii.iter().all(|radius| radius.is_finite())
     }
@@ -106,7 +106,7 @@ impl SolidSize {
         Self { radii: self.radii.map(f64::abs), height: self.height.abs() }
     }
 
-    /// Along the surface between the ends.
+    /// Length along the surface between the ends.
     fn length(self) -> f64 {
         let Self { radii: [lower, upper], height } = self.unsigned();
         height.hypot(lower - upper)
@@ -137,24 +137,24 @@ impl SolidSize {
     }
 }
 
-/// A mesh.
+/// The polygons of a solid.
 #[derive(Debug, Default)]
 struct PolygonMesh {
     counts: Vec<i32>,
     corners: Vec<i32>,
     points: Vec<[f32; 3]>,
-    /// By corner.
+    /// Normals by corner.
     normals: Vec<[f32; 3]>,
 }
 
 impl SolidDesc {
-    /// True where the size is a number at all times.
+    /// Returns true if the size is finite at all times.
     #[must_use]
     pub fn is_usable(&self) -> bool {
         self.sizes().all(SolidSize::is_usable)
     }
 
-    /// True for a sphere, and for a capsule whose ends have the same radius: they have an exact form.
+    /// Returns true for a sphere, and for a capsule whose ends have the same radius: they have an exact form.
     #[must_use]
     pub fn has_exact_form(&self) -> bool {
         let is_even = |size: SolidSize| {
@@ -168,7 +168,7 @@ impl SolidDesc {
         std::iter::once(self.size).chain(self.samples.iter().map(|(_, size)| *size))
     }
 
-    /// A place or a direction, given along the axis, and across it.
+    /// A position or a direction, given along the axis and across it.
     #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
     fn turned(&self, along: f64, across: [f64; 2]) -> [f32; 3] {
         let mut out = [0.0; 3];
@@ -178,7 +178,7 @@ impl SolidDesc {
         out
     }
 
-    /// Centres of balls, of which the hull is the solid.
+    /// Centres of balls whose hull is the solid.
     fn centers(&self, size: SolidSize) -> Vec<[f32; 3]> {
         let half = 0.5 * size.height.abs();
         let ends: &[f64] = if self.is_ball() { &[0.0] } else { &[-half, half] };
@@ -229,7 +229,7 @@ impl SolidDesc {
                     let column = column.cast_signed();
                     out.corners.push(first[station] + if is_pole(station) { 0 } else { column });
                     let [along, away] = band.normals[end];
-                    // The tip of a cone has none: that of the middle of the face.
+                    // The tip of a cone has no normal: it gets that of the middle of the face.
                     let place = if is_pole(station) { f64::from(at) + 0.5 } else { f64::from(column) };
                     let [x, y] = direction(place);
                     out.normals.push(self.turned(along, [away * x, away * y]));
@@ -243,8 +243,9 @@ impl SolidDesc {
 }
 
 impl MeshDesc {
-    /// Gives the prim's solid, if it is one, the form in which it is built: polygons where `polygons` asks for them or
-    /// it has no exact form. True where that changed anything. What has no usable size stays a mesh without a face.
+    /// Turns the prim's solid, if it is one, into the form in which it is built: polygons if `polygons` asks for them
+    /// or it has no exact form. Returns true if that changed anything. A solid without a usable size stays a mesh
+    /// without a face.
     pub fn take_form(&mut self, polygons: bool) -> bool {
         let Some(solid) = self.solid.take_if(|solid| solid.is_usable()) else { return false };
         let polygons = polygons || !solid.has_exact_form();
@@ -256,7 +257,7 @@ impl MeshDesc {
         !is_formed
     }
 
-    /// Takes over the arrays of an earlier description of the same solid, so that it is seen to be the same.
+    /// Takes the arrays of an earlier description of the same solid, so that it is recognised as the same.
     pub(crate) fn keep_form(&mut self, old: &Self) {
         if self.solid.is_some() && self.solid == old.solid {
             self.shape = old.shape.clone();

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a mesh says of its limit surface (`UsdGeomMesh`, Hydra's `subdivisionTags` and refine level).
+//! The attributes of a mesh that define its limit surface (`UsdGeomMesh`, Hydra's `subdivisionTags` and refine level).
 
 pub use oocpt_subdiv::{BoundaryRule, CreaseRule, FaceVaryingLinear, TriangleRule};
 
 use crate::array::TypedArray;
 
-/// Subdivision scheme. Where a mesh is not refined, the scheme decides the normals: `CatmullClark` and `Loop` without
+/// Subdivision scheme. If a mesh is not refined, the scheme decides the normals: `CatmullClark` and `Loop` without
 /// authored normals get smooth area-weighted vertex normals, the others are flat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Subdivision {
@@ -15,30 +15,30 @@ pub enum Subdivision {
     Bilinear,
     /// Catmull-Clark.
     CatmullClark,
-    /// Loop.
+    /// Loop's scheme, for triangles.
     Loop,
 }
 
 /// Rules, creases and corners of a subdivision surface. Arrays are unchecked; absent ones are empty.
 #[derive(Clone, Debug, Default)]
 pub struct SubdivisionTags {
-    /// `interpolateBoundary`.
+    /// Value of `interpolateBoundary`.
     pub boundary: BoundaryRule,
-    /// `faceVaryingLinearInterpolation`.
+    /// Value of `faceVaryingLinearInterpolation`.
     pub face_varying: FaceVaryingLinear,
-    /// `triangleSubdivisionRule`.
+    /// Value of `triangleSubdivisionRule`.
     pub triangles: TriangleRule,
-    /// How sharpness goes down from level to level. USD has no attribute for it: uniform.
+    /// Rule by which sharpness decreases from level to level. USD has no attribute for it: uniform.
     pub creasing: CreaseRule,
     /// Points along creases, crease after crease (ints).
     pub crease_indices: Option<TypedArray>,
     /// Points of each crease (ints).
     pub crease_lengths: Option<TypedArray>,
-    /// Sharpness of each crease, or of each of their edges (floats).
+    /// Sharpness of each crease, or of each edge of the creases (floats).
     pub crease_sharpnesses: Option<TypedArray>,
     /// Sharp points (ints).
     pub corner_indices: Option<TypedArray>,
-    /// Their sharpness (floats).
+    /// Sharpness of these points (floats).
     pub corner_sharpnesses: Option<TypedArray>,
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How an instancer's arrays move: samples of them, or velocities. Checked once; pure; any thread.
+//! Motion of an instancer's arrays, by samples or by velocities. Checked once; pure; any thread.
 
 use glam::{DQuat, DVec3};
 
@@ -9,12 +9,12 @@ use super::placement::{InstanceArrays, InstancePlacer};
 use crate::array::{ArrayView, TypedArray};
 use crate::desc::{InstancerDesc, InstancerMotion, InstancerSample, TransformSample};
 
-/// Keys of a motion that is accelerated: a parabola in four pieces.
+/// Number of keys of an accelerated motion: a parabola in four pieces.
 const ACCELERATED_KEYS: usize = 5;
-/// Most rotation from key to key, radians: less than half a turn, or the shorter arc is another one.
+/// Largest rotation from key to key, radians: less than half a turn, because otherwise the shorter arc is another one.
 const MOST_TURN: f64 = 1.6;
 
-/// Where instances have got to after some time by their velocities.
+/// Offsets of instances after some time, by their velocities.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct VelocityMotion<'a> {
     velocities: Option<ArrayView<'a>>,
@@ -24,7 +24,7 @@ pub(crate) struct VelocityMotion<'a> {
 }
 
 impl VelocityMotion<'_> {
-    /// `v t + a t^2 / 2`; `None` when an array is too short.
+    /// `v t + a t^2 / 2`; `None` if an array is too short.
     pub(crate) fn offset(&self, number: usize) -> Option<DVec3> {
         let Some(velocities) = &self.velocities else { return Some(DVec3::ZERO) };
         let mut offset = velocities.vec3(number)? * self.seconds;
@@ -34,7 +34,7 @@ impl VelocityMotion<'_> {
         Some(offset)
     }
 
-    /// Rotation about the parent's axes; none where there is no angular velocity.
+    /// Rotation about the parent's axes; `None` without an angular velocity.
     pub(crate) fn turn(&self, number: usize) -> Option<DQuat> {
         let rate = self.angular.as_ref()?.vec3(number).unwrap_or(DVec3::NAN);
         Some(DQuat::from_scaled_axis(rate * (self.seconds.to_radians())))
@@ -46,12 +46,12 @@ impl VelocityMotion<'_> {
 pub(crate) enum ArrayMotion {
     /// Arrays at times, in order.
     Samples(Vec<InstancerSample>),
-    /// The arrays themselves, and how fast they change.
+    /// The arrays at the frame's own time, and their rates of change.
     Velocities { motion: InstancerMotion, keys: usize },
 }
 
 impl ArrayMotion {
-    /// The motion of usable `arrays`; none where nothing moves; or why it cannot be used.
+    /// The motion of usable `arrays`; `None` if nothing moves; an error with the reason if it cannot be used.
     pub(crate) fn of(desc: &InstancerDesc, arrays: &InstanceArrays) -> Result<Option<Self>, String> {
         let motion = &desc.motion;
         let present = |array: &Option<TypedArray>| array.as_ref().is_some_and(|array| !array.is_empty());
@@ -150,7 +150,7 @@ impl ArrayMotion {
         }
     }
 
-    /// The placers of the keys, given that of the arrays themselves.
+    /// The placers of the keys, made from that of the arrays themselves.
     #[expect(clippy::cast_possible_truncation, reason = "keys have times in single precision")]
     pub(crate) fn placers<'a>(&'a self, arrays: &'a InstanceArrays, placer: &InstancePlacer<'a>) -> Vec<KeyPlacer<'a>> {
         match self {
@@ -193,7 +193,7 @@ fn is_same((a, b): (Option<&TypedArray>, Option<&TypedArray>)) -> bool {
     }
 }
 
-/// Times of samples: finite numbers, each larger than the one before, also in single precision.
+/// Times of samples: finite numbers, strictly increasing, also in single precision.
 pub(crate) fn check_times(times: impl Iterator<Item = f64>) -> Result<(), String> {
     let mut last = f64::NEG_INFINITY;
     for time in times {
@@ -208,7 +208,7 @@ pub(crate) fn check_times(times: impl Iterator<Item = f64>) -> Result<(), String
     Ok(())
 }
 
-/// Leaves at most [`MAX_KEYS`], the first and the last among them.
+/// Reduces samples to at most [`MAX_KEYS`], including the first and the last.
 pub(crate) fn thin_out<T: Clone>(samples: &mut Vec<T>) {
     if samples.len() > MAX_KEYS {
         let last = samples.len() - 1;
@@ -217,7 +217,7 @@ pub(crate) fn thin_out<T: Clone>(samples: &mut Vec<T>) {
     }
 }
 
-/// The samples of a prim's transform as its motion: in order, some of them different; `None` where it does not move.
+/// The samples of a prim's transform as its motion, in order of time; `None` if all are the same.
 pub(crate) fn transform_motion(samples: &[TransformSample]) -> Result<Option<Vec<TransformSample>>, String> {
     let moves = samples.windows(2).any(|pair| pair[0].transform != pair[1].transform);
     if !moves {

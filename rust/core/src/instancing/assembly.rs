@@ -12,13 +12,13 @@ use super::placement::PlacedInstance;
 use super::run::InstanceRun;
 use crate::mesh::Aabb;
 
-/// Bytes that an instance record counts when chunks are sized. On the device it takes 64, and a third of a node of 64
-/// (`mesh::level`); as many as a node each are counted, so that scenes keep the chunks and the bits that they had.
+/// Bytes that an instance record counts as when chunks are sized. On the device it takes 64, and a third of a node of
+/// 64 (`mesh::level`); a whole node is counted for each, so that scenes keep the chunks and the bits that they had.
 pub const RECORD_BYTES: u64 = 128;
 /// Device bytes of a key of a placement that moves.
 pub const KEY_BYTES: u64 = size_of::<oocpt_abi::GpuMotionKey>() as u64;
 
-/// What an instance record places.
+/// The target of an instance record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum InstanceTarget {
     /// Index into [`crate::scene::Snapshot::meshes`].
@@ -41,20 +41,21 @@ bitflags! {
 pub struct InstanceRecord {
     /// Rows of the affine matrix from the assembly's frame to the target's.
     pub object_from_parent: [[f32; 4]; 3],
-    /// What is placed.
+    /// The mesh or assembly that is placed.
     pub target: InstanceTarget,
-    /// Prim id of the mesh prim; -1 when the target is an assembly.
+    /// Prim id of the mesh prim; -1 if the target is an assembly.
     pub prim_id: i32,
-    /// Rank of the instance among the unmasked instances of its prototype; 0 when not placed by an instancer.
+    /// Rank of the instance among the unmasked instances of its prototype; 0 if no instancer places it.
     pub index_in_prototype: u32,
-    /// Number of unmasked instances of the prototype; 1 when not placed by an instancer. The instance id of a hit is
-    /// 0, then for every record from the outermost in: `id = id * prototype_count + index_in_prototype`.
+    /// Number of unmasked instances of the prototype; 1 if no instancer places it. The instance id of a hit is 0, then
+    /// for every record from the outermost in: `id = id * prototype_count + index_in_prototype`.
     pub prototype_count: u32,
     /// Box of the placed target in the assembly's frame: min, max. Conservative for the f32 matrix above.
     pub bounds: [[f32; 3]; 2],
-    /// Properties.
+    /// Flags of the record: its handedness.
     pub flags: InstanceFlags,
-    /// Of what moves the number of its keys, of which `object_from_parent` is not one but the frame's own time; else 0.
+    /// Number of keys of a moving record, of which `object_from_parent` is none (it is at the frame's own time);
+    /// else 0.
     pub keys: u32,
 }
 
@@ -73,18 +74,18 @@ impl Default for InstanceRecord {
     }
 }
 
-/// A run and what it places.
+/// A run with its target.
 #[derive(Clone, Debug)]
 pub(crate) struct AssemblyMember {
-    /// The placements.
+    /// Placements of the member.
     pub(crate) run: Arc<InstanceRun>,
-    /// What they place.
+    /// Target of the placements.
     pub(crate) target: InstanceTarget,
     /// Prim id of the mesh prim, -1 for assemblies.
     pub(crate) prim_id: i32,
-    /// The mesh, or the instancer.
+    /// Path of the mesh or the instancer.
     pub(crate) path: Arc<str>,
-    /// Prototype of the instancer and set of collections, cluster of the mesh, else 0.
+    /// Index of the prototype of the instancer and of its set of collections, or of the cluster of the mesh; else 0.
     pub(crate) slot: usize,
     /// Primvars of the instancer that something below reads.
     pub(crate) primvars: Vec<MemberPrimvar>,
@@ -99,18 +100,18 @@ impl AssemblyMember {
     }
 }
 
-/// The content of the world or of a prototype. Holds no records: they are computed from the borrowed arrays.
+/// The content of the world or of a prototype. It stores no records: they are computed from the borrowed arrays.
 #[derive(Debug)]
 pub struct Assembly {
     key: u64,
-    /// The clusters of one mesh.
+    /// True if the members are the clusters of one mesh.
     is_split_mesh: bool,
     bounds: Aabb,
     members: Vec<AssemblyMember>,
     /// First record of each member, then the number of records.
     starts: Vec<usize>,
     columns: Vec<InstanceColumn>,
-    /// Some record has keys.
+    /// True if some record has keys.
     moves: bool,
 }
 
@@ -134,19 +135,19 @@ impl Assembly {
         &self.members
     }
 
-    /// True when the members are the clusters of one mesh: users count it as that.
+    /// Returns true if the members are the clusters of one mesh, which users see as one.
     #[must_use]
     pub fn is_split_mesh(&self) -> bool {
         self.is_split_mesh
     }
 
-    /// True when `members` would give the same records.
+    /// Returns true if `members` would give the same records.
     pub(crate) fn is_made_of(&self, members: &[AssemblyMember]) -> bool {
         self.members.len() == members.len() && self.members.iter().zip(members).all(|(a, b)| a.is_same(b))
     }
 
     /// A stamp, unique in its [`crate::scene::SceneDb`]: an assembly whose records differ in any bit has another key,
-    /// one that an edit did not touch keeps it. An edit that undoes itself may give a new key.
+    /// and one that an edit did not touch keeps it. An edit that undoes an earlier one may give a new key.
     #[must_use]
     pub fn key(&self) -> u64 {
         self.key
@@ -158,7 +159,7 @@ impl Assembly {
         self.starts.last().copied().unwrap_or(0)
     }
 
-    /// What it places, each target once, in no particular order of members. Sorted.
+    /// Targets of the records, sorted, each once.
     #[must_use]
     pub fn targets(&self) -> Vec<InstanceTarget> {
         let placed = self.members.iter().filter(|member| member.run.len() > 0);
@@ -168,14 +169,14 @@ impl Assembly {
         targets
     }
 
-    /// True when nothing is placed.
+    /// Returns true if nothing is placed.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Bytes that its records, their hierarchy and their values count when chunks are sized: no fewer than they take on
-    /// the device.
+    /// Bytes that its records, their hierarchy and their values count as when chunks are sized: at least those that
+    /// they take on the device.
     #[must_use]
     pub fn device_bytes(&self) -> u64 {
         let records = (RECORD_BYTES + value_bytes(&self.columns)).saturating_mul(self.len() as u64);
@@ -194,9 +195,8 @@ impl Assembly {
         &self.columns
     }
 
-    /// Writes the values that records `range` have in `column`, one after the other, [`InstanceColumn::width`] floats
-    /// each; [`NO_VALUE`](oocpt_abi::NO_VALUE) in all of them for a record without. As [`Assembly::encode`]
-    /// otherwise.
+    /// Writes the values of records `range` in `column`, one after the other, [`InstanceColumn::width`] floats each;
+    /// all are [`NO_VALUE`](oocpt_abi::NO_VALUE) for a record without a value. Otherwise as [`Assembly::encode`].
     pub fn encode_values(&self, column: InstanceColumn, range: Range<usize>, out: &mut [f32]) {
         let width = column.width.max(1) as usize;
         let end = range.end.min(self.len()).min(range.start.saturating_add(out.len() / width));
@@ -250,7 +250,7 @@ impl Assembly {
         self.members.iter().zip(&self.starts).map(keys).sum()
     }
 
-    /// Gives `visit` the keys of those of the records `range` that move, in order.
+    /// Calls `visit` with the keys of the moving ones of the records `range`, in order.
     pub fn encode_keys(&self, range: Range<usize>, mut visit: impl FnMut(&[MotionKey])) {
         if !self.moves {
             return;
@@ -269,8 +269,8 @@ impl Assembly {
         }
     }
 
-    /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys,
-    /// at most `most`, in order; tells whether these were all.
+    /// Calls `visit` with the records whose target and prim id are `wanted`, with member, rank and, if they move, keys;
+    /// at most `most`, in order. Returns if these were all.
     pub(crate) fn encode_where(
         &self,
         wanted: &dyn Fn(InstanceTarget, i32) -> bool,
@@ -293,16 +293,17 @@ impl Assembly {
     }
 }
 
-/// Takes a record, its member, its rank and, where it moves, its keys.
+/// Takes a record, its member, its rank and, if it moves, its keys.
 pub(crate) type RecordVisitor<'a> = &'a mut dyn FnMut(InstanceRecord, &AssemblyMember, u32, Option<PlacementKeys>);
 
 impl AssemblyMember {
-    /// What tells members of an assembly apart and orders them.
+    /// Path and number that identify a member of an assembly and order it.
     pub(crate) fn name(&self) -> (&str, usize) {
         (&self.path, self.slot)
     }
 
-    /// How `next` differs, if by nothing but some usable placements: the ranks of those, or `None` inside for no rank.
+    /// The difference to `next`, if they differ in nothing but some usable placements: the ranks of those, or `None`
+    /// inside for no rank.
     #[expect(clippy::option_option, reason = "no small difference; none at all; some ranks")]
     pub(crate) fn edit_to(&self, next: &Self) -> Option<Option<Arc<Vec<u32>>>> {
         let comparable = self.target == next.target
@@ -314,12 +315,12 @@ impl AssemblyMember {
         if Arc::ptr_eq(&self.run, &next.run) { Some(None) } else { next.run.edits_of(&self.run).map(Some) }
     }
 
-    /// Records of an instancer's prototype, for instance ids.
+    /// Number of records of an instancer's prototype, for instance ids.
     pub(crate) fn prototype_count(&self) -> u32 {
         if self.run.is_instanced() { self.run.prototype_count() } else { 1 }
     }
 
-    /// Keys of each placement; 0 where they do not move.
+    /// Number of keys of each placement; 0 if they do not move.
     pub(crate) fn key_count(&self) -> u32 {
         u32::try_from(self.run.key_count()).unwrap_or(0)
     }

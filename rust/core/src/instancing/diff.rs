@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which instances of an instancer differ between two sets of arrays, told at the speed of memory: blocks are compared
-//! as bytes, elements only where a block differs. Pure; work is spread over the caller's rayon pool.
+//! Finds the instances of an instancer that differ between two sets of arrays, at the speed of memory: blocks are
+//! compared as bytes, elements only where a block differs. Pure; work is spread over the caller's rayon pool.
 
 use rayon::prelude::*;
 
@@ -8,7 +8,7 @@ use super::instance_primvars::MemberPrimvar;
 use super::placement::InstanceArrays;
 use crate::array::TypedArray;
 
-/// Elements compared at a time.
+/// Number of elements compared at a time.
 const BLOCK: usize = 1 << 12;
 
 /// A set of instance numbers.
@@ -16,14 +16,14 @@ const BLOCK: usize = 1 << 12;
 pub(crate) struct ChangedNumbers {
     /// One bit for each number.
     bits: Vec<u64>,
-    /// All numbers from here on: one side does not have them.
+    /// First number from which all are in the set, because one side does not have them.
     tail: usize,
     len: usize,
 }
 
 impl ChangedNumbers {
-    /// The instances whose elements differ bit for bit, or that one side only has; `None` unless the same arrays are
-    /// there, of the same types, and with equal masks.
+    /// The instances whose elements differ bit for bit, or that only one side has; `None` unless both have the same
+    /// arrays, of the same types, and equal masks.
     pub(crate) fn between(old: &InstanceArrays, new: &InstanceArrays) -> Option<Self> {
         let [old_mask, old_arrays @ ..] = old.all();
         let [new_mask, new_arrays @ ..] = new.all();
@@ -77,7 +77,7 @@ impl ChangedNumbers {
     fn add(&mut self, old: &[u8], new: &[u8], size: usize) {
         let words = old.len().max(new.len()).div_ceil(size).div_ceil(64);
         if self.bits.len() < words {
-            // Zeroed by the system, as a rule.
+            // The system usually zeroes this memory.
             let known = std::mem::replace(&mut self.bits, vec![0; words]);
             self.bits.iter_mut().zip(known).for_each(|(word, known)| *word = known);
         }
@@ -92,12 +92,12 @@ impl ChangedNumbers {
         });
     }
 
-    /// True when so many changed that a run of `ranks` instances is better scanned anew.
+    /// Returns true if so many changed that a run of `ranks` instances is better scanned anew.
     pub(crate) fn is_most_of(&self, ranks: u32) -> bool {
         self.len > 8 + ranks as usize / 4
     }
 
-    /// True when `number` is one of them.
+    /// Returns true if `number` is one of them.
     #[inline]
     pub(crate) fn contains(&self, number: usize) -> bool {
         number >= self.tail || self.bits.get(number / 64).is_some_and(|word| word >> (number % 64) & 1 == 1)

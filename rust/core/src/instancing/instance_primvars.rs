@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Primvars with a value per instance: which of them anybody reads, and the value of a placement.
+//! Primvars with a value per instance: finds those that are read, and the value of a placement.
 //!
 //! Rules, those of Storm (`HdSt_CodeGen`, instance primvars): a primvar that the mesh itself has wins; else the
 //! innermost instancer that has it, whatever its value. Only `instance` interpolation counts. Values stay in the
@@ -16,15 +16,15 @@ use super::run::InstanceRun;
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{InstancerDesc, Interpolation, Primvar};
 
-/// Values looked at by one task.
+/// Number of values checked by one task.
 const TASK: usize = 1 << 14;
 
 /// A primvar in a table of values by record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct InstanceColumn {
-    /// Number of its name; materials have the same.
+    /// Number of its name; materials use the same numbers.
     pub id: u32,
-    /// Floats of a value, 1 to 4.
+    /// Number of floats of a value, 1 to 4.
     pub width: u32,
 }
 
@@ -33,12 +33,12 @@ pub(crate) fn value_bytes(columns: &[InstanceColumn]) -> u64 {
     columns.iter().map(|column| 4 * u64::from(column.width)).sum()
 }
 
-/// What looking at all values of a primvar gives.
+/// Result of checking all values of a primvar.
 #[derive(Clone, Copy, Debug)]
 struct PrimvarFindings {
     /// Values that are not finite, or whose index is out of range.
     bad: u64,
-    /// True when every value is at least 1.
+    /// True if every value is at least 1.
     all_one: bool,
 }
 
@@ -52,7 +52,7 @@ pub(crate) struct InstancePrimvar {
 }
 
 impl InstancePrimvar {
-    /// Those of `desc`; taken over from `old` where nothing changed.
+    /// The instance-rate primvars of `desc`; taken from `old` if nothing changed.
     pub(crate) fn all_of(desc: &InstancerDesc, old: &[Arc<Self>]) -> Vec<Arc<Self>> {
         let is_instance_rate =
             |primvar: &Primvar| primvar.interpolation == Interpolation::Instance && !primvar.values.is_empty();
@@ -75,7 +75,7 @@ impl InstancePrimvar {
         indices && self.name == other.name && self.values.same_contents(&other.values)
     }
 
-    /// Floats of a value; `None` for types that are no numbers.
+    /// Number of floats of a value; `None` for types that are not numbers.
     pub(crate) fn width(&self) -> Option<u32> {
         Some(match self.values.element() {
             ElementType::F16 | ElementType::F32 | ElementType::F64 => 1,
@@ -86,7 +86,7 @@ impl InstancePrimvar {
         })
     }
 
-    /// True when it has a value for each of `count` instances.
+    /// Returns true if it has a value for each of `count` instances.
     pub(crate) fn is_usable(&self, count: usize) -> bool {
         let len = self.indices.as_ref().map_or(self.values.len(), TypedArray::len);
         let indexed = self.indices.as_ref().is_none_or(|indices| indices.element() == ElementType::I32);
@@ -117,23 +117,23 @@ impl InstancePrimvar {
         })
     }
 
-    /// Values that are replaced by 0: not finite, or with an index out of range.
+    /// Number of values that are replaced by 0: not finite, or with an index out of range.
     pub(crate) fn bad_values(&self) -> u64 {
         self.findings().bad
     }
 
-    /// True when every value is at least 1.
+    /// Returns true if every value is at least 1.
     pub(crate) fn is_all_one(&self) -> bool {
         self.findings().all_one
     }
 
-    /// Where the values of an instance are, for comparisons: values, and indices.
+    /// Arrays with the values of instances, for comparisons: values, and indices.
     pub(super) fn arrays(&self) -> (&TypedArray, Option<&TypedArray>) {
         (&self.values, self.indices.as_ref())
     }
 }
 
-/// A primvar that somebody below a member reads.
+/// A primvar that some target below a member reads.
 #[derive(Clone, Debug)]
 pub(crate) struct MemberPrimvar {
     /// Number of its name.
@@ -146,7 +146,7 @@ impl MemberPrimvar {
         InstanceColumn { id: self.id, width: self.primvar.width().unwrap_or(1) }
     }
 
-    /// True when both lists give the same values.
+    /// Returns true if both lists give the same values.
     pub(crate) fn are_same(a: &[Self], b: &[Self]) -> bool {
         a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.id == b.id && Arc::ptr_eq(&a.primvar, &b.primvar))
     }
@@ -179,7 +179,7 @@ impl<'a> ValueReader<'a> {
         Self { values: primvar.values.view(), indices, width: primvar.width().unwrap_or(otherwise) }
     }
 
-    /// `None` when it is not finite in single precision or there is none.
+    /// The value of an instance; `None` if it is missing or not finite in single precision.
     #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
     fn at(&self, number: usize) -> Option<[f32; 4]> {
         let at = match &self.indices {
@@ -204,7 +204,7 @@ pub(crate) struct ColumnReader<'a> {
 }
 
 impl<'a> ColumnReader<'a> {
-    /// `None` when there is no such column.
+    /// `None` if there is no such column.
     pub(crate) fn new(run: &'a InstanceRun, primvars: &'a [MemberPrimvar], column: InstanceColumn) -> Option<Self> {
         let found = primvars.iter().find(|primvar| primvar.column() == column)?;
         Some(Self { numbers: run.numbers(), values: ValueReader::of(&found.primvar, column.width) })

@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the partition sorts: a placement as its box and a number. 24 bytes, since a scene may have 10^8.
+//! The items that the partition sorts: a placement as its box and a number. An item has 24 bytes, because a scene may
+//! have 10^8.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::placement::{InstanceFootprint, MATRIX_ERROR, nearest};
 
-/// Far beyond any position, and finite in single precision.
+/// A coordinate far beyond any position, and finite in single precision.
 const HUGE: f64 = 1e30;
-/// Rounding of a position to single precision.
+/// Relative error of rounding a position to single precision.
 const POSITION_ERROR: f64 = 1.0 / 8_388_608.0;
 
-/// Where a member lies in the order of an assembly: Morton code, then member, then rank.
+/// Position of a member in the order of an assembly: Morton code, then member, then rank.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct ItemKey {
     pub(crate) code: u64,
@@ -23,13 +24,13 @@ pub(crate) struct ItemKey {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct PlacementItem {
-    /// The Morton code; before it is placed: x and y of the centre.
+    /// Morton code; before the item is on a lattice: x and y of the centre.
     code: u64,
-    /// Member and rank; before: z of the centre and the rank.
+    /// Member and rank; before the item is on a lattice: z of the centre and the rank.
     id: u64,
-    /// Half sides with what the rounding of the target's own offset may add; upper halves of f32s, rounded up.
+    /// Half sides, including the rounding of the target's own offset; upper halves of f32s, rounded up.
     half: [u16; 3],
-    /// [`InstanceFootprint::spread`], in the same form.
+    /// [`InstanceFootprint::spread`], as its upper 16 bits.
     spread: u16,
 }
 
@@ -75,7 +76,7 @@ impl PlacementItem {
         self.half.map(float)
     }
 
-    /// The largest of them.
+    /// The largest half side.
     #[inline]
     pub(crate) fn largest_half(&self) -> f32 {
         // The order of numbers that are not negative is that of their bits.
@@ -89,7 +90,7 @@ impl PlacementItem {
         float(self.spread)
     }
 
-    /// Says where it lies on the lattice of its assembly, as placement of `member`. The centre is forgotten.
+    /// Sets its position on the lattice of its assembly, as placement of `member`. The centre is lost.
     #[inline]
     pub(crate) fn set_place(&mut self, code: u64, member: u32) {
         let rank = self.id >> 32;
@@ -97,7 +98,7 @@ impl PlacementItem {
         self.id = u64::from(member) << 32 | rank;
     }
 
-    /// The centre, before it is placed.
+    /// The centre, of an item that is not on a lattice yet.
     #[inline]
     #[expect(clippy::cast_possible_truncation, reason = "two halves of 64 bits each")]
     pub(crate) fn center(&self) -> DVec3 {
@@ -106,7 +107,7 @@ impl PlacementItem {
     }
 }
 
-/// The upper half of an f32 that is not below `v` (not negative; what is above [`HUGE`] counts as that).
+/// The upper half of an f32 that is not below `v` (not negative; values above [`HUGE`] count as that).
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "16 of 32 bits are left")]
 fn short_up(v: f64) -> u16 {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Instance records: transforms, targets and bounds of what instancers and prims place. They are not stored but
+//! Instance records: transforms, targets and bounds of the placements of instancers and prims. They are not stored but
 //! computed on demand from the arrays of the scene.
 //!
-//! Follow an instancer: its arrays are read element by element (`placement`, `array_motion`: where and when), those
-//! that are usable are the ranks of a `run` (found by a `scan`), runs with their targets are the members of an
-//! [`assembly::Assembly`], which encodes records. `reader` measures one rank, for the partition as an `item`;
-//! `rescan` and `diff` spare work after edits. Pure; work is spread over the caller's rayon pool.
+//! Follow an instancer: its arrays are read element by element (`placement`: transforms, `array_motion`: their change
+//! in time), those that are usable are the ranks of a `run` (found by a `scan`), runs with their targets are the
+//! members of an [`assembly::Assembly`], which encodes records. `reader` measures one rank, for the partition as an
+//! `item`; `rescan` and `diff` spare work after edits. Pure; work is spread over the caller's rayon pool.
 
 pub(crate) mod array_motion;
 pub(crate) mod assembly;
@@ -28,14 +28,14 @@ use crate::desc::InstancedBy;
 /// A group of prims with a common frame.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum GroupId {
-    /// The world.
+    /// The root group, which is the world.
     Root,
-    /// A prototype.
+    /// The group of a prototype.
     Prototype(InstancedBy),
     /// The clusters of a mesh that was split: the hash of the first, and the prim id.
     Clusters(u128, i32),
-    /// A prototype seen in collections of lights' links that instancers above it are in, sorted.
+    /// A prototype seen in collections of light linking that instances above it are in, sorted.
     Linked(Box<Self>, Arc<[Arc<str>]>),
-    /// What an instancer that moves as a whole places: its path, and the group that it is in.
+    /// The placements of an instancer that moves as a whole: its path, and the group that it is in.
     Moving(Arc<str>, Box<Self>),
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Motion of placements: keys at times of the shutter, each a translation, a rotation and a stretch (Shoemake and Duff
-//! 1992, "Matrix animation and polar decomposition"), and boxes of what moves between them. Pure; any thread.
+//! 1992, "Matrix animation and polar decomposition"), and boxes that contain the motion between them. Pure; any thread.
 //!
 //! Times are parts of the shutter: it opens at 0 and closes at 1. Between keys translations and stretches are linear,
 //! rotations go along the shorter arc at a constant rate (Shoemake 1985, slerp); before the first key and after the
@@ -10,27 +10,27 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use super::placement::is_regular;
 
-/// Most keys of a placement.
+/// Largest number of keys of a placement.
 pub const MAX_KEYS: usize = 16;
-/// Rotation between two places at which a swept box is measured, radians.
+/// Rotation between two positions at which a swept box is measured, radians.
 const STEP: f64 = 0.1;
 /// Rounding of a moving map in single precision and of its evaluation, in units of the magnitudes involved: 64 x 2^-24.
 pub(crate) const KEY_ERROR: f64 = 64.0 / 16_777_216.0;
-/// Steps of the polar decomposition: Newton's iteration converges quadratically once the scaling has done its work.
+/// Number of steps of the polar decomposition: Newton's iteration converges quadratically after the scaling.
 const POLAR_STEPS: usize = 48;
 
-/// Where something is at one time: `p' = translation + rotation * stretch * p`.
+/// Transform at one time: `p' = translation + rotation * stretch * p`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionKey {
-    /// Part of the shutter.
+    /// Time as a part of the shutter.
     pub time: f32,
     /// Half the angle to the rotation of the next key, radians, in [0, pi/2]; 0 for the last one.
     pub half_angle: f64,
-    /// Translation.
+    /// Translation of the frame's origin.
     pub translation: DVec3,
-    /// Unit; on the same side as those of its neighbours.
+    /// Unit quaternion, on the same side as those of its neighbours.
     pub rotation: DQuat,
-    /// Symmetric; definite, negative for a map that mirrors.
+    /// Symmetric matrix; definite, negative for a map that mirrors.
     pub stretch: DMat3,
 }
 
@@ -43,7 +43,7 @@ impl MotionKey {
         stretch: DMat3::IDENTITY,
     };
 
-    /// The key of a map with independent columns; `None` when it cannot be decomposed.
+    /// The key of a map with independent columns; `None` if it cannot be decomposed.
     pub(crate) fn of(time: f32, m: &DAffine3) -> Option<Self> {
         if !(m.is_finite() && is_regular(&m.matrix3, m.matrix3.determinant())) {
             return None;
@@ -60,7 +60,7 @@ impl MotionKey {
         DAffine3 { matrix3: DMat3::from_quat(self.rotation) * self.stretch, translation: self.translation }
     }
 
-    /// Whether the stretch is not along the axes of what moves.
+    /// Returns true if the stretch is not along the axes of the moving object.
     pub(crate) fn is_sheared(&self) -> bool {
         let DMat3 { x_axis: x, y_axis: y, .. } = self.stretch;
         let off = x.y.abs().max(x.z.abs()).max(y.z.abs());
@@ -68,7 +68,7 @@ impl MotionKey {
     }
 }
 
-/// The rotation nearest to `m`, or to `-m` where `m` mirrors (Higham 1986, "Computing the polar decomposition").
+/// The rotation nearest to `m`, or to `-m` if `m` mirrors (Higham 1986, "Computing the polar decomposition").
 fn rotation_of(m: &DMat3) -> Option<DMat3> {
     let size = m.x_axis.abs().max(m.y_axis.abs()).max(m.z_axis.abs()).max_element();
     let m = *m * if m.determinant() < 0.0 { -1.0 / size } else { 1.0 / size };
@@ -104,12 +104,12 @@ pub(crate) struct PlacementKeys {
     count: usize,
 }
 
-/// The box of something that moves, about its way.
+/// The box of a moving object over its whole motion.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SweptBounds {
     pub(crate) min: DVec3,
     pub(crate) max: DVec3,
-    /// What the rounding of the maps is magnified by (maximum norm of `|M| |M^-1|`), at any time.
+    /// Largest factor by which the maps magnify rounding (maximum norm of `|M| |M^-1|`), at any time.
     pub(crate) spread: f64,
     /// Largest distance (maximum norm) of the box's corners from the placed origin.
     pub(crate) lever: f64,
@@ -126,7 +126,7 @@ impl PlacementKeys {
         self.all.get(..self.count).unwrap_or_default()
     }
 
-    /// Appends a key later than the last; false when there is no room, or when it mirrors and the last did not.
+    /// Appends a key later than the last; returns false if there is no room, or if it mirrors and the last did not.
     pub(crate) fn push(&mut self, mut key: MotionKey) -> bool {
         if let Some(last) = self.count.checked_sub(1).and_then(|at| self.all.get_mut(at)) {
             let mirrors = |key: &MotionKey| key.stretch.x_axis.x < 0.0;
@@ -153,8 +153,8 @@ impl PlacementKeys {
         map_at(self.as_slice(), time)
     }
 
-    /// The box of `center +- half` while the shutter is open. Between two measured places a point leaves its chord by
-    /// at most `h^2 / 8` of its largest acceleration; only rotation accelerates: by `angle^2 * radius`, and with a
+    /// The box of `center +- half` while the shutter is open. Between two measured positions a point leaves its chord
+    /// by at most `h^2 / 8` of its largest acceleration; only rotation accelerates: by `angle^2 * radius`, and with a
     /// stretch that changes by twice `angle * change` more.
     pub(crate) fn sweep(&self, center: DVec3, half: DVec3) -> SweptBounds {
         let keys = self.as_slice();
@@ -201,8 +201,8 @@ impl PlacementKeys {
     }
 }
 
-/// The keys of maps at times, which are in order; at most [`MAX_KEYS`] of them. `None` where a map cannot be
-/// decomposed, or mirrors and the one before does not.
+/// The keys of maps at times, which are in order; at most [`MAX_KEYS`] of them. `None` if a map cannot be decomposed,
+/// or mirrors while the one before does not.
 pub(crate) fn motion_keys(maps: &[(f64, DAffine3)]) -> Option<Vec<MotionKey>> {
     let mut maps = maps.to_vec();
     super::array_motion::thin_out(&mut maps);
@@ -212,8 +212,8 @@ pub(crate) fn motion_keys(maps: &[(f64, DAffine3)]) -> Option<Vec<MotionKey>> {
     maps.iter().all(|map| key(map).is_some_and(|key| keys.push(key))).then(|| keys.as_slice().to_vec())
 }
 
-/// The box of `center +- half` of what moves by `keys` while the shutter is open, with what a box of it at any time
-/// may round.
+/// The box of `center +- half` of an object that moves by `keys` while the shutter is open, including the rounding of
+/// its box at any time.
 pub(crate) fn swept_box(keys: &[MotionKey], center: DVec3, half: DVec3) -> (DVec3, DVec3) {
     let mut all = PlacementKeys::new();
     for (slot, key) in all.all.iter_mut().zip(keys) {
@@ -225,7 +225,7 @@ pub(crate) fn swept_box(keys: &[MotionKey], center: DVec3, half: DVec3) -> (DVec
     (swept.min - slack, swept.max + slack)
 }
 
-/// Frobenius norm.
+/// Frobenius norm of a matrix.
 pub(crate) fn norm_of(m: &DMat3) -> f64 {
     (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()
 }
@@ -236,7 +236,7 @@ pub fn map_at(keys: &[MotionKey], time: f64) -> DAffine3 {
     key_at(keys, time).map()
 }
 
-/// What lies between two keys at a time, as a key; its `time` and `half_angle` are those of a key before.
+/// The transform between two keys at a time, as a key; its `time` and `half_angle` are those of an earlier key.
 pub(crate) fn key_at(keys: &[MotionKey], time: f64) -> MotionKey {
     let Some(first) = keys.first() else { return MotionKey::NONE };
     let next = keys.iter().skip(1).position(|key| f64::from(key.time) > time);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Placing what moves: a placer for each time of the shutter, and from them keys and boxes. Pure; any thread.
+//! Places moving instances: one placer for each time of the shutter, from which keys and boxes follow. Pure; any
+//! thread.
 
 use glam::{DAffine3, DVec3};
 
@@ -16,29 +17,29 @@ pub(crate) struct KeyPlacer<'a> {
 }
 
 impl<'a> InstancePlacer<'a> {
-    /// The same at another time, when the arrays are these and `drift` has gone on.
+    /// The same placer at another time, with these arrays and with `drift` advanced.
     pub(crate) fn at_time(&self, arrays: [Option<&'a TypedArray>; 4], drift: Option<VelocityMotion<'a>>) -> Self {
         let [translations, rotations, scales, transforms] = arrays.map(|array| array.map(TypedArray::view));
         Self { translations, rotations, scales, transforms, drift, keys: None, ..self.clone() }
     }
 
-    /// The same when the frame is another one.
+    /// The same placer with another frame.
     pub(crate) fn framed(&self, before: DAffine3) -> Self {
         Self { before, keys: None, ..self.clone() }
     }
 
-    /// What moves between `keys`.
+    /// The placer of an object that moves between `keys`.
     pub(crate) fn moving(self, keys: Vec<KeyPlacer<'a>>) -> Self {
         Self { keys: Some(keys.into()), ..self }
     }
 
-    /// The keys of a placement of what moves, one for each time, and whether they move it: where
-    /// one of them cannot be used, all are the placement as it is at the frame's own time.
+    /// The keys of a moving placement, one for each time, and true if they move it: if one of them cannot be used, all
+    /// are the placement as it is at the frame's own time.
     pub(crate) fn keys(&self, number: Option<usize>) -> Option<(PlacementKeys, bool)> {
         let all = self.keys.as_ref()?;
         let mut keys = PlacementKeys::new();
         let usable = all.iter().all(|key| {
-            // Decided in the parent's frame, whichever this one is.
+            // Usability is decided in the parent's frame, whatever this frame is.
             let map = key.placer.matrix(number).filter(|m| {
                 let farthest = (m.translation + self.origin).abs() + m.matrix3 * self.center.abs() + self.half;
                 m.is_finite() && farthest.max_element() <= f64::from(MAX_MAGNITUDE)
@@ -56,13 +57,13 @@ impl<'a> InstancePlacer<'a> {
         Some((still, false))
     }
 
-    /// Box of what moves, with what rounding adds; and what chunks need to know. `None` when it is too extreme.
+    /// The box of a moving placement, including rounding, and its footprint for chunks. `None` if it is too large.
     pub(super) fn swept(&self, number: Option<usize>) -> Option<([DVec3; 2], InstanceFootprint, bool)> {
         let (keys, _) = self.keys(number)?;
         let swept = keys.sweep(self.center, self.half);
         let center = 0.5 * (swept.min + swept.max);
         let half = 0.5 * (swept.max - swept.min);
-        // Static placements count MATRIX_ERROR; the sum of what is here is larger than that of any frame's.
+        // Static placements count MATRIX_ERROR; this sum is larger than that of any single frame.
         let spread = swept.spread * (2.0 * KEY_ERROR / MATRIX_ERROR);
         let lever = swept.lever + half.max_element();
         let error = swept.spread * KEY_ERROR * ((center.abs() + half).max_element() + lever);
@@ -72,7 +73,7 @@ impl<'a> InstancePlacer<'a> {
         sound.then_some((bounds, footprint, swept.flips))
     }
 
-    /// True for a placement of what moves that stays where it is, since its motion cannot be used.
+    /// Returns true for a moving placement that stays where it is, because its motion cannot be used.
     pub(crate) fn is_stuck(&self, number: Option<usize>) -> bool {
         self.keys.is_some() && self.keys(number).is_some_and(|(_, moves)| !moves)
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where one instance goes: the matrix from borrowed arrays in f64, its inverse, a conservative box. Pure and without
-//! allocation: this is the inner loop of scene encoding.
+//! The placement of one instance: its matrix from borrowed arrays in f64, the inverse, a conservative box. Pure and
+//! without allocation: this is the inner loop of scene encoding.
 
 use std::sync::{Arc, OnceLock, Weak};
 
@@ -15,11 +15,11 @@ use crate::desc::DroppedData;
 use crate::desc::InstancerDesc;
 use crate::mesh::Aabb;
 
-/// Columns are called dependent when `det^2` is below this times the product of their squared lengths.
+/// Columns are dependent if `det^2` is below this times the product of their squared lengths.
 const SINGULAR: f64 = 1e-24;
 /// Largest number of a record: its square is finite in single precision.
 pub(super) const MAX_MAGNITUDE: f32 = 1e18;
-/// Numbers of a record that add up to less are all well below [`MAX_MAGNITUDE`].
+/// If the numbers of a record add up to less than this, all are well below [`MAX_MAGNITUDE`].
 const USUAL_MAGNITUDE: f64 = 1e17;
 /// Rounding of the f32 matrix and of its evaluation, in units of the magnitudes involved: 4 x 2^-24.
 pub(crate) const MATRIX_ERROR: f64 = 4.0 / 16_777_216.0;
@@ -32,9 +32,9 @@ pub(crate) struct InstanceArrays {
     pub(crate) rotations: Option<TypedArray>,
     pub(crate) scales: Option<TypedArray>,
     pub(crate) transforms: Option<TypedArray>,
-    /// How they move while the shutter is open.
+    /// Motion of the instances while the shutter is open.
     pub(crate) motion: Option<Arc<ArrayMotion>>,
-    /// What changed against the arrays before, once it was asked for.
+    /// Instances that differ from the previous arrays, once they were asked for.
     pub(crate) changes: OnceLock<(Weak<Self>, Option<Arc<ChangedNumbers>>)>,
 }
 
@@ -53,13 +53,14 @@ impl InstanceArrays {
         }
     }
 
-    /// The instances whose elements differ, when both have the same kinds of arrays and the same mask. Kept, so that it
-    /// is worked out once for all prototypes; whoever asks before it is kept works it out too, and nobody waits: a
-    /// thread of the pool that helps out while it waits could come back here and wait for itself.
+    /// The instances whose elements differ, if both have the same kinds of arrays and the same mask. The result is
+    /// stored, so that it is computed once for all prototypes. Callers that arrive before it is stored compute it too,
+    /// and none waits: a thread of the pool that works on other tasks while it waits could come back here and wait for
+    /// itself.
     pub(crate) fn changes(old: &Arc<Self>, new: &Arc<Self>) -> Option<Arc<ChangedNumbers>> {
         if new.changes.get().is_none() {
             let changes = ChangedNumbers::between(old, new).map(Arc::new);
-            // Somebody else may have been faster, with the same result.
+            // Another thread may have been faster, with the same result.
             drop(new.changes.set((Arc::downgrade(old), changes)));
         }
         let (from, changes) = new.changes.get()?;
@@ -70,7 +71,7 @@ impl InstanceArrays {
         [&self.mask, &self.translations, &self.rotations, &self.scales, &self.transforms]
     }
 
-    /// True when both hold the same data.
+    /// Returns true if both hold the same data.
     pub(crate) fn same_contents(&self, other: &Self) -> bool {
         let moves_alike = match (&self.motion, &other.motion) {
             (None, None) => true,
@@ -85,8 +86,8 @@ impl InstanceArrays {
             })
     }
 
-    /// Checks the element types. A mask of the wrong type is ignored; any other wrong array leaves no instance whose
-    /// place is known, and gives false.
+    /// Checks the element types. A mask of the wrong type is ignored; any other wrong array makes all instances
+    /// unusable, and the result false.
     pub(crate) fn check_types(&mut self, dropped: &mut DroppedData) -> bool {
         if self.mask.as_ref().is_some_and(|a| a.element() != ElementType::Bool) {
             self.mask = None;
@@ -103,7 +104,7 @@ impl InstanceArrays {
         !usable.contains(&false)
     }
 
-    /// Instances described: the shortest array, or no limit without arrays.
+    /// Number of instances described: the length of the shortest array, or no limit without arrays.
     pub(crate) fn len(&self) -> usize {
         let [_, rest @ ..] = self.all();
         rest.into_iter().flatten().map(TypedArray::len).min().unwrap_or(usize::MAX)
@@ -132,24 +133,24 @@ pub(crate) struct PlacedInstance {
     pub(crate) object_from_parent: [[f32; 4]; 3],
     /// Box in the parent's frame, rounded outward.
     pub(crate) bounds: Aabb,
-    /// Handedness.
+    /// Flags of the record: its handedness.
     pub(crate) flags: InstanceFlags,
 }
 
-/// What the partition needs to know of a placed instance: where it is and how large, in the parent's frame.
+/// The centre and the size of a placed instance in the parent's frame, as the partition needs them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InstanceFootprint {
     /// Centre of the target's box, placed.
     pub(crate) center: DVec3,
     /// Half sides of the placed box, without rounding errors.
     pub(crate) half: DVec3,
-    /// Maximum norm of `|M| |M^-1|`: how much the rounding of the f32 map is magnified, per unit of distance.
+    /// Maximum norm of `|M| |M^-1|`: factor by which the rounding of the f32 map is magnified, per unit of distance.
     pub(crate) spread: f64,
     /// Distance (maximum norm) of the placed box's centre from the placed origin of the target.
     pub(crate) lever: f64,
 }
 
-/// Everything needed to place the instances of one run: `before * T * R * S * M * after`.
+/// The data that place the instances of one run: `before * T * R * S * M * after`.
 #[derive(Clone, Debug)]
 pub(crate) struct InstancePlacer<'a> {
     pub(super) before: DAffine3,
@@ -159,19 +160,19 @@ pub(crate) struct InstancePlacer<'a> {
     pub(super) half: DVec3,
     /// Largest number of a record.
     pub(super) limit: f32,
-    /// Where the parent's frame is seen from.
+    /// Origin of the parent's frame for rounding.
     pub(super) origin: DVec3,
     pub(super) translations: Option<ArrayView<'a>>,
     pub(super) rotations: Option<ArrayView<'a>>,
     pub(super) scales: Option<ArrayView<'a>>,
     pub(super) transforms: Option<ArrayView<'a>>,
     pub(super) drift: Option<VelocityMotion<'a>>,
-    /// Of what moves: the same at two or more times.
+    /// For a moving object: placers at two or more times.
     pub(super) keys: Option<Arc<[KeyPlacer<'a>]>>,
 }
 
 impl<'a> InstancePlacer<'a> {
-    /// A placer of something with the box `bounds` (not empty).
+    /// A placer of an object with the box `bounds` (not empty).
     pub(crate) fn new(before: DAffine3, after: DAffine3, arrays: Option<&'a InstanceArrays>, bounds: &Aabb) -> Self {
         let min = DVec3::from(bounds.min.map(f64::from));
         let max = DVec3::from(bounds.max.map(f64::from));
@@ -195,7 +196,7 @@ impl<'a> InstancePlacer<'a> {
         }
     }
 
-    /// The same placements as seen from `origin`. What is usable is decided in the parent's frame: no limit here.
+    /// The same placements relative to `origin`. Usability is decided in the parent's frame, so there is no limit here.
     pub(crate) fn seen_from(mut self, origin: DVec3) -> Self {
         self.before = DAffine3::from_translation(-origin) * self.before;
         self.limit = f32::MAX;
@@ -205,7 +206,7 @@ impl<'a> InstancePlacer<'a> {
         self
     }
 
-    /// Local matrix of instance `number`; `None` when an array is too short.
+    /// Local matrix of instance `number`; `None` if an array is too short.
     #[inline]
     fn local(&self, number: usize) -> Option<DAffine3> {
         let mut m = DAffine3::IDENTITY;
@@ -234,7 +235,7 @@ impl<'a> InstancePlacer<'a> {
         Some(m)
     }
 
-    /// Reads a byte of everything that [`InstancePlacer::matrix`] will need: for loops that go through memory without
+    /// Reads a byte of all data that [`InstancePlacer::matrix`] will need: for loops that access memory in random
     /// order.
     #[inline]
     pub(crate) fn touch(&self, number: usize) -> u8 {
@@ -242,7 +243,7 @@ impl<'a> InstancePlacer<'a> {
         views.into_iter().flatten().fold(0, |sum, view| sum ^ view.touch(number))
     }
 
-    /// Matrix of instance `number` in f64, or of the one thing of a run without instances.
+    /// Matrix of instance `number` in f64, or of the single placement of a run without instances.
     #[inline]
     pub(crate) fn matrix(&self, number: Option<usize>) -> Option<DAffine3> {
         let Some(number) = number else {
@@ -252,8 +253,8 @@ impl<'a> InstancePlacer<'a> {
         Some(if self.after_is_identity { m } else { m * self.after })
     }
 
-    /// Places instance `number` (see [`InstancePlacer::matrix`]); `None` when its matrix is singular, not finite, or
-    /// too extreme for single precision.
+    /// Places instance `number` (see [`InstancePlacer::matrix`]); `None` if its matrix is singular, not finite, or too
+    /// extreme for single precision.
     #[inline]
     pub(crate) fn place(&self, number: Option<usize>) -> Option<PlacedInstance> {
         let m = self.matrix(number)?;
@@ -269,13 +270,13 @@ impl<'a> InstancePlacer<'a> {
     }
 
     /// As [`InstancePlacer::place`], for partitioning: lower and upper corner of the box before it is rounded outward,
-    /// and what chunks need to know.
+    /// and the footprint for chunks.
     #[inline]
     pub(crate) fn measure(&self, number: Option<usize>) -> Option<([DVec3; 2], InstanceFootprint)> {
         let m = self.matrix(number)?;
         let inverse = InversePlacement::of(&m)?;
         let (corners, footprint) = self.placed_box(&m, &inverse);
-        // NaN fails the comparison. What is not clearly far below the limit is looked at closely.
+        // NaN fails the comparison. Values that are not clearly far below the limit are computed exactly.
         let size = |v: DVec3| v.abs().element_sum();
         let [a, b, c] = inverse.rows.map(size);
         let sum = a + b + c + size(inverse.offset) + size(corners[0]) + size(corners[1]);
@@ -287,7 +288,7 @@ impl<'a> InstancePlacer<'a> {
         sound.then_some((corners, footprint))
     }
 
-    /// What [`InstancePlacer::measure`] gives of a usable instance, without its box.
+    /// The result of [`InstancePlacer::measure`] for a usable instance, without its box.
     #[inline]
     pub(crate) fn footprint(&self, number: Option<usize>) -> Option<InstanceFootprint> {
         if self.keys.is_some() {
@@ -297,7 +298,7 @@ impl<'a> InstancePlacer<'a> {
         Some(self.placed_box(&m, &InversePlacement::of(&m)?).1)
     }
 
-    /// In single precision; `None` when that is too extreme.
+    /// The placement in single precision; `None` if a number is too large.
     #[inline]
     fn rounded(&self, inverse: &InversePlacement, [min, max]: &[DVec3; 2]) -> Option<PlacedInstance> {
         let row = |k: usize| inverse.rows[k].extend(inverse.offset[k]).to_array().map(nearest);
@@ -311,8 +312,8 @@ impl<'a> InstancePlacer<'a> {
         sound.then_some(PlacedInstance { object_from_parent, bounds, flags })
     }
 
-    /// Box of the target placed by `m`, and also where the f32 rounding `A + E` of the inverse `A = (rows, offset)`
-    /// puts it: a point x moves by `M E x`, with `|E| <= 2^-24 |A|`.
+    /// Box of the target placed by `m`, including the positions to which the f32 rounding `A + E` of the inverse
+    /// `A = (rows, offset)` moves it: a point x moves by `M E x`, with `|E| <= 2^-24 |A|`.
     #[inline]
     fn placed_box(&self, m: &DAffine3, inverse: &InversePlacement) -> ([DVec3; 2], InstanceFootprint) {
         let InversePlacement { rows, offset, .. } = inverse;
@@ -331,11 +332,11 @@ impl<'a> InstancePlacer<'a> {
     }
 }
 
-/// The inverse of a placement.
+/// The inverse of a placement, before rounding.
 struct InversePlacement {
     rows: [DVec3; 3],
     offset: DVec3,
-    /// Of the placement.
+    /// Determinant of the placement.
     determinant: f64,
 }
 
@@ -357,7 +358,7 @@ impl InversePlacement {
     }
 }
 
-/// A quaternion of finite halves, which most are: exactly what [`ArrayView::quat`] gives, sooner. `None` for others.
+/// A quaternion of finite halves, which most are: the same result as [`ArrayView::quat`], faster. `None` for others.
 #[inline]
 fn usual_halves(rotations: &ArrayView<'_>, number: usize) -> Option<DQuat> {
     /// 2^112, the difference of the exponents' biases: the product is exact.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Single placements of a run, by rank. Borrows the run; any thread.
+//! Reads single placements of a run by rank. Borrows the run; any thread.
 
 use glam::DAffine3;
 
@@ -12,13 +12,13 @@ use crate::array::ArrayView;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InstanceNumbers<'a> {
     pub(super) unmasked: Option<&'a [u32]>,
-    /// `None`: placed once, without a number.
+    /// Instance numbers by rank; `None`: placed once, without a number.
     pub(super) indices: Option<ArrayView<'a>>,
     pub(super) limit: usize,
 }
 
 impl InstanceNumbers<'_> {
-    /// Number of a rank; `None` when it is out of range.
+    /// Number of a rank; `None` if it is out of range.
     #[inline]
     pub(crate) fn of(&self, rank: u32) -> Option<Option<usize>> {
         let Some(indices) = &self.indices else {
@@ -28,7 +28,7 @@ impl InstanceNumbers<'_> {
     }
 }
 
-/// Single placements of a run.
+/// Reads single placements of a run.
 #[derive(Clone, Debug)]
 pub(crate) struct RunReader<'a> {
     pub(super) numbers: InstanceNumbers<'a>,
@@ -42,13 +42,13 @@ impl RunReader<'_> {
         rank < self.ranks && (self.bad.is_empty() || self.bad.binary_search(&rank).is_err())
     }
 
-    /// See [`InstancePlacer::touch`].
+    /// As [`InstancePlacer::touch`].
     #[inline]
     pub(crate) fn touch(&self, rank: u32) -> u8 {
         self.numbers.of(rank).flatten().map_or(0, |number| self.placer.touch(number))
     }
 
-    /// What the partition needs to know of a placement; `None` when it is not usable.
+    /// The item of a placement for the partition; `None` if it is not usable.
     #[inline]
     pub(crate) fn item(&self, rank: u32) -> Option<PlacementItem> {
         let number = self.numbers.of(rank).filter(|_| self.is_usable(rank))?;
@@ -62,7 +62,7 @@ impl RunReader<'_> {
         self.placer.footprint(number).map(|footprint| PlacementItem::new(&footprint, rank))
     }
 
-    /// Where a placement is and how large, exactly.
+    /// Exact centre and size of a placement.
     pub(crate) fn footprint(&self, rank: u32) -> Option<InstanceFootprint> {
         let number = self.numbers.of(rank).filter(|_| self.is_usable(rank))?;
         self.placer.measure(number).map(|(_, footprint)| footprint)
@@ -70,7 +70,7 @@ impl RunReader<'_> {
 
     /// As [`RunReader::item`], for the first usable rank.
     pub(crate) fn first_item(&self) -> Option<PlacementItem> {
-        // The first rank that is no bad one.
+        // The first rank that is not a bad one.
         let first = (0_u32..).zip(self.bad).take_while(|(rank, bad)| rank == *bad).count();
         self.item(u32::try_from(first).ok()?)
     }
@@ -81,7 +81,7 @@ impl RunReader<'_> {
         self.numbers.of(rank).and_then(|number| self.placer.place(number))
     }
 
-    /// The keys of a usable rank of what moves.
+    /// The keys of a usable rank of a moving run.
     pub(crate) fn keys(&self, rank: u32) -> Option<PlacementKeys> {
         let number = self.numbers.of(rank)?;
         self.placer.keys(number).map(|(keys, _)| keys)
@@ -101,7 +101,7 @@ impl RunReader<'_> {
     }
 }
 
-/// Instance number of a rank; `None` when it is negative.
+/// Instance number of a rank; `None` if it is negative.
 #[inline]
 pub(super) fn number(unmasked: Option<&[u32]>, indices: &ArrayView<'_>, rank: usize) -> Option<usize> {
     match unmasked {

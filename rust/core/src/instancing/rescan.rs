@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs made from older ones: when arrays change in a few elements, only those instances are placed again, and what
-//! shares a block of boxes with them. Gives what a scan gives.
+//! Makes runs from older ones: if arrays change in a few elements, only those instances are measured again, and those
+//! that share a block of boxes with them. The result equals that of a scan.
 
 use std::sync::{Arc, Mutex};
 
@@ -13,7 +13,7 @@ use super::scan::{BLOCK, RankScan, ScanSlots, TASK};
 use crate::mesh::Aabb;
 
 impl InstanceRun {
-    /// The run of `spec` made from `old` by looking at changed instances only; `None` when that is not possible or not
+    /// The run of `spec` made from `old` by measuring only changed instances; `None` if that is not possible or not
     /// worth it.
     pub(super) fn edited(old: &Arc<Self>, spec: &RunSpec) -> Option<Self> {
         let ranks = old.changed_ranks(spec)?;
@@ -52,8 +52,8 @@ impl InstanceRun {
         Some(run)
     }
 
-    /// Number and new content of the block of the given ranks, which are all of it that differ from `old`. Bad ranks
-    /// that are not among them may be left out.
+    /// Number and new content of the block of the given ranks, which are all of its ranks that differ from `old`. Bad
+    /// ranks that are not among them may be left out.
     fn rescan(&self, old: &Self, ranks: &[u32]) -> Option<(usize, RankScan)> {
         let block = *ranks.first()? as usize / BLOCK;
         let end = ((block + 1) * BLOCK).min(self.ranks as usize);
@@ -69,7 +69,7 @@ impl InstanceRun {
         Some((block, scan))
     }
 
-    /// The box of a block after edits that took away nothing that reached its sides; `None` after others.
+    /// The box of a block after edits that removed nothing that reached its sides; `None` after others.
     fn grown_box(&self, old: &Self, ranks: &[u32], block: usize, bad: &mut Vec<u32>) -> Option<Aabb> {
         let was = *old.blocks.get(block)?;
         let mut bounds = was;
@@ -90,14 +90,14 @@ impl InstanceRun {
         Some(bounds)
     }
 
-    /// Works out what changed in the arrays that `new` instances read, unless that is known.
+    /// Finds the changes in the arrays that `new` instances read, unless they are known.
     pub(crate) fn compare_arrays(&self, new: &PrototypeInstances) {
         if let Some(old) = self.spec.instances.as_ref().filter(|old| !Arc::ptr_eq(&old.arrays, &new.arrays)) {
             InstanceArrays::changes(&old.arrays, &new.arrays);
         }
     }
 
-    /// Ranks whose placement may differ under `spec`, in order, if all else is the same and they are few.
+    /// Ranks whose placement may differ under `spec`, in order, if everything else is the same and they are few.
     fn changed_ranks(&self, spec: &RunSpec) -> Option<Vec<u32>> {
         let (old, new) = (self.spec.instances.as_ref()?, spec.instances.as_ref()?);
         let same_frame = self.spec.before == spec.before
@@ -117,7 +117,7 @@ impl InstanceRun {
         Some((0..self.ranks).into_par_iter().with_min_len(TASK).filter(|&rank| is_changed(rank)).collect())
     }
 
-    /// Ranks that may differ from those of `old`, when this run was made from it.
+    /// Ranks that may differ from those of `old`, if this run was made from it.
     pub(crate) fn edits_of(&self, old: &Arc<Self>) -> Option<Arc<Vec<u32>>> {
         let (from, ranks) = self.edits.as_ref()?;
         std::ptr::eq(from.as_ptr(), Arc::as_ptr(old)).then(|| ranks.clone())

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs: the placements that one prim contributes to an assembly. A run knows which of its instances are shown and
+//! Runs: the placements that one prim contributes to an assembly. A run lists which of its instances are shown and
 //! usable; their matrices stay in the borrowed arrays. Immutable once scanned.
 
 use std::sync::{Arc, Mutex, Weak};
@@ -17,21 +17,21 @@ use crate::mesh::Aabb;
 /// The instances of one prototype.
 #[derive(Clone, Debug)]
 pub(crate) struct PrototypeInstances {
-    /// Where they are.
+    /// Arrays with the transforms of the instances.
     pub(crate) arrays: Arc<InstanceArrays>,
-    /// Which of them show this prototype.
+    /// Numbers of the instances that show this prototype.
     pub(crate) indices: TypedArray,
-    /// The places in `indices` that count, in order; `None`: all of them.
+    /// Positions in `indices` that are used, in order; `None`: all of them.
     pub(crate) chosen: Option<Arc<Vec<u32>>>,
 }
 
 impl PrototypeInstances {
-    /// How many there are at most.
+    /// Largest number of instances.
     pub(crate) fn len(&self) -> usize {
         self.chosen.as_ref().map_or(self.indices.len(), |chosen| chosen.len())
     }
 
-    /// True when both have the same places of the same array, told from their addresses.
+    /// Returns true if both have the same elements of the same array, by address.
     pub(super) fn same_indices(&self, other: &Self) -> bool {
         let chosen = match (&self.chosen, &other.chosen) {
             (None, None) => true,
@@ -44,31 +44,31 @@ impl PrototypeInstances {
     }
 }
 
-/// What determines a run.
+/// The inputs that determine a run.
 #[derive(Clone, Debug)]
 pub(crate) struct RunSpec {
     /// Assembly frame from the prim's frame.
     pub(crate) before: DAffine3,
     /// Instance frame from the target's frame.
     pub(crate) after: DAffine3,
-    /// `None`: placed once.
+    /// Instances; `None`: placed once.
     pub(crate) instances: Option<PrototypeInstances>,
     /// Box of the target, not empty.
     pub(crate) target_bounds: Aabb,
-    /// Of what is placed once and moves: `before` at times of the shutter, two or more.
+    /// For a moving prim that is placed once: `before` at times of the shutter, two or more.
     pub(crate) motion: Option<Arc<Vec<TransformKey>>>,
 }
 
-/// Where a prim's frame is at a time of the shutter.
+/// Transform of a prim at a time of the shutter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TransformKey {
     pub(crate) time: f32,
-    /// As [`RunSpec::before`].
+    /// Assembly frame from the prim's frame, as [`RunSpec::before`].
     pub(crate) before: DAffine3,
 }
 
 impl RunSpec {
-    /// True when both give the same run, told without looking at elements.
+    /// Returns true if both give the same run, without looking at elements.
     fn is_same(&self, other: &Self) -> bool {
         let instances = match (&self.instances, &other.instances) {
             (None, None) => true,
@@ -82,7 +82,7 @@ impl RunSpec {
             && self.motion == other.motion
     }
 
-    /// Keys of each placement; 0 where they do not move.
+    /// Number of keys of each placement; 0 if they do not move.
     pub(super) fn key_count(&self) -> usize {
         let arrays = self.instances.as_ref().and_then(|instances| instances.arrays.motion.as_ref());
         self.motion.as_ref().map_or_else(|| arrays.map_or(0, |motion| motion.key_count()), |motion| motion.len())
@@ -111,7 +111,7 @@ pub(crate) struct InstanceRun {
     pub(super) spec: RunSpec,
     /// Instance numbers left by the mask, by rank; `None` = all indices.
     pub(super) unmasked: Option<Arc<Vec<u32>>>,
-    /// Of chosen instances, by rank: the rank that each had if all were chosen; and how many that would be.
+    /// For chosen instances, by rank: the rank that each would have if all were chosen; and the number of ranks then.
     pub(super) among_all: Option<(Arc<Vec<u32>>, u32)>,
     /// Ranks that are not usable, in order.
     pub(super) bad: Vec<u32>,
@@ -123,19 +123,19 @@ pub(crate) struct InstanceRun {
     pub(super) dropped: DroppedData,
     /// The run that this one was made from, and the ranks that may differ from it.
     pub(super) edits: Option<(Weak<Self>, Arc<Vec<u32>>)>,
-    /// What the scan kept for the partition.
+    /// Results of the scan that the partition takes.
     pub(super) kept: Mutex<ScannedRanks>,
 }
 
 impl InstanceRun {
-    /// `old` again if it is of the same spec, or a run made from it where little changed; `None` where all has to be
-    /// scanned.
+    /// Returns `old` again if it is of the same spec, or a run made from it if little changed; `None` if everything has
+    /// to be scanned.
     pub(crate) fn reuse(old: Option<&Arc<Self>>, spec: &RunSpec) -> Option<Arc<Self>> {
         let old = old?;
         if old.spec.is_same(spec) { Some(old.clone()) } else { Self::edited(old, spec).map(Arc::new) }
     }
 
-    /// A run looked at as a whole. `keep`: what the partition will ask for.
+    /// Scans a whole run. `keep`: the results that the partition will ask for.
     pub(crate) fn scan(spec: RunSpec, keep: ScanOutput<'_>) -> Self {
         let mut run = Self {
             spec,
@@ -150,7 +150,7 @@ impl InstanceRun {
             kept: Mutex::default(),
         };
         if run.spec.target_bounds.is_empty() {
-            // Nothing was left of the target: nothing to place, and nothing bad here.
+            // The target is empty: there is nothing to place, and nothing is bad here.
             return run;
         }
         match run.spec.instances.clone() {
@@ -181,7 +181,7 @@ impl InstanceRun {
         }
     }
 
-    /// What determines it.
+    /// The inputs that determine it.
     pub(crate) fn spec(&self) -> &RunSpec {
         &self.spec
     }
@@ -191,23 +191,23 @@ impl InstanceRun {
         self.ranks as usize - self.bad.len()
     }
 
-    /// Box of all of them.
+    /// Box of all usable placements.
     pub(crate) fn bounds(&self) -> Aabb {
         self.bounds
     }
 
-    /// What was dropped here.
+    /// Data dropped by the scan.
     pub(crate) fn dropped(&self) -> &DroppedData {
         &self.dropped
     }
 
-    /// True when an instancer makes the placements.
+    /// Returns true if an instancer makes the placements.
     pub(crate) fn is_instanced(&self) -> bool {
         self.spec.instances.is_some()
     }
 
     /// Calls `write` with the position in `places`, the rank and the placement of each of the run's placements
-    /// `places`. No allocation.
+    /// `places`. It does not allocate.
     pub(crate) fn encode(&self, places: std::ops::Range<usize>, mut write: impl FnMut(usize, u32, &PlacedInstance)) {
         let placer = self.spec.placer();
         let numbers = self.numbers();
@@ -220,7 +220,7 @@ impl InstanceRun {
 
     /// Calls `visit` with the position in `places` and the rank of each of the run's placements `places`.
     pub(crate) fn each_rank(&self, places: std::ops::Range<usize>, mut visit: impl FnMut(usize, u32)) {
-        // Bad ranks before a place: those whose own place would not be after it.
+        // Bad ranks before a place are those whose own place would not be after it.
         let (mut low, mut high) = (0, self.bad.len());
         while low < high {
             let middle = usize::midpoint(low, high);
@@ -242,7 +242,7 @@ impl InstanceRun {
         }
     }
 
-    /// Keys of each placement; 0 where they do not move.
+    /// Number of keys of each placement; 0 if they do not move.
     pub(crate) fn key_count(&self) -> usize {
         self.spec.key_count()
     }
@@ -257,12 +257,12 @@ impl InstanceRun {
         self.among_all.as_ref().map_or(self.ranks, |(_, count)| *count)
     }
 
-    /// Which of them a rank is.
+    /// Index of a rank among the instances of the prototype.
     pub(crate) fn index_in_prototype(&self, rank: u32) -> u32 {
         self.among_all.as_ref().map_or(rank, |(of, _)| of.get(rank as usize).copied().unwrap_or(rank))
     }
 
-    /// A reader of single placements as seen from `origin` (given in the assembly's frame).
+    /// A reader of single placements relative to `origin` (given in the assembly's frame).
     pub(crate) fn reader(&self, origin: Option<DVec3>) -> RunReader<'_> {
         let placer = self.spec.placer();
         let placer = match origin {

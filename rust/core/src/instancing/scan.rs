@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Scans: every instance of a run measured once, for its box and for what is not usable, and what is kept of that for
-//! the partition.
+//! Scans measure every instance of a run once: they compute its box, find unusable instances, and keep what the
+//! partition asked for.
 
 use std::sync::{Arc, PoisonError};
 
@@ -15,52 +15,52 @@ use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::DroppedData;
 use crate::mesh::Aabb;
 
-/// Instances scanned by one task: a whole number of blocks.
+/// Number of instances scanned by one task: a whole number of blocks.
 pub(super) const TASK: usize = 1 << 14;
-/// Instances whose box is kept, so that a few edits do not make all others be placed again.
+/// Number of instances with one box, so that a few edits do not make all others be placed again.
 pub(super) const BLOCK: usize = 1 << 10;
-/// Runs of fewer instances are sampled whole.
+/// Runs of fewer instances are sampled completely.
 const FEW: usize = 64;
 
-/// Which part of its assembly's order an item is in.
+/// The assignment of items to the buckets of their assembly's order.
 pub(crate) trait ItemBucketing: std::fmt::Debug + Sync {
     /// A number below [`UNUSABLE`] for an item that is not on a lattice yet.
     fn bucket(&self, item: PlacementItem) -> u8;
 }
 
-/// In place of a bucket: the rank is not usable.
+/// Stands in place of a bucket if the rank is not usable.
 pub(crate) const UNUSABLE: u8 = u8::MAX;
 
-/// What a scan is to keep.
+/// The results that a scan keeps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum ScanOutput<'a> {
-    /// Nothing.
+    /// It keeps nothing.
     Nothing,
-    /// The items, 24 bytes each.
+    /// It keeps the items, 24 bytes each.
     Items,
-    /// The bucket of each rank, a byte.
+    /// It keeps the bucket of each rank, a byte.
     Buckets(&'a dyn ItemBucketing),
 }
 
-/// What a scan kept, until somebody takes it.
+/// The results of a scan, until they are taken.
 #[derive(Debug, Default)]
 pub(super) enum ScannedRanks {
     #[default]
     Nothing,
-    /// Of all usable ranks.
+    /// Items of all usable ranks.
     Items(Vec<PlacementItem>),
-    /// Of all ranks.
+    /// Buckets of all ranks.
     Buckets(Vec<u8>),
 }
 
-/// Where a task of a scan puts what it keeps, from its first rank on.
+/// The part of the results that a task of a scan writes, beginning at its first rank.
 pub(super) enum ScanSlots<'a> {
     Nothing,
     Items(&'a mut [PlacementItem]),
     Buckets(&'a mut [u8], &'a dyn ItemBucketing),
 }
 
-/// What a stretch of ranks gives.
+/// The result of scanning consecutive ranks.
 #[derive(Default)]
 pub(super) struct RankScan {
     pub(super) blocks: Vec<Aabb>,
@@ -89,12 +89,12 @@ impl ScanSlots<'_> {
 }
 
 impl RunSpec {
-    /// Placements that an instancer makes at most; 1 without.
+    /// Largest number of placements that an instancer makes; 1 without an instancer.
     pub(crate) fn most_ranks(&self) -> u64 {
         self.instances.as_ref().map_or(1, |instances| instances.len() as u64)
     }
 
-    /// Boxes and items of every `stride`-th instance, of few all, without looking at masks.
+    /// Boxes and items of every `stride`-th instance, or of all if they are few, ignoring masks.
     pub(crate) fn samples(&self, stride: usize) -> Vec<(Aabb, PlacementItem)> {
         if self.target_bounds.is_empty() {
             return Vec::new();
@@ -132,7 +132,7 @@ impl InstanceRun {
         }
         let ranks = self.unmasked.as_ref().map_or(indices.len(), |n| n.len());
         let Ok(count) = u32::try_from(ranks) else {
-            // More than the 32 bits of an instance number can tell apart.
+            // More ranks than the 32 bits of an instance number can distinguish.
             self.dropped.instance_indices += ranks as u64;
             return;
         };
@@ -205,7 +205,7 @@ impl InstanceRun {
         (0..self.ranks).into_par_iter().with_min_len(BLOCK).filter_map(|rank| reader.item(rank)).collect()
     }
 
-    /// The bucket of each rank: those kept by the scan, else, and where `anew` says so, worked out now.
+    /// The bucket of each rank: as kept by the scan, or computed now if it kept none or `anew` is set.
     pub(crate) fn take_buckets(&self, by: &dyn ItemBucketing, anew: bool) -> Vec<u8> {
         let kept = std::mem::take(&mut *self.kept.lock().unwrap_or_else(PoisonError::into_inner));
         if let ScannedRanks::Buckets(buckets) = kept
@@ -218,14 +218,14 @@ impl InstanceRun {
         (0..self.ranks).into_par_iter().with_min_len(BLOCK).map(bucket).collect()
     }
 
-    /// Forgets what nobody took.
+    /// Frees the results that were not taken.
     pub(crate) fn drop_kept(&self) {
         *self.kept.lock().unwrap_or_else(PoisonError::into_inner) = ScannedRanks::Nothing;
     }
 }
 
 impl RankScan {
-    /// Scans one stretch of ranks. `slots` begin at the given rank.
+    /// Scans consecutive ranks. `slots` begin at the given rank.
     pub(super) fn add_block(
         &mut self,
         numbers: &InstanceNumbers<'_>,
@@ -254,7 +254,7 @@ impl RankScan {
     }
 }
 
-/// The instance numbers that the mask leaves, or `None` when it hides none. Numbers beyond the mask are shown; negative
+/// The instance numbers that the mask leaves, or `None` if it hides none. Numbers beyond the mask are shown; negative
 /// ones are kept (as bit patterns) to be counted as out of range later.
 fn apply_mask(indices: &ArrayView<'_>, mask: &ArrayView<'_>, dropped: &mut DroppedData) -> Option<Vec<u32>> {
     let mut beyond = false;
@@ -269,8 +269,8 @@ fn apply_mask(indices: &ArrayView<'_>, mask: &ArrayView<'_>, dropped: &mut Dropp
     (left.len() != indices.len()).then_some(left)
 }
 
-/// The numbers of the chosen instances that the mask leaves, which of all that it leaves they are, and how many these
-/// are. Numbers are kept as by [`apply_mask`].
+/// The numbers of the chosen instances that the mask leaves, their ranks among all that it leaves, and the number of
+/// these. Numbers are kept as by [`apply_mask`].
 fn choose(
     indices: &ArrayView<'_>,
     mask: Option<&ArrayView<'_>>,

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The invariants of a record. For tests and for `doctor`.
+//! Checks the invariants of a record, for tests and for `doctor`.
 
 use super::assembly::{InstanceRecord, InstanceTarget};
 use crate::mesh::Aabb;
 
-/// Checks one record that places something with the box `inside`, in a parent with the box `around`.
+/// Checks one record whose target has the box `inside`, in a parent with the box `around`.
 pub(crate) fn validate_record(record: &InstanceRecord, inside: &Aabb, around: &Aabb) -> Result<(), &'static str> {
     let [min, max] = record.bounds;
     let bounds = Aabb { min, max };
@@ -22,10 +22,10 @@ pub(crate) fn validate_record(record: &InstanceRecord, inside: &Aabb, around: &A
         return Err("an assembly has a prim id");
     }
     if record.keys != 0 {
-        // The map is that of the frame's own time, at which the shutter need not be open.
+        // The map is that of the frame's own time, at which the shutter may be closed.
         return Ok(());
     }
-    // Every corner of the target, taken back into the parent's frame by the f32 matrix, lies in the box.
+    // Every corner of the target, mapped back into the parent's frame by the f32 matrix, must lie in the box.
     let row = |k: usize| glam::DVec4::from(rows[k].map(f64::from));
     let back = glam::DMat4::from_cols(row(0), row(1), row(2), glam::DVec4::W).transpose().inverse();
     for corner in 0..8_usize {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The surface node of a network to a [`Material`]. Pure.
+//! Compiles the surface node of a network to a [`Material`]. Pure.
 
 use oocpt_abi::{MaterialFlags, MaterialInput, SHARP_ROUGHNESS};
 use std::sync::Arc;
@@ -93,7 +93,7 @@ impl NetworkCompiler<'_> {
         }
         let is_clear = !matches!(opacity, InputValue::Constant([value, ..]) if *value >= 1.0);
         let mut flags = needs(&inputs);
-        // A normal is told about the tangents of a set: of the first one, or of this.
+        // A normal is relative to the tangents of a set: of the first one, or of this.
         if flags.contains(MaterialFlags::NORMAL_MAP) && self.uv_sets.is_empty() {
             self.uv_sets.push(UvSet { name: "st".into(), id: 0, fallback: [0.0; 2] });
         }

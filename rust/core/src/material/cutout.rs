@@ -1,35 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a material cuts out of its surfaces, as far as a mesh can know it: by a texture, or by a primvar. Pure.
+//! Cutouts of a material that a mesh can evaluate: those by a texture or by a primvar. Pure.
 //!
-//! Meshes know nothing of materials but this and [`super::Displacement`].
+//! Meshes depend on materials only through this type and [`super::Displacement`].
 
 use super::{CompiledMaterial, InputValue, PTEX_SET, TextureRef};
 use oocpt_abi::{MaterialFlags, MaterialInput};
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-/// What is there of a surface.
+/// A cutout, which tells the part of a surface that exists.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cutout {
-    /// As a texture says.
+    /// A channel of a texture decides.
     Texture {
-        /// The texture, and how it is compared.
+        /// The texture, and how its values are compared.
         image: CutoutImage,
         /// Name of the texture coordinates.
         set: Arc<str>,
-        /// Rows of the affine map from the set to the place in the texture.
+        /// Rows of the affine map from the set to the position in the texture.
         transform: [[f32; 3]; 2],
     },
-    /// As a primvar says: where it is at or above the threshold, or above 0 where that is 0.
+    /// A primvar decides: the surface exists where it is at or above the threshold, or above 0 if the threshold is 0.
     Primvar {
-        /// Its name.
+        /// Name of the primvar.
         name: Arc<str>,
-        /// See [`super::Material::opacity_threshold`].
+        /// Threshold, as [`super::Material::opacity_threshold`].
         threshold: f32,
     },
 }
 
-/// A channel of a texture that is opacity.
+/// A channel of a texture that is used as opacity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CutoutImage {
     pub(crate) texture: TextureRef,
@@ -49,7 +49,7 @@ impl Hash for CutoutImage {
 }
 
 impl CompiledMaterial {
-    /// What the material cuts out; none where nothing can be told. Surfaces that emit are lights, of which all faces
+    /// The cutout of the material; `None` if nothing is known of it. Surfaces that emit are lights, of which all faces
     /// count.
     pub(crate) fn cutout(&self) -> Option<Cutout> {
         let material = self.material.as_ref()?;

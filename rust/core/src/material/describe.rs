@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A material as text, for people: its network as it arrived, what it was folded to, its programs and their cost, what
-//! was left out. Pure.
+//! Describes a material as text for users: its network as it arrived, its inputs after folding, its programs and their
+//! cost, and the parts that were left out. Pure.
 //!
 //! Names and texts come from scenes: each is shown without control characters, up to [`LONGEST_TEXT`] of it.
 
@@ -26,27 +26,27 @@ pub const LONGEST_TEXT: usize = 160;
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct NodeText {
-    /// Its path.
+    /// Path of the node.
     pub path: String,
     /// Name of its definition.
     pub kind: String,
-    /// What is authored and what is connected: `name = value`, `name <- /path.output`.
+    /// Authored and connected inputs: `name = value`, `name <- /path.output`.
     pub inputs: Vec<String>,
 }
 
-/// What a program is and costs.
+/// Listing and cost of a program.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ProgramText {
-    /// A line each; all are run for a hit.
+    /// Instructions, one line each; all are executed for a hit.
     pub instructions: Vec<String>,
-    /// Of these, noise.
+    /// Number of noise instructions among these.
     pub noises: usize,
-    /// Registers of four floats that it writes.
+    /// Number of registers of four floats that it writes.
     pub registers: usize,
-    /// Constants.
+    /// Number of constants.
     pub constants: usize,
-    /// Texture lookups.
+    /// Number of texture lookups.
     pub lookups: usize,
 }
 
@@ -58,38 +58,37 @@ pub struct MaterialText {
     pub path: String,
     /// Name of the definition of its surface; empty: there is none.
     pub surface: String,
-    /// The surface is understood; else what shows it looks as if it had no material.
+    /// True if the surface was compiled; else prims are shown as if they had no material.
     pub is_understood: bool,
-    /// The network.
+    /// Nodes of the network.
     pub nodes: Vec<NodeText>,
-    /// Values that several inputs read, `v1 = ...`, as formulas: before them.
+    /// Values that several inputs read, `v1 = ...`, as formulas; listed before the inputs.
     pub values: Vec<String>,
-    /// Inputs of the BSDF that differ from what they are where nothing is said: name and constant, texture, primvar or
-    /// formula.
+    /// Inputs of the BSDF that differ from their defaults: name and constant, texture, primvar or formula.
     pub inputs: Vec<(String, String)>,
-    /// How it displaces its surfaces; empty: not at all.
+    /// Description of its displacement; empty if there is none.
     pub displacement: String,
     /// Values that a displacement reads more than once, `v1 = ...`, as formulas.
     pub displacement_values: Vec<String>,
-    /// What the renderer has to have for it.
+    /// Features that the renderer needs for it.
     pub needs: Vec<String>,
-    /// Works out the inputs that are formulas.
+    /// Program that computes the inputs that are formulas.
     pub program: ProgramText,
-    /// Works out an opacity that is one; run for each candidate of a hit.
+    /// Program that computes the opacity, if that is a formula; it runs for each candidate of a hit.
     pub opacity_program: ProgramText,
-    /// Works out an emission that is one, for points of its meshes that light is asked for.
+    /// Program that computes the emission, if that is a formula, for points on its meshes that are sampled as lights.
     pub emission_program: ProgramText,
-    /// Works out a displacement that is one, for each vertex.
+    /// Program that computes the displacement of each vertex, if the displacement is one.
     pub displacement_program: ProgramText,
-    /// Textures, and how they are read.
+    /// Textures and the way they are read.
     pub textures: Vec<String>,
-    /// Texture lookups of a hit, those of programs included.
+    /// Number of texture lookups of a hit, those of programs included.
     pub lookups: usize,
-    /// What was left out, one line each.
+    /// Parts that were left out, one line each.
     pub warnings: Vec<String>,
 }
 
-/// Compiles the network of `desc` and tells what became of it.
+/// Compiles the network of `desc` and describes the result.
 #[must_use]
 pub fn describe(desc: &MaterialDesc) -> MaterialText {
     let compiled = compile(desc);
@@ -115,7 +114,7 @@ pub fn describe(desc: &MaterialDesc) -> MaterialText {
     text
 }
 
-/// What is told of a displacement by nodes of `MaterialX`.
+/// Fills in the description of a displacement by nodes of `MaterialX`.
 fn fill_displacement(text: &mut MaterialText, pattern: &PatternDisplacement) {
     let reader = MaterialNames::of_pattern(pattern);
     let offset = match pattern.offset {
@@ -136,7 +135,7 @@ fn fill_displacement(text: &mut MaterialText, pattern: &PatternDisplacement) {
     }
 }
 
-/// What is told of a material that is understood.
+/// Fills in the description of a material that was compiled.
 fn fill(text: &mut MaterialText, material: &Material, compiled: &CompiledMaterial, is_slab: bool) {
     let reader = MaterialNames::new(material, compiled);
     text.needs = material.flags.iter_names().map(|(name, _)| name.to_owned()).collect();
@@ -159,7 +158,7 @@ fn fill(text: &mut MaterialText, material: &Material, compiled: &CompiledMateria
     let (values, mut roots) = by_program(&material.program, &|name| name != MaterialInput::Opacity);
     let (opacity_values, opacity_roots) = by_program(&material.opacity_program, &|name| name == MaterialInput::Opacity);
     text.values = values;
-    // Of another program: their numbers are their own.
+    // Names of another program: its numbers are its own.
     let own = |line: &String| format!("opacity: {line}");
     text.values.extend(opacity_values.iter().map(own));
     roots.extend(opacity_roots);
@@ -179,7 +178,7 @@ fn fill(text: &mut MaterialText, material: &Material, compiled: &CompiledMateria
     text.lookups = direct + text.program.lookups + text.opacity_program.lookups;
 }
 
-/// Whether it is what it is where nothing is said, as far as its components count.
+/// Returns true if an input has its default value, as far as its components are used.
 fn is_neutral(input: &InputValue, name: MaterialInput) -> bool {
     match (input, &NEUTRAL[name as usize]) {
         (InputValue::Constant(value), InputValue::Constant(neutral)) => {
@@ -189,7 +188,7 @@ fn is_neutral(input: &InputValue, name: MaterialInput) -> bool {
     }
 }
 
-/// Told of every surface, whatever they are.
+/// Returns true for inputs that are described for every surface, whatever their values.
 fn is_basic(name: MaterialInput) -> bool {
     matches!(
         name,
@@ -197,7 +196,7 @@ fn is_basic(name: MaterialInput) -> bool {
     )
 }
 
-/// What an input is called; `None`: fibres do not have it.
+/// Label of an input; `None` if fibres do not have it.
 fn label(name: MaterialInput, is_hair: bool) -> Option<String> {
     if is_hair {
         let label = match name {
@@ -214,7 +213,7 @@ fn label(name: MaterialInput, is_hair: bool) -> Option<String> {
         };
         return Some(label.to_owned());
     }
-    // `DiffuseColor` is "diffuse color".
+    // Turns `DiffuseColor` into "diffuse color".
     let mut label = String::new();
     for letter in format!("{name:?}").chars() {
         if letter.is_ascii_uppercase() && !label.is_empty() {
@@ -225,7 +224,7 @@ fn label(name: MaterialInput, is_hair: bool) -> Option<String> {
     Some(label)
 }
 
-/// Names of what a material reads.
+/// Names of the primvars and textures that a material reads.
 struct MaterialNames<'a> {
     uv_sets: Vec<&'a str>,
     primvars: Vec<&'a str>,
@@ -241,7 +240,7 @@ impl<'a> MaterialNames<'a> {
         }
     }
 
-    /// Of what displaces surfaces, which has a texture, coordinates or a primvar of its own.
+    /// The names of a displacement, which has a texture, coordinates or a primvar of its own.
     fn displacing(own: &'a PreviewDisplacement) -> Self {
         Self {
             uv_sets: own.uv.iter().map(|set| &*set.name).collect(),
@@ -250,7 +249,7 @@ impl<'a> MaterialNames<'a> {
         }
     }
 
-    /// The same of a program.
+    /// The names that a displacement program reads.
     fn of_pattern(own: &'a PatternDisplacement) -> Self {
         Self {
             uv_sets: own.uv_sets.iter().map(|name| &**name).collect(),
@@ -270,7 +269,7 @@ impl ListingNames for MaterialNames<'_> {
     }
 
     fn texture(&self, texture: u32) -> String {
-        // The name alone: where it is stands with the textures.
+        // Only the name: the path is listed with the textures.
         let file = self.textures.get(texture as usize).map_or("?", |texture| &*texture.asset.authored);
         format!("\"{}\"", clean(file.rsplit('/').next().unwrap_or(file)))
     }
@@ -335,7 +334,7 @@ fn value_text(value: &ParamValue) -> String {
         ParamValue::Bool(flag) => flag.to_string(),
         ParamValue::Int(number) => number.to_string(),
         ParamValue::Float(number) => numbers(&[*number; 4], 1),
-        // Each component, also where they are the same: the type is seen.
+        // Every component is written, also equal ones, so that the type can be seen.
         ParamValue::Vec2(v) => components(v),
         ParamValue::Vec3(v) => components(v),
         ParamValue::Vec4(v) => components(v),
@@ -353,7 +352,7 @@ fn clean(text: &str) -> String {
     clean_up_to(text, LONGEST_TEXT)
 }
 
-/// Text of a scene as it may be shown.
+/// Text of a scene without control characters, cut to `longest`.
 fn clean_up_to(text: &str, longest: usize) -> String {
     let mut clean: String = text.chars().filter(|c| !c.is_control()).take(longest).collect();
     if text.chars().nth(longest).is_some() {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How a material displaces its surfaces: `displacement` of the `UsdPreviewSurface` at the material's displacement
-//! terminal, along the normal, or what nodes of `MaterialX` say there; in units of the object's space. Pure.
+//! Displacements of surfaces by a material: `displacement` of the `UsdPreviewSurface` at the material's displacement
+//! terminal, along the normal, or the value of nodes of `MaterialX` there; in units of object space. Pure.
 //!
-//! Meshes know nothing of materials but [`Displacement`].
+//! Meshes depend on materials only through this type and [`super::Cutout`].
 
 use std::hash::{Hash as _, Hasher};
 use std::sync::Arc;
@@ -17,47 +17,48 @@ use super::params::{NumberShape, connection, numbers};
 use super::{InputValue, PTEX_SET, TextureRef, UvSet};
 use crate::desc::MaterialDesc;
 
-/// How far surfaces are moved, and where to.
+/// Amount and direction by which surfaces are moved.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Displacement {
-    /// By an input of a `UsdPreviewSurface`, or a number.
+    /// An input of a `UsdPreviewSurface`, or a number.
     Preview(PreviewDisplacement),
-    /// By a program or a vector.
+    /// A program or a vector.
     Pattern(PatternDisplacement),
 }
 
-/// How far surfaces are moved along their normals.
+/// Amount by which surfaces are moved along their normals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PreviewDisplacement {
-    /// The first of its components counts. Numbers of textures, sets and primvars are 0. Never a register.
+    /// Amount: the first of its components counts. Numbers of textures, sets and primvars are 0. It is never a
+    /// register.
     pub(crate) amount: InputValue,
-    /// The texture of `amount`.
+    /// Texture of `amount`.
     pub(crate) texture: Option<TextureRef>,
-    /// The texture coordinates of `amount`.
+    /// Texture coordinates of `amount`.
     pub(crate) uv: Option<UvSet>,
-    /// The primvar of `amount`.
+    /// Primvar of `amount`.
     pub(crate) primvar: Option<Arc<str>>,
 }
 
-/// As [`oocpt_materialx::DisplacementProgram`].
+/// A displacement as a program, as [`oocpt_materialx::DisplacementProgram`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct PatternDisplacement {
     pub(crate) offset: DisplacementOffset,
-    /// Along tangent, bitangent and normal.
+    /// True if it is a vector along tangent, bitangent and normal.
     pub(crate) is_vector: bool,
-    /// Tangent or bitangent matter.
+    /// True if the tangent or the bitangent matters.
     pub(crate) has_tangents: bool,
     pub(crate) program: Program,
-    /// By the numbers that its lookups have.
+    /// Textures, indexed by the numbers in its lookups.
     pub(crate) textures: Vec<TextureRef>,
-    /// Tangents follow the first one.
+    /// Sets of texture coordinates; tangents follow the first one.
     pub(crate) uv_sets: Vec<Arc<str>>,
-    /// Names, and values where the mesh does not have them.
+    /// Names of primvars, and their values where the mesh does not have them.
     pub(crate) primvars: Vec<(Arc<str>, [f32; 4])>,
 }
 
 impl Displacement {
-    /// By a number, along the normals.
+    /// A displacement by a number, along the normals.
     pub(super) fn along_normals(value: [f32; 4]) -> Self {
         Self::Preview(PreviewDisplacement {
             amount: InputValue::Constant(value),
@@ -67,7 +68,7 @@ impl Displacement {
         })
     }
 
-    /// Whether it reads the primvar of that name.
+    /// Returns true if it reads the primvar `name`.
     #[must_use]
     pub fn reads(&self, name: &str) -> bool {
         match self {
@@ -78,7 +79,7 @@ impl Displacement {
         }
     }
 
-    /// Adds everything that the displaced mesh depends on.
+    /// Adds everything that the displaced mesh depends on to the hash.
     pub(crate) fn hash(&self, hasher: &mut Xxh3) {
         match self {
             Self::Preview(preview) => preview.hash(hasher),
@@ -87,7 +88,7 @@ impl Displacement {
     }
 }
 
-/// Adds what a texture shows.
+/// Adds everything that the values of a texture depend on to the hash.
 fn hash_texture(texture: &TextureRef, hasher: &mut Xxh3) {
     let TextureRef { prim: _, asset, wrap, color_space, fallback, has_border, is_ptex: _ } = texture;
     let mut rest = FxHasher::default();
@@ -164,7 +165,7 @@ impl PatternDisplacement {
 }
 
 impl NetworkCompiler<'_> {
-    /// What the displacement terminal says. Takes nothing of what a surface may read.
+    /// The displacement at the displacement terminal. It uses none of the slots that the surface may read.
     pub(super) fn displacement(&mut self, desc: &MaterialDesc) -> Option<Displacement> {
         let Some(node) = desc.displacement.and_then(|at| self.nodes.get(at)) else {
             let surface = desc.surface.and_then(|at| self.nodes.get(at))?;

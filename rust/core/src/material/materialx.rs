@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Networks of `MaterialX` nodes made into materials, through the crate `oocpt-materialx`.
+//! Turns networks of `MaterialX` nodes into materials with the crate `oocpt-materialx`.
 //!
 //! The definitions of nodes come from `MaterialX`'s data libraries, which are read once for a process
 //! ([`oocpt_materialx::library::standard`]), and from files that nodes name, which are read when they change
-//! ([`definitions`]); but for that, pure.
+//! ([`definitions`]); apart from that it is pure.
 
 mod definitions;
 
@@ -25,20 +25,20 @@ use super::spaces::{linear_from_srgb, named};
 use super::{ColorSpace, InputValue, Material, PrimvarSlot, TextureRef, UvSet, Wrap};
 use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 
-/// What the kinds of `MaterialX` nodes begin with, in their namespace.
+/// Prefix of the kinds of `MaterialX` nodes, in their namespace.
 const PREFIX: &str = "ND_";
 
-/// Whether a terminal of a network is a node of `MaterialX`.
+/// Returns true if a terminal of a network is a node of `MaterialX`.
 pub(super) fn is_materialx(desc: &MaterialDesc, terminal: Option<usize>) -> bool {
     let Some(node) = terminal.and_then(|at| desc.nodes.get(at)) else { return false };
     let name = node.kind.rsplit(':').next().unwrap_or_default();
-    // Who defines a node of one's own may call it otherwise.
+    // The author of a custom node definition may use another name.
     name.starts_with(PREFIX)
         || definitions::of_node(node).is_some()
         || !node.kind.is_empty() && !node.kind.starts_with("Usd") && standard().definition(&node.kind).is_some()
 }
 
-/// Reads the terminals of a network that are such nodes.
+/// Compiles the terminals of a network that are nodes of `MaterialX`.
 pub(super) fn compile(desc: &MaterialDesc, problems: &mut ProblemList) -> CompiledMaterial {
     let library = standard();
     if library.is_empty() {
@@ -156,7 +156,7 @@ fn texture(texture: &MaterialTexture) -> TextureRef {
         AddressMode::Mirror => Wrap::Mirror,
         AddressMode::UseMetadata => Wrap::UseMetadata,
     });
-    // A file that says nothing is linear: the working space of a document is.
+    // A file without a colour space is linear, as the working space of a document is.
     let default = if *auto_color_space { ColorSpace::Auto } else { ColorSpace::Raw };
     let color_space = match file.color_space.as_deref().map(named) {
         None | Some(ColorSpace::Auto) => default,
@@ -173,7 +173,7 @@ fn texture(texture: &MaterialTexture) -> TextureRef {
     }
 }
 
-/// Anisotropy, a film, and what is inside of what transmits.
+/// Fills in anisotropy, thin film, and the interior of surfaces that transmit.
 fn inside(
     inputs: &[InputValue; MaterialInput::COUNT],
     transmits: bool,
@@ -185,7 +185,7 @@ fn inside(
         _ => None,
     };
     let is_even = constant(MaterialInput::Anisotropy).is_some_and(|[a, _, b, _]| a >= 1.0 && b >= 1.0);
-    // Without a weight or a thickness there is none.
+    // Without a weight or a thickness there is no film.
     let is_bare =
         constant(MaterialInput::ThinFilm).is_some_and(|[weight, thickness, ..]| weight <= 0.0 || thickness <= 0.0);
     let is_clear = constant(MaterialInput::Absorption).is_some_and(|value| value.iter().take(3).all(|a| *a <= 0.0));
@@ -198,7 +198,7 @@ fn inside(
     flags
 }
 
-/// What its programs ask for.
+/// Flags that its programs need.
 fn by_programs(translation: &TranslatedNetwork) -> MaterialFlags {
     let TranslatedNetwork { program, opacity_program, .. } = translation;
     let is_cut_out = !opacity_program.instructions.is_empty();
@@ -247,7 +247,7 @@ fn material(translation: &TranslatedNetwork) -> Option<Material> {
     flags.set(MaterialFlags::ROUGH_DIFFUSE, is_more(MaterialInput::DiffuseRoughness, 0.0));
     flags.set(MaterialFlags::FRAMED_NORMAL, translation.framed_normal);
     if translation.hair {
-        // Its inputs of these names mean something else.
+        // Inputs of these names have another meaning for hair.
         flags -= MaterialFlags::ANISOTROPIC | MaterialFlags::THIN_FILM | MaterialFlags::NORMAL_MAP;
         flags |= MaterialFlags::HAIR;
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Materials: networks of `UsdPreviewSurface` or `MaterialX` nodes worked out to flat tables.
+//! Materials: compiles networks of `UsdPreviewSurface` or `MaterialX` nodes to flat tables.
 //!
 //! Guarantees: pure; never panics on any network; work is bounded by the number of nodes and connections; every number
 //! of a [`Material`] is finite. Colours are linear Rec. 709.
@@ -41,56 +41,57 @@ pub(crate) use inputs::NEUTRAL;
 pub use spaces::linear_from_srgb;
 pub use texture::is_ptex_name;
 
-/// Texture coordinate sets that a material may read.
+/// Largest number of texture coordinate sets that a material may read.
 pub const MAX_UV_SETS: usize = 2;
-/// Other primvars that a material may read.
+/// Largest number of other primvars that a material may read.
 pub const MAX_PRIMVARS: usize = 2;
 
-/// Where a value comes from.
+/// The source of an input's value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum InputValue {
-    /// The value; scalars in all four components.
+    /// A constant; scalars are in all four components.
     Constant([f32; 4]),
     /// `texel(transform * uv) * scale + bias`, then all of it or one channel in all components.
     Texture {
         /// Index into [`crate::SurfaceTables::textures`]; of [`CompiledMaterial::textures`] before a commit.
         texture: u32,
-        /// The channel; `None`: all.
+        /// Channel; `None`: all.
         channel: Option<u8>,
-        /// Factor.
+        /// Factor of the texel.
         scale: [f32; 4],
-        /// Summand.
+        /// Summand after the factor.
         bias: [f32; 4],
-        /// Texture coordinate set of the material; `None`: (0, 0), the last column of `transform` is the place.
+        /// Texture coordinate set of the material; `None`: (0, 0), so that the last column of `transform` is the
+        /// position.
         uv: Option<u8>,
-        /// Rows of the affine map from the set to the place in the texture.
+        /// Rows of the affine map from the set to the position in the texture.
         transform: [[f32; 3]; 2],
     },
     /// A primvar of the mesh.
     Primvar {
-        /// Primvar of the material.
+        /// Index of the primvar in the material.
         slot: u8,
-        /// Value where the mesh does not have it.
+        /// Value if the mesh does not have it.
         fallback: [f32; 4],
     },
-    /// A register of the material's program; of the opacity, of its own program.
+    /// A register of the material's program; for the opacity, of its own program.
     Register(u8),
 }
 
-/// Name of the set of Ptex coordinates: face and place in it, made of the topology and not of a primvar.
+/// Name of the set of Ptex coordinates: face and position in it, computed from the topology and not from a primvar.
 pub const PTEX_SET: &str = "Ptex face";
 
-/// Name of the point in the mesh's frame, which is made of the hit and not of a primvar.
+/// Name of the point in the mesh's frame, which is computed from the hit and not from a primvar.
 pub const POSITION_NAME: &str = oocpt_materialx::uses::MaterialUses::POSITION;
 /// Name of the shading normal in the mesh's frame.
 pub const NORMAL_NAME: &str = oocpt_materialx::uses::MaterialUses::NORMAL;
 /// Names of the map of normals from the mesh's frame to the world.
 pub const FRAME_NAMES: [&str; 2] = oocpt_materialx::uses::MaterialUses::OBJECT_FRAME;
 
-/// Name of where a ribbon is met across its width, from 1 at the left to -1; what is no ribbon does not have it.
+/// Name of the position across the width of a ribbon, from 1 at the left to -1; only ribbons have it.
 pub const ACROSS_NAME: &str = oocpt_materialx::uses::MaterialUses::ACROSS;
 
-/// Number of a name that is no primvar.
+/// Number of a name that is built in and no primvar.
 #[must_use]
 pub fn built_in(name: &str) -> Option<u32> {
     match name {
@@ -112,7 +113,7 @@ pub struct UvSet {
     pub name: Arc<str>,
     /// Number of the name, see [`crate::MeshAsset::primvars`]; 0 before a commit.
     pub id: u32,
-    /// Coordinates where the mesh does not have it.
+    /// Coordinates if the mesh does not have it.
     pub fallback: [f32; 2],
 }
 
@@ -123,28 +124,30 @@ pub struct PrimvarSlot {
     pub name: Arc<str>,
     /// Number of the name; 0 before a commit.
     pub id: u32,
-    /// Value where the mesh does not have it, for programs; an [`InputValue::Primvar`] has its own.
+    /// Value for programs if the mesh does not have it; an [`InputValue::Primvar`] has its own.
     pub fallback: [f32; 4],
 }
 
-/// A material, defaults filled in.
+/// A compiled material, with defaults filled in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// What it needs.
+    /// Features that it needs.
     pub flags: MaterialFlags,
-    /// By [`MaterialInput`].
+    /// Inputs, indexed by [`MaterialInput`].
     pub inputs: [InputValue; MaterialInput::COUNT],
-    /// With [`MaterialFlags::PRESENCE`]: 0 = the opacity is a probability, else a surface of less opacity is not there.
+    /// Threshold with [`MaterialFlags::PRESENCE`]: 0 = the opacity is a probability, else a surface of less opacity
+    /// does not exist.
     pub opacity_threshold: f32,
-    /// At most [`MAX_UV_SETS`].
+    /// Texture coordinate sets, at most [`MAX_UV_SETS`].
     pub uv_sets: Vec<UvSet>,
-    /// At most [`MAX_PRIMVARS`].
+    /// Primvars, at most [`MAX_PRIMVARS`].
     pub primvars: Vec<PrimvarSlot>,
-    /// Works out the inputs that are registers; its lookups have textures as [`InputValue::Texture`] has.
+    /// Program that computes the inputs that are registers; its lookups refer to textures as [`InputValue::Texture`]
+    /// does.
     pub program: Program,
-    /// Works out the opacity where that is a register: a program of its own, which traversal runs.
+    /// Program that computes the opacity if that is a register, which traversal runs.
     pub opacity_program: Program,
-    /// Works out the emission alone, where light can be asked for it: its lookups are textures as the others.
+    /// Program that computes the emission alone, for points sampled as lights: its lookups refer to the same textures.
     pub emission: Option<MaterialEmission>,
 }
 
@@ -155,7 +158,7 @@ impl Material {
         &self.inputs[name as usize]
     }
 
-    /// Texture lookups where it is shaded.
+    /// Number of texture lookups where it is shaded.
     #[must_use]
     pub fn lookups(&self) -> usize {
         let inputs = self.inputs.iter().filter(|input| matches!(input, InputValue::Texture { .. })).count();
@@ -174,53 +177,53 @@ impl Material {
     }
 }
 
-/// What a texture does outside the unit square.
+/// Continuation of a texture outside the unit square.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
-    /// As the file says; black if it says nothing.
+    /// The file decides; black if it has no value.
     #[default]
     UseMetadata,
-    /// Transparent black.
+    /// The outside is transparent black.
     Black,
-    /// The edge goes on.
+    /// The texels of the edge continue.
     Clamp,
-    /// Repeats.
+    /// The texture repeats.
     Repeat,
-    /// Repeats, every second time mirrored.
+    /// The texture repeats, every second time mirrored.
     Mirror,
 }
 
-/// How the numbers of a texture are meant.
+/// Encoding of the numbers of a texture.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ColorSpace {
-    /// Told from the file: what it says, else sRGB for 8 bits with 3 or 4 channels, else raw.
+    /// The file decides: its own metadata, else sRGB for 8 bits with 3 or 4 channels, else raw.
     #[default]
     Auto,
-    /// Linear.
+    /// Linear values.
     Raw,
-    /// The sRGB curve; alpha is linear.
+    /// Values with the sRGB curve; alpha is linear.
     Srgb,
-    /// The colour space of that name, which `OpenColorIO` knows or not; none of the names that mean one of the above.
+    /// The colour space of that name, which `OpenColorIO` may know; never one of the names of the spaces above.
     Named(Arc<str>),
 }
 
-/// A texture that materials read. Two are equal when they read the same the same way, whoever asks.
+/// A texture that materials read. Two are equal if they read the same file in the same way.
 #[derive(Clone, Debug)]
 pub struct TextureRef {
-    /// A prim that asks for it: the first one that was seen. For messages.
+    /// The first prim that uses it, for messages.
     pub prim: Arc<str>,
     /// The file. `<UDIM>` in its resolved name stands for the tiles 1001 to 1100.
     pub asset: AssetRef,
-    /// In s and t.
+    /// Continuation in s and t.
     pub wrap: [Wrap; 2],
-    /// Meaning of its numbers.
+    /// Encoding of its numbers.
     pub color_space: ColorSpace,
-    /// What it gives where the file cannot be read. Neither scale nor bias apply, unless [`Self::has_border`].
+    /// Value if the file cannot be read. Neither scale nor bias apply, unless [`Self::has_border`].
     pub fallback: [f32; 4],
-    /// The fallback is a texel as others are: it lies where [`Wrap::Black`] has black, and scale and bias apply to it
-    /// (`MaterialX`'s `image`).
+    /// True if the fallback is a texel as others are: it lies where [`Wrap::Black`] has black, and scale and bias apply
+    /// to it (`MaterialX`'s `image`).
     pub has_border: bool,
-    /// The file is Ptex: looked up by face, not by st.
+    /// True if the file is Ptex, which is looked up by face and not by st.
     pub is_ptex: bool,
 }
 
@@ -237,7 +240,7 @@ impl PartialEq for TextureRef {
 }
 
 impl TextureRef {
-    /// True when the name stands for many files.
+    /// Returns true if the name stands for many files.
     #[must_use]
     pub fn is_udim(&self) -> bool {
         !self.is_ptex && self.asset.resolved.contains("<UDIM>")

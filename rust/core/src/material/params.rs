@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Authored values of a node's inputs as numbers. Pure. What does not fit is a problem, told once for the material.
+//! Reads authored inputs of nodes as numbers. Pure. A value of the wrong type is a problem, reported once for the
+//! material.
 
 use crate::desc::{AssetRef, ConnectionDesc, NodeDesc, ParamValue};
 
-/// What was wrong with a material, each kind once.
+/// Problems of a material, each kind once.
 #[derive(Debug, Default)]
 pub(super) struct ProblemList(Vec<String>);
 
 impl ProblemList {
-    /// Most that are told of one material.
+    /// Largest number of problems that are reported for one material.
     const MOST: usize = 8;
-    /// Most bytes of one.
+    /// Most bytes of a problem's text.
     const LONGEST: usize = 512;
 
-    /// Texts of the scene stand in it, which may be long: what exceeds [`Self::LONGEST`] is left out.
+    /// Adds a problem. It may contain long texts of the scene: it is cut to [`Self::LONGEST`].
     pub(super) fn add(&mut self, mut problem: String) {
         if problem.len() > Self::LONGEST {
             problem.truncate(problem.floor_char_boundary(Self::LONGEST));
@@ -29,10 +30,10 @@ impl ProblemList {
     }
 }
 
-/// What kind of number an input takes.
+/// The kind of number that an input takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum NumberShape {
-    /// One number; given in all components.
+    /// One number, which is stored in all components.
     Scalar,
     /// Two numbers.
     Pair,
@@ -61,7 +62,7 @@ pub(super) fn text<'a>(node: &'a NodeDesc, name: &str, problems: &mut ProblemLis
     }
 }
 
-/// The file of an input; text is taken for a path that was not resolved.
+/// The file of an input; text counts as a path that was not resolved.
 pub(super) fn asset(node: &NodeDesc, name: &str, problems: &mut ProblemList) -> Option<AssetRef> {
     match param(node, name)? {
         ParamValue::Asset(asset) => Some(asset.clone()),
@@ -73,8 +74,8 @@ pub(super) fn asset(node: &NodeDesc, name: &str, problems: &mut ProblemList) -> 
     }
 }
 
-/// The number or numbers of an input, or `default`. A number in place of a bool or of an integer, and the other way
-/// round, is taken; so are four in place of three.
+/// The number or numbers of an input, or `default`. A number in place of a bool or of an integer is accepted, and vice
+/// versa; so are four in place of three.
 pub(super) fn numbers(
     node: &NodeDesc,
     name: &str,

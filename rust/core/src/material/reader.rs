@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `UsdPrimvarReader_*`: what a material reads from its mesh. Pure.
+//! Compiles `UsdPrimvarReader_*` nodes, through which a material reads primvars of its mesh. Pure.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use super::params::{NumberShape, numbers, text};
 use super::{InputValue, MAX_PRIMVARS, MAX_UV_SETS, PrimvarSlot, UvSet};
 use crate::desc::NodeDesc;
 
-/// What all kinds of readers begin with.
+/// Prefix of all kinds of readers.
 pub(super) const READER: &str = "UsdPrimvarReader_";
 
 impl<'a> NetworkCompiler<'a> {
@@ -49,7 +49,7 @@ impl<'a> NetworkCompiler<'a> {
         Some(InputValue::Primvar { slot: u8::try_from(slot).unwrap_or_default(), fallback })
     }
 
-    /// The texture coordinate set of a reader, or else the coordinates that it gives.
+    /// The texture coordinate set of a reader, or else its constant coordinates.
     pub(super) fn coordinate_reader(&mut self, node: &'a NodeDesc) -> Result<u8, [f32; 2]> {
         let [s, t, ..] = numbers(node, "fallback", NumberShape::Pair, [0.0; 4], &mut self.problems);
         let fallback = [s, t];

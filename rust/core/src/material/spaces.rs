@@ -1,22 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Names of colour spaces, and which of those that a texture node has counts. Pure.
+//! Names of colour spaces, and the choice between the names that a texture node has. Pure.
 //!
 //! The rule: `sourceColorSpace`, where it is authored and not `auto`, wins; then the `colorSpace` metadata of the
-//! attribute `file`; then
-//! the file itself (`auto` of the `UsdPreviewSurface` specification 2.6). The specification knows `raw`, `sRGB` and
-//! `auto` and no
-//! metadata, and `HdStorm` reads nothing else, so a scene that says one of the two looks here as it does there;
-//! metadata, which `HdStorm`
-//! ignores, counts only where the scene leaves the question open.
+//! attribute `file`; then the file itself (`auto` of the `UsdPreviewSurface` specification 2.6). The specification
+//! knows `raw`, `sRGB` and `auto` and no metadata, and `HdStorm` reads nothing else, so a scene that says one of the
+//! two looks here as it does there; metadata, which `HdStorm` ignores, counts only where the scene leaves the question
+//! open.
 
 use super::ColorSpace;
 use super::compiler::NetworkCompiler;
 use super::params::text;
 use crate::desc::NodeDesc;
 
-/// The sRGB curve with the primaries of Rec. 709: of `UsdUVTexture`, `GfColorSpaceNames`, the Color Interop Forum, and
-/// the
-/// configurations of ACES.
+/// Names of the sRGB curve with the primaries of Rec. 709: of `UsdUVTexture`, `GfColorSpaceNames`, the Color Interop
+/// Forum, and the configurations of ACES.
 const SRGB: &[&str] = &[
     "srgb",
     "srgb_texture",
@@ -31,7 +28,7 @@ const SRGB: &[&str] = &[
     "input - generic - srgb - texture",
 ];
 
-/// Data, or linear with the primaries of Rec. 709.
+/// Names for data, or for linear values with the primaries of Rec. 709.
 const RAW: &[&str] = &[
     "raw",
     "data",
@@ -52,10 +49,10 @@ const RAW: &[&str] = &[
     "utility - linear - rec.709",
 ];
 
-/// What the file says.
+/// Names that leave the choice to the file.
 const AUTO: &[&str] = &["", "auto", "unknown"];
 
-/// The colour space of a name. Case does not count, as it does not in `OpenColorIO`.
+/// The colour space of a name. Case is ignored, as in `OpenColorIO`.
 pub(super) fn named(name: &str) -> ColorSpace {
     let lower = name.trim().to_ascii_lowercase();
     let is_in = |list: &[&str]| list.contains(&&*lower);
@@ -70,7 +67,7 @@ pub(super) fn named(name: &str) -> ColorSpace {
     }
 }
 
-/// The sRGB curve.
+/// Decodes a value with the sRGB curve.
 #[must_use]
 pub fn linear_from_srgb(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
@@ -81,7 +78,7 @@ impl<'a> NetworkCompiler<'a> {
     pub(super) fn color_space(&mut self, node: &'a NodeDesc) -> ColorSpace {
         let mut said = |name: &str| text(node, name, &mut self.problems).map_or(ColorSpace::Auto, named);
         match said("sourceColorSpace") {
-            // Both front ends hand the metadata of an input on as a parameter of this name.
+            // Both front ends pass the metadata of an input as a parameter of this name.
             ColorSpace::Auto => said("colorSpace:file"),
             space => space,
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `UsdUVTexture`, `HwPtexTexture_1` and `UsdTransform2d`. Pure.
+//! Compiles `UsdUVTexture`, `HwPtexTexture_1` and `UsdTransform2d` nodes. Pure.
 
 use super::compiler::NetworkCompiler;
 use super::params::{NumberShape, asset, connection, numbers, param, text};
@@ -12,21 +12,21 @@ use std::sync::Arc;
 /// Storm's node for Ptex; `UsdUVTexture` reads Ptex, too, from files that end in `.ptx`.
 const PTEX_NODE: &str = "HwPtexTexture_1";
 
-/// Whether a node is a texture.
+/// Returns true if a node is a texture.
 pub(super) fn is_texture(node: &NodeDesc) -> bool {
     matches!(&*node.kind, "UsdUVTexture" | PTEX_NODE)
 }
 
-/// Whether a file is Ptex by its resolved name, which may be that of a file in a package.
+/// Returns true if a file is Ptex by its resolved name, which may be that of a file in a package.
 #[must_use]
 pub fn is_ptex_name(resolved: &str) -> bool {
     let name = resolved.trim_end_matches(']').as_bytes();
     name.last_chunk::<4>().is_some_and(|end| end.eq_ignore_ascii_case(b".ptx"))
 }
 
-/// Most `UsdTransform2d` in a row.
+/// Largest number of `UsdTransform2d` in a row.
 const MAX_TRANSFORMS: usize = 16;
-/// Black and opaque.
+/// Fallback of a texture: black and opaque.
 const FALLBACK: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 const IDENTITY: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
@@ -94,7 +94,7 @@ impl<'a> NetworkCompiler<'a> {
         }
     }
 
-    /// The set of Ptex coordinates. They come from the topology: what `st` is connected to does not count.
+    /// The set of Ptex coordinates. They come from the topology: the connection of `st` is ignored.
     fn ptex_coordinates(&mut self, node: &'a NodeDesc) -> (Option<u8>, [[f32; 3]; 2]) {
         let known = self.uv_sets.iter().position(|set| &*set.name == PTEX_SET);
         let set = known.unwrap_or(self.uv_sets.len());
@@ -109,7 +109,7 @@ impl<'a> NetworkCompiler<'a> {
         (u8::try_from(set).ok(), IDENTITY)
     }
 
-    /// Where a texture node looks: the set, and the map from it.
+    /// Texture coordinates of a texture node: the set, and the map from it.
     fn coordinates(&mut self, node: &'a NodeDesc) -> (Option<u8>, [[f32; 3]; 2]) {
         let (mut at, mut name, mut map) = (node, "st", IDENTITY);
         for _ in 0..=MAX_TRANSFORMS {
@@ -148,7 +148,7 @@ impl<'a> NetworkCompiler<'a> {
     }
 }
 
-/// Exact for whole quarter turns.
+/// Sine and cosine, exact for whole quarter turns.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn sin_cos_degrees(degrees: f32) -> (f32, f32) {
     let turns = f64::from(degrees) % 360.0;
@@ -177,7 +177,7 @@ fn place(map: &[[f32; 3]; 2], [s, t]: [f32; 2]) -> [[f32; 3]; 2] {
     finite(map.map(|[x, y, offset]| [0.0, 0.0, x * s + y * t + offset]))
 }
 
-/// Products of finite numbers may overflow.
+/// A map whose numbers are finite: products of finite numbers may overflow.
 fn finite(map: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
     if map.as_flattened().iter().all(|v| v.is_finite()) { map } else { IDENTITY }
 }

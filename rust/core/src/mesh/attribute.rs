@@ -1,36 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Surface attributes in the order the GPU reads them.
+//! Surface attributes in the order in which the GPU reads them.
 
 use oocpt_abi::AttributeRate;
 
 /// A primvar that a bound material asks for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WantedPrimvar {
-    /// Its name.
+    /// Name without `primvars:`.
     pub name: std::sync::Arc<str>,
-    /// The number of the name.
+    /// Number of the name.
     pub id: u32,
 }
 
 /// A primvar of a mesh that a material reads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshPrimvar {
-    /// The number of its name; materials have the same.
+    /// Number of its name; materials use the same numbers.
     pub id: u32,
-    /// Its values.
+    /// Values and their rate.
     pub values: AnyAttribute,
 }
 
 /// An attribute of one to four floats.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AnyAttribute {
-    /// One.
+    /// One float per value.
     One(Attribute<f32>),
-    /// Two.
+    /// Two floats per value.
     Two(Attribute<[f32; 2]>),
-    /// Three.
+    /// Three floats per value.
     Three(Attribute<[f32; 3]>),
-    /// Four.
+    /// Four floats per value.
     Four(Attribute<[f32; 4]>),
 }
 
@@ -48,13 +48,13 @@ macro_rules! each_width {
 pub(crate) use each_width;
 
 impl AnyAttribute {
-    /// How its values are found.
+    /// The rate, which tells how a value is found from a hit.
     #[must_use]
     pub fn rate(&self) -> AttributeRate {
         each_width!(self, attribute => attribute.rate)
     }
 
-    /// Floats of a value.
+    /// Number of floats of a value.
     #[must_use]
     pub fn width(&self) -> u32 {
         match self {
@@ -80,8 +80,8 @@ impl AnyAttribute {
 /// Values and their rate; the length always fits the rate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Attribute<T> {
-    /// How to index `values`.
+    /// The rate, which tells how `values` is indexed.
     pub rate: AttributeRate,
-    /// The values.
+    /// Values, in the order that `rate` tells.
     pub values: Vec<T>,
 }

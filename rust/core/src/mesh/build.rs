@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One mesh description to one asset, or to clusters where it is large. Pure; a commit runs it for several meshes in
-//! parallel.
+//! Builds one asset from a mesh description, or several clusters where the mesh is large. Pure; a commit runs it for
+//! several meshes in parallel.
 
 use oocpt_abi::{AttributeRate, NAME_PTEX};
 use std::sync::Arc;
@@ -30,22 +30,22 @@ use crate::desc::{DroppedData, MeshDesc, PrimShape};
 /// Faces that a thread triangulates at a time.
 const FACE_BLOCK: usize = 1 << 14;
 
-/// Twice the smallest area of a triangle we keep, in squares of its longest edge: three times the rounding of the
-/// products in double precision, so that the normal's direction means something. The same at every scale.
+/// Twice the smallest area of a triangle that is kept, in squares of its longest edge: three times the rounding of the
+/// products in double precision, so that the direction of the normal is meaningful. The same at every scale.
 pub const MIN_RELATIVE_DOUBLE_AREA: f64 = 1e-15;
-/// Twice the smallest area that we keep at all: the device computes it in single precision, without denormal numbers.
+/// Twice the smallest area that is kept at all: the device computes it in single precision, without denormal numbers.
 pub const MIN_DOUBLE_AREA: f64 = 1e-36;
 
-/// An asset or several, or none if nothing was usable, and what was dropped on the way.
+/// The assets of a mesh: one, several clusters, or none if nothing was usable; and the data that were dropped.
 #[derive(Clone, Debug)]
 pub struct BuiltMesh {
-    /// The whole mesh; none where it was split or nothing was usable.
+    /// The whole mesh; `None` if it was split or nothing was usable.
     pub asset: Option<Arc<MeshAsset>>,
-    /// The mesh in pieces, where it was split; otherwise empty. See [`super::split_mesh`].
+    /// Clusters of the mesh, if it was split; otherwise empty. See [`super::split_mesh`].
     pub clusters: Vec<Arc<MeshAsset>>,
-    /// What was dropped.
+    /// Data dropped because it was bad.
     pub dropped: DroppedData,
-    /// What else the user should know, in words.
+    /// Further notes for the user, in words.
     pub notes: Vec<String>,
 }
 
@@ -59,7 +59,8 @@ pub fn build_mesh(desc: &MeshDesc, key: u128) -> BuiltMesh {
 /// most `cluster_bytes` each. A split mesh never gets a hierarchy of its own. `key` is its [`super::mesh_key`].
 ///
 /// Whether to split is decided by the numbers of triangles and attribute values, hence the same everywhere. Clusters
-/// are the same bits for any number of threads, but not the ones that [`super::split_mesh`] makes of the whole asset.
+/// are the same bits for any number of threads, but differ from those that [`super::split_mesh`] makes of the whole
+/// asset.
 #[must_use]
 pub fn build_mesh_split(desc: &MeshDesc, key: u128, limit_bytes: u64, cluster_bytes: u64) -> BuiltMesh {
     build_mesh_with(desc, &BuildDemand::default(), key, limit_bytes, cluster_bytes)
@@ -81,14 +82,14 @@ pub fn build_mesh_with(
     BuiltMesh { asset: asset.map(Arc::new), clusters, dropped, notes }
 }
 
-/// How a large mesh is cut.
+/// Limits by which a large mesh is cut into clusters.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ClusterLimits {
-    /// A mesh that would take more than about so many bytes on the device is cut.
+    /// Bytes on the device above which, approximately, a mesh is cut.
     pub(crate) limit_bytes: u64,
-    /// Into clusters of at most so many bytes there.
+    /// Most bytes of a cluster on the device.
     pub(crate) cluster_bytes: u64,
-    /// Clusters that are made side by side. Changes no result.
+    /// Number of clusters that are made in parallel. It does not change the result.
     pub(crate) at_once: usize,
 }
 
@@ -100,7 +101,7 @@ pub(crate) struct BuiltAsset {
     pub(crate) notes: Vec<String>,
 }
 
-/// [`build_mesh_with`] that gives each cluster to `put` as soon as it is made.
+/// As [`build_mesh_with`], but gives each cluster to `put` as soon as it is made.
 pub(crate) fn build_mesh_into(
     desc: &MeshDesc,
     demand: &BuildDemand<'_>,
@@ -135,7 +136,7 @@ pub(crate) fn build_mesh_into(
             return read_triangles(loose, dropped);
         };
         notes.extend_from_slice(&refined.notes);
-        // A limit surface may close to a point, as at a pole: that is no bad data.
+        // A limit surface may close to a point, as at a pole, without bad data.
         let zero_area_triangles = dropped.zero_area_triangles;
         let RefinedMesh { topology, desc, poses, .. } = &refined;
         let loose = read_triangles(UnsortedMesh { desc, wanted, key, topology, kind, radii: &[], poses }, dropped);
@@ -150,8 +151,8 @@ pub(crate) fn build_mesh_into(
     built
 }
 
-/// `loose` with its hierarchy, or none if it would take more than about the limit: its clusters go to `put` then.
-/// `covered`: as of [`covered_boxes`].
+/// Returns `loose` with its hierarchy, or `None` if it would exceed the limit: then its clusters go to `put`.
+/// `covered`: result of [`covered_boxes`].
 fn arrange_or_split(
     loose: MeshAsset,
     covered: Option<Vec<Aabb>>,
@@ -232,18 +233,18 @@ fn read_triangles(loose: UnsortedMesh<'_>, dropped: &mut DroppedData) -> Option<
         subsets,
         ptex,
         keys,
-        // What is no mesh has no side from which it is not seen.
+        // Prims other than meshes are visible from all sides.
         double_sided: desc.double_sided || !matches!(desc.shape, PrimShape::Mesh),
         left_handed: desc.left_handed && matches!(desc.shape, PrimShape::Mesh),
     })
 }
 
-/// What is kept of items: a point has no room for the number of a subset.
+/// Drops the numbers of subsets of items that have no room for them, as points.
 fn compact(kind: LeafKind, subsets: &[u16]) -> LeafKind {
     if kind == LeafKind::Points && !subsets.is_empty() { LeafKind::Rounds } else { kind }
 }
 
-/// Items of another kind, one for each face.
+/// The items of a kind other than triangles, one for each face.
 fn items(topology: &MeshTopology, kind: LeafKind, radii: &[f32]) -> AuthoredTriangles {
     let mut faces = AuthoredTriangles::default();
     let point = |at: u32| topology.points.get(at as usize).copied();
@@ -270,12 +271,12 @@ fn rate<T>(attribute: &Option<Attribute<T>>) -> Option<AttributeRate> {
 struct AuthoredTriangles {
     triangles: Vec<Triangle>,
     sources: Vec<TriangleSource>,
-    /// Of each triangle, where a material asks for Ptex.
+    /// Place of each triangle in a Ptex file, where a material asks for Ptex.
     ptex: Vec<PtexTriangle>,
 }
 
-/// All triangles with area, in authored order: blocks of faces side by side, unless faces have Ptex numbers, which go
-/// on from face to face.
+/// All triangles with area, in authored order. Blocks of faces are processed in parallel, unless faces have Ptex
+/// numbers, which continue from face to face.
 fn triangulate(
     topology: &MeshTopology,
     poses: &[PointsPose],
@@ -302,9 +303,9 @@ fn triangulate(
     all
 }
 
-/// The triangles of some faces. A face that keeps some area has lost nothing: quads that close to a
-/// point, as at the tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped. What
-/// moves has an area if it has one at some key.
+/// The triangles of some faces. A face that keeps some area has lost nothing: quads that close to a point, as at the
+/// tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped. A moving face has an
+/// area if it has one at some key.
 fn triangulate_block(
     (topology, poses): (&MeshTopology, &[PointsPose]),
     faces: &[MeshFace],
@@ -315,7 +316,7 @@ fn triangulate_block(
     let (mut points, mut ears) = (Vec::new(), Vec::new());
     let AuthoredTriangles { mut triangles, mut sources, mut ptex } = AuthoredTriangles::default();
     if numbers.is_none() {
-        // A face has three corners at least.
+        // A face has at least three corners.
         let most = faces.iter().filter(|face| !face.is_hole).map(|face| face.count as usize - 2).sum();
         triangles.reserve_exact(most);
         sources.reserve_exact(most);
@@ -368,7 +369,7 @@ fn triangulate_block(
     AuthoredTriangles { triangles, sources, ptex }
 }
 
-/// True when the normal is meaningful in double precision and not zero in single precision.
+/// Returns true if the normal is meaningful in double precision and not zero in single precision.
 fn has_area(triangle: &Triangle) -> bool {
     let [a, b, c] = triangle.vertices.map(|v| Vec3::from(v).as_dvec3());
     let (e, f) = (b - a, c - a);

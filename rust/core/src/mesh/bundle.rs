@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Hierarchies over bundles of points: a leaf is one bundle, so that a point's share of the nodes is small.
 //!
-//! Bundles are full but for the first one of the asset's order, which has what is left: so a bundle's number tells
-//! where its points are, given how many there are in all. Pure; one thread per build.
+//! All bundles but the first one of the asset's order are full; the first has the remainder. So the position of a
+//! bundle's points follows from its number and the number of all points. Pure; one thread per build.
 
 use super::Aabb;
 use super::bvh::{Bvh2, BvhNode, build_box_order, longest_axis};
@@ -11,7 +11,7 @@ use super::bvh4::{Bvh4, compress};
 /// Points of a bundle.
 pub const POINT_BUNDLE: usize = oocpt_abi::POINT_BUNDLE as usize;
 
-/// The boxes of the bundles of points in BVH order, given their own.
+/// The boxes of the bundles of points in BVH order, from the boxes of the points.
 pub(super) fn bundle_boxes(boxes: &[Aabb]) -> Vec<Aabb> {
     let (short, full) = boxes.split_at(boxes.len() % POINT_BUNDLE);
     let short = (!short.is_empty()).then_some(short);
@@ -39,7 +39,7 @@ pub(super) fn build_bundles(boxes: &[Aabb]) -> (Bvh4, Vec<u32>) {
     (bvh, ordered)
 }
 
-/// Sorts neighbours into full bundles, what is left behind them: cuts at the median of the longest axis.
+/// Sorts neighbours into full bundles, with the remainder last: cuts at the median of the longest axis.
 fn gather(boxes: &[Aabb], members: &mut [u32]) {
     let center = |at: u32, axis: usize| boxes.get(at as usize).map_or(0.0, |b| b.min[axis] + b.max[axis]);
     let mut open = vec![(0, members.len())];
@@ -61,7 +61,7 @@ fn around<'a>(boxes: impl Iterator<Item = &'a Aabb>) -> Aabb {
     boxes.fold(Aabb::EMPTY, |all, b| all.union(b))
 }
 
-/// A hierarchy with one more leaf, beside the root: what is made of it has the leaves of the root first.
+/// A hierarchy with one more leaf, beside the root, so that in the wide hierarchy this leaf is the first of the root's.
 fn with_leaf_first(bvh: &Bvh2, mut order: Vec<u32>, bounds: &Aabb) -> (Bvh2, Vec<u32>) {
     let place = u32::try_from(order.len()).unwrap_or(u32::MAX);
     order.push(place);
@@ -77,7 +77,7 @@ fn with_leaf_first(bvh: &Bvh2, mut order: Vec<u32>, bounds: &Aabb) -> (Bvh2, Vec
     }
     let depth = bvh.depth + 1;
     if let [root, only] = nodes.as_mut_slice() {
-        // A single leaf is no node of its own.
+        // A single leaf has no node of its own.
         if only.bounds(1).is_empty() {
             root.set(1, &only.bounds(0), only.child[0], only.count[0]);
             nodes.pop();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! BVH2 over the triangles of a mesh or over boxes, of which [`super::bvh4`] makes what the GPU walks: built by `obvhs`
-//! (PLOC, Meister and Bittner 2018; reinsertion, Meister and Bittner 2017). Deterministic and never deeper than
-//! [`MAX_DEPTH`]. Pure; one thread per build.
+//! BVH2 over the triangles of a mesh or over boxes, from which [`super::bvh4`] makes the hierarchy that the GPU walks.
+//! It is built by `obvhs` (PLOC, Meister and Bittner 2018; reinsertion, Meister and Bittner 2017). Deterministic and
+//! never deeper than [`MAX_DEPTH`]. Pure; one thread per build.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3A;
@@ -15,11 +15,11 @@ use super::{Aabb, LeafKind, Triangle};
 
 /// Most triangles in a leaf.
 pub const MAX_LEAF_TRIANGLES: u32 = 3;
-/// Deepest hierarchy that is given out; deeper ones (adversarial meshes) are built again, balanced.
+/// Largest depth of a hierarchy; deeper ones (adversarial meshes) are built again, balanced.
 pub const MAX_DEPTH: u32 = 64;
 /// Cost of a node step in triangle tests, for collapsing leaves.
 const TRAVERSAL_COST: f32 = 1.0;
-/// Share of the nodes that reinsertion looks at, with single items in leaves and once more with several.
+/// Share of the nodes that reinsertion considers, once with single items in leaves and once with several.
 const REINSERTION: f32 = 0.1;
 
 /// An inner node with the boxes of both children, 64 bytes.
@@ -37,7 +37,7 @@ pub struct BvhNode {
 }
 
 impl BvhNode {
-    /// A node without children.
+    /// A node with empty boxes.
     pub const EMPTY: Self = Self { min: [Aabb::EMPTY.min; 2], max: [Aabb::EMPTY.max; 2], child: [0; 2], count: [0; 2] };
 
     /// Box of child `side` (0 or 1).
@@ -59,14 +59,15 @@ impl BvhNode {
 pub struct Bvh2 {
     /// Nodes, parents before children.
     pub nodes: Vec<BvhNode>,
-    /// Nodes on the longest way down, at most [`MAX_DEPTH`]; a traversal stack of this many entries suffices.
+    /// Number of nodes on the longest path down, at most [`MAX_DEPTH`]; a traversal stack of this many entries
+    /// suffices.
     pub depth: u32,
 }
 
 /// A broken invariant of a [`Bvh2`]: always a bug of this crate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BvhError {
-    /// No node.
+    /// The hierarchy has no node.
     #[error("the hierarchy has no node")]
     Empty,
     /// A child index is out of range or not larger than its parent's.
@@ -75,19 +76,19 @@ pub enum BvhError {
     /// A leaf is too large or out of range.
     #[error("node {0} has a leaf out of range")]
     Leaf(usize),
-    /// A box does not hold what is below it, or is larger than that needs.
+    /// A box does not contain its children, or is larger than it needs to be.
     #[error("node {0} has a box that does not fit its child")]
     Bounds(usize),
     /// An item (triangle or box) or node is not reached exactly once.
     #[error("an item or node is not reached exactly once")]
     Coverage,
-    /// The stored depth, or the stack, is wrong.
+    /// The stored depth, or the size of the stack, is wrong.
     #[error("the depth is wrong")]
     Depth,
 }
 
 /// Builds the hierarchy over `triangles` (at least one, finite) and the BVH order: `order[k]` is the number of the
-/// triangle at place k.
+/// triangle at position k.
 #[must_use]
 pub fn build_bvh(triangles: &[Triangle], kind: LeafKind) -> (Bvh2, Vec<u32>) {
     let boxes: Vec<Aabb> = triangles.iter().map(|triangle| triangle.bounds(kind)).collect();
@@ -136,8 +137,8 @@ fn build(boxes: &[Aabb], max_leaf: u32) -> (Bvh2, Vec<u32>) {
     BvhLayout::balanced(boxes, max_leaf)
 }
 
-/// True when no box is empty or NaN and all surfaces are finite. PLOC compares surfaces: infinite ones make it merge a
-/// pair per pass, which takes quadratic time, and NaN makes it panic.
+/// Returns true if no box is empty or NaN and all surfaces are finite. PLOC compares surfaces: infinite ones make it
+/// merge a pair per pass, which takes quadratic time, and NaN makes it panic.
 fn has_surface(boxes: &[Aabb]) -> bool {
     let is_box = |b: &Aabb| (0..3).all(|k| b.min[k] <= b.max[k]);
     let all = boxes.iter().fold(Aabb::EMPTY, |a, b| a.union(b));
@@ -160,7 +161,7 @@ impl BvhLayout {
         let indices = (0..).take(boxes.len()).collect();
         let mut ploc = PlocBuilder::with_capacity(boxes.len());
         let mut tree = ploc.build(PlocSearchDistance::Medium, &boxes, indices, SortPrecision::U64, 3);
-        // What follows takes as much again: the builder's arrays and the boxes are not needed any more.
+        // The next steps take as much memory again: the builder's arrays and the boxes are not needed any more.
         drop((ploc, boxes));
         let mut optimizer = ReinsertionOptimizer::default();
         optimizer.run(&mut tree, REINSERTION, None);
@@ -205,7 +206,7 @@ impl BvhLayout {
         }
     }
 
-    /// Adds an empty node, told to its parent's child on the given side.
+    /// Adds an empty node, and links it to its parent as the child of the given side.
     fn open(&mut self, parent: Option<(usize, usize)>, depth: u32) -> usize {
         let slot = self.nodes.len();
         if let (Some((above, side)), Ok(child)) = (parent, u32::try_from(slot)) {

@@ -3,9 +3,9 @@
 //! own (after Ylitie, Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
 //! BVHs").
 //!
-//! Made from a [`Bvh2`] (`collapse.rs`). Planes are rounded outwards, so a box holds what is in it. Over the
-//! triangles of a mesh ([`Bvh4`]) the children lie one after the other; over boxes ([`LevelNode`]) each is named. Pure;
-//! one thread per build.
+//! Made from a [`Bvh2`] (`collapse.rs`). Planes are rounded outwards, so a box contains its items. Over the triangles
+//! of a mesh ([`Bvh4`]) the children lie one after the other; over boxes ([`LevelNode`]) each is named. Pure; one
+//! thread per build.
 
 use super::Aabb;
 use super::bvh::Bvh2;
@@ -14,10 +14,10 @@ use oocpt_abi::{ABSENT, Bvh4Node, LEAF, LevelNode};
 
 /// Cells along an axis of a node's grid: fewer than planes can tell, for the rounding of their number and the margin.
 const CELLS: f64 = 253.0;
-/// Cells that planes over boxes are further out at least. Walks do not pad these boxes as they do those of meshes, and
-/// the planes' own rounding is 2^-24 of the grid's 255 cells at each of four steps.
+/// Number of cells by which planes over boxes are moved outwards at least. Walks do not pad these boxes as they do
+/// those of meshes, and the planes' own rounding is 2^-24 of the grid's 255 cells at each of four steps.
 const MARGIN: f64 = 1.0 / 8192.0;
-/// A node of children in `boxes`, at most four, which `child` names.
+/// A node of at most four children with the boxes `boxes` and the references `child`.
 pub(super) fn level_node<'a>(boxes: impl Iterator<Item = &'a Aabb> + Clone, child: [u32; WIDTH]) -> LevelNode {
     let BoxGrid { origin, cell, lower, upper } = BoxGrid::new(boxes, MARGIN);
     LevelNode { origin, cell, lower, upper, child, pad: [0; 2] }
@@ -28,7 +28,7 @@ pub(super) fn level_node<'a>(boxes: impl Iterator<Item = &'a Aabb> + Clone, chil
 pub struct Bvh4 {
     /// Nodes, parents before children.
     pub nodes: Vec<Bvh4Node>,
-    /// Stack entries that suffice for a walk: on the longest way down, the children that wait.
+    /// Number of stack entries that suffice for a walk: the children that wait on the longest path down.
     pub stack: u32,
 }
 
@@ -54,8 +54,8 @@ pub(super) fn compress(bvh: &Bvh2, order: &[u32], in_order: bool) -> (Bvh4, Vec<
     (Bvh4 { nodes, stack }, ordered)
 }
 
-/// The hierarchy of `bvh`, which is one over boxes ([`super::build_box_bvh`]), and the stack entries that suffice for a
-/// walk. Without boxes one node without children.
+/// The wide hierarchy of `bvh`, which is over boxes ([`super::build_box_bvh`]), and the number of stack entries that
+/// suffice for a walk. Without boxes it is one node without children.
 #[must_use]
 pub fn level_nodes(bvh: &Bvh2) -> (Vec<LevelNode>, u32) {
     widen(bvh, false, |parts, inner, first_child| {
@@ -67,8 +67,8 @@ pub fn level_nodes(bvh: &Bvh2) -> (Vec<LevelNode>, u32) {
     })
 }
 
-/// The nodes that `emit` makes of the parts of a node, how many of them are inner and where these will be; and the
-/// stack entries that suffice for a walk.
+/// Makes wide nodes with `emit`, which gets the parts of a node, the number of inner ones, and their index; returns the
+/// nodes and the number of stack entries that suffice for a walk.
 fn widen<N: Copy + Default>(
     bvh: &Bvh2,
     in_order: bool,
@@ -106,7 +106,7 @@ struct BoxGrid {
 }
 
 impl BoxGrid {
-    /// The planes of at most four `boxes`, further out by `margin` cells at least.
+    /// The planes of at most four `boxes`, moved outwards by `margin` cells at least.
     fn new<'a>(boxes: impl Iterator<Item = &'a Aabb> + Clone, margin: f64) -> Self {
         let all = boxes.clone().fold(Aabb::EMPTY, |all, b| all.union(b));
         let mut grid = Self::default();
@@ -131,7 +131,7 @@ impl BoxGrid {
     }
 }
 
-/// Where the grid of a box begins, so far below it that the margin fits.
+/// Lower end of a grid that contains `min`, so far below it that the margin fits.
 fn below(min: f32, max: f32) -> f32 {
     let spare = (max / 256.0 - min / 256.0).max(min.abs() * 2.0_f32.powi(-22)).max(1e-30);
     min - spare

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Faces as OpenSubdiv takes them: none has a point twice. Pure.
+//! Prepares faces for OpenSubdiv, which needs faces that have no point twice. Pure.
 
 use glam::DVec3;
 use oocpt_subdiv::Error;
@@ -9,7 +9,7 @@ use super::topology::{MeshFace, MeshTopology};
 use super::triangulate::FaceTriangulator;
 use crate::desc::DroppedData;
 
-/// See the module.
+/// A control mesh whose faces have no point twice.
 #[derive(Default)]
 pub(crate) struct SubdivisionCage {
     pub(crate) counts: Vec<i32>,
@@ -22,14 +22,14 @@ pub(crate) struct SubdivisionCage {
 }
 
 impl SubdivisionCage {
-    /// Points that follow themselves, as at the poles of many spheres, count once; faces that come back to a point are
-    /// left out.
+    /// Repeated consecutive points, as at the poles of many spheres, count once; faces that return to a point are left
+    /// out.
     pub(crate) fn new(topology: &MeshTopology, dropped: &mut DroppedData) -> Result<Self, Error> {
         Self::of(topology, false, dropped)
     }
 
-    /// As [`Self::new`], of faces that are flat: those of more than four corners and those that are not convex are cut
-    /// into triangles, since a bilinear patch would not cover them.
+    /// As [`Self::new`], for flat faces: those of more than four corners and those that are not convex are cut into
+    /// triangles, since a bilinear patch would not cover them.
     pub(crate) fn flat(topology: &MeshTopology, dropped: &mut DroppedData) -> Result<Self, Error> {
         Self::of(topology, true, dropped)
     }
@@ -87,7 +87,7 @@ impl SubdivisionCage {
     }
 }
 
-/// True when a point comes twice.
+/// Returns true if a point comes twice.
 fn has_twice(corners: &[(u32, u32)], seen: &mut FxHashSet<u32>) -> bool {
     if corners.len() <= 8 {
         return corners.iter().enumerate().any(|(k, (point, _))| corners.iter().skip(k + 1).any(|(p, _)| p == point));
@@ -96,7 +96,7 @@ fn has_twice(corners: &[(u32, u32)], seen: &mut FxHashSet<u32>) -> bool {
     !corners.iter().all(|(point, _)| seen.insert(*point))
 }
 
-/// True when each corner turns the way that the face does.
+/// Returns true if each corner turns the way that the face does.
 fn is_convex(places: &[DVec3], normal: DVec3) -> bool {
     let ahead = |k: usize| places[(k + 1) % places.len()] - places[k];
     (0..places.len()).all(|k| ahead(k).cross(ahead((k + 1) % places.len())).dot(normal) > 0.0)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Checks every invariant of a [`Bvh2`] and of a [`Bvh4`]. For tests and for snapshots that are validated; pure.
+//! Checks every invariant of a [`Bvh2`] and of a [`Bvh4`], for tests and for snapshots that are validated; pure.
 
 use super::bundle::bundle_boxes;
 use super::bvh::{Bvh2, BvhError, MAX_LEAF_TRIANGLES};
@@ -8,22 +8,22 @@ use super::collapse::WIDTH;
 use super::{Aabb, LeafKind, Triangle};
 use oocpt_abi::NodeChild;
 
-/// What a walk has seen so far.
+/// State of a walk that validates a hierarchy.
 struct BvhCheck<'a> {
-    /// The items: boxes in the order in which leaves name them.
+    /// Boxes of the items, in the order in which leaves refer to them.
     boxes: &'a [Aabb],
     max_leaf: u32,
     seen: Vec<bool>,
     nodes: usize,
-    /// Of a [`Bvh4`]: of the stack.
+    /// Depth of the stack, for a [`Bvh4`].
     depth: u32,
-    /// Of a [`Bvh4`]: leaves hold parts of the items.
+    /// True if leaves hold only parts of their items, for a [`Bvh4`].
     is_clipped: bool,
 }
 
 impl Bvh2 {
     /// Checks every invariant against the triangles in BVH order: boxes are exact, every triangle and node is reached
-    /// exactly once, parents come before children, the depth is right.
+    /// exactly once, parents come before children, the depth is correct.
     ///
     /// # Errors
     /// The first broken invariant.
@@ -32,7 +32,8 @@ impl Bvh2 {
         if boxes.is_empty() { Err(BvhError::Empty) } else { self.check(&boxes, MAX_LEAF_TRIANGLES) }
     }
 
-    /// The same for a hierarchy over boxes ([`super::build_box_bvh`]): `boxes` as they were given, leaves of one item.
+    /// As [`Self::validate`], for a hierarchy over boxes ([`super::build_box_bvh`]): `boxes` as they were given, leaves
+    /// of one item.
     ///
     /// # Errors
     /// The first broken invariant.
@@ -67,7 +68,7 @@ impl Bvh2 {
                 let inside = if node.count[side] > 0 {
                     walk.leaf(at, child, node.count[side])?
                 } else if node.bounds(side).is_empty() {
-                    // Absent: only beside the one leaf of a tiny hierarchy, or where there is nothing at all.
+                    // Absent children exist only beside the single leaf of a tiny hierarchy, or in an empty one.
                     if self.nodes.len() > 1 || (side == 0 && !walk.boxes.is_empty()) {
                         return Err(BvhError::Child(at));
                     }
@@ -87,9 +88,9 @@ impl Bvh2 {
 }
 
 impl Bvh4 {
-    /// Checks every invariant against the triangles in BVH order: boxes hold what is in them with less than a cell to
+    /// Checks every invariant against the triangles in BVH order: boxes contain their items with less than a cell to
     /// spare, every triangle and node is reached exactly once, parents come before children, the stack is that of the
-    /// longest way down.
+    /// longest path down.
     ///
     /// # Errors
     /// The first broken invariant.
@@ -98,7 +99,7 @@ impl Bvh4 {
         self.validate_items(&boxes, kind)
     }
 
-    /// The same against the boxes of the items in BVH order: those of the whole shutter where points move.
+    /// As [`Self::validate`], with the boxes of the items in BVH order: those of the whole shutter where points move.
     ///
     /// # Errors
     /// The first broken invariant.
@@ -109,8 +110,8 @@ impl Bvh4 {
         }
     }
 
-    /// The same where leaves are boxes of what is there of the items, which are triangles: no box goes beyond the items
-    /// in it.
+    /// As [`Self::validate_items`], for leaves whose boxes enclose only the parts of triangles that cutouts keep: no
+    /// box extends beyond its items.
     ///
     /// # Errors
     /// The first broken invariant.
@@ -118,7 +119,7 @@ impl Bvh4 {
         self.validate_leaves(boxes, MAX_LEAF_TRIANGLES, true)
     }
 
-    /// Against the boxes of what leaves count.
+    /// Checks the nodes against the boxes of the items in the leaves.
     fn validate_leaves(&self, boxes: &[Aabb], max_leaf: u32, is_clipped: bool) -> Result<(), BvhError> {
         if self.nodes.is_empty() || boxes.is_empty() {
             return Err(BvhError::Empty);
@@ -132,7 +133,7 @@ impl Bvh4 {
         if walk.depth == self.stack { Ok(()) } else { Err(BvhError::Depth) }
     }
 
-    /// Checks what is below node `at`, where `waiting` children wait on the stack; gives its box.
+    /// Checks the subtree at node `at`, where `waiting` children are on the stack; returns its box.
     fn walk(&self, walk: &mut BvhCheck<'_>, at: usize, waiting: u32) -> Result<Aabb, BvhError> {
         let node = self.nodes.get(at).ok_or(BvhError::Child(at))?;
         walk.nodes += 1;

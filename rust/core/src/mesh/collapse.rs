@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which subtrees of a binary hierarchy become the children of the nodes of a wide one: those with which the surfaces
-//! of all its nodes have the least sum, which is what rays pay for nodes (Ylitie, Karras and Laine 2017, "Efficient
-//! Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 3.1; leaves stay as they are). Pure; takes time and
-//! memory in proportion to the nodes.
+//! Chooses the subtrees of a binary hierarchy that become the children of the nodes of a wide one, such that the
+//! surface areas of all wide nodes have the least sum, which is the cost of nodes to rays (Ylitie, Karras and Laine
+//! 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 3.1; leaves stay as they are).
+//! Pure; takes time and memory in proportion to the nodes.
 
 use super::Aabb;
 use super::bvh::{Bvh2, BvhNode};
@@ -16,34 +16,34 @@ const MOST: usize = WIDTH - 1;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CollapsedChild {
     pub(super) bounds: Aabb,
-    /// A node of the binary hierarchy, or what its leaf says.
+    /// Index of a node of the binary hierarchy, or the contents of its leaf.
     pub(super) child: u32,
     /// Items of a leaf; 0 for a node.
     pub(super) count: u32,
 }
 
-/// Of what is below a binary node, as a forest of at most so many trees.
+/// Costs of the subtree of a binary node as a forest, for each largest number of trees.
 #[derive(Clone, Copy, Debug, Default)]
 struct ForestChoice {
-    /// Least sums of surfaces, of at most one tree, two, three.
+    /// Least sums of surface areas with at most one, two and three trees.
     cost: [f64; MOST],
-    /// The trees that these take.
+    /// Number of trees that these sums take.
     used: [u8; MOST],
-    /// Cut into two, three, four trees, those that the first side gets.
+    /// Number of trees that the first side gets, when cut into two, three, four trees.
     first: [u8; MOST],
 }
 
-/// See the module.
+/// The choice of children for each node of a binary hierarchy.
 #[derive(Debug)]
 pub(super) struct BvhCollapse<'b> {
     bvh: &'b Bvh2,
-    /// By node.
+    /// Choices by node.
     choices: Vec<ForestChoice>,
 }
 
 impl<'b> BvhCollapse<'b> {
-    /// Weighs all ways to collapse `bvh`, whose parents come before their children. Where surfaces are no numbers, any
-    /// way may be taken.
+    /// Weighs all ways to collapse `bvh`, whose parents come before their children. If surfaces are not finite, any way
+    /// may be chosen.
     pub(super) fn new(bvh: &'b Bvh2) -> Self {
         let mut choices = vec![ForestChoice::default(); bvh.nodes.len()];
         for (at, node) in bvh.nodes.iter().enumerate().rev() {
@@ -59,8 +59,8 @@ impl<'b> BvhCollapse<'b> {
     /// The children of the wide node that begins at `node`, four at most: nodes first, and of each kind the largest
     /// first. With `in_order` leaves are as in the binary hierarchy.
     ///
-    /// Rays that begin in several children, or that any hit ends, take them about in this order: what is large is hit
-    /// more likely.
+    /// Rays that begin in several children, or that any hit ends, take them in roughly this order, because large ones
+    /// are hit more likely.
     pub(super) fn children(&self, node: u32, in_order: bool) -> Vec<CollapsedChild> {
         let mut parts = Vec::with_capacity(WIDTH);
         let mut open = vec![(node, WIDTH)];
@@ -101,7 +101,7 @@ fn part(node: &BvhNode, side: usize) -> CollapsedChild {
 }
 
 impl ForestChoice {
-    /// Of a node with these `bounds`, from the costs of its sides.
+    /// The choices of a node with these `bounds`, from the costs of its sides.
     fn new(bounds: &Aabb, [a, b]: [[f64; MOST]; 2]) -> Self {
         let mut best = Self { used: [1; MOST], first: [1; MOST], ..Self::default() };
         let mut cut = [f64::INFINITY; MOST];
@@ -128,8 +128,8 @@ mod tests {
     use super::*;
     use crate::mesh::build_box_bvh;
 
-    /// The sum of the surfaces of the wide nodes that begin at the nodes `roots` (a bit each) of `bvh`; none if one of
-    /// them has more than four children.
+    /// The sum of the surfaces of the wide nodes that begin at the nodes `roots` (a bit each) of `bvh`; `None` if one
+    /// of them has more than four children.
     fn cost_of(bvh: &Bvh2, roots: u32) -> Option<f64> {
         let mut sum = 0.0;
         for root in (0..bvh.nodes.len()).filter(|at| roots >> at & 1 != 0) {

@@ -8,19 +8,19 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::material::Cutout;
 use crate::texture::CoveredImage;
 
-/// What is known of a cutout.
+/// Facts about a cutout that bound the part of a surface that it keeps.
 #[derive(Clone, Debug)]
 pub struct CutoutCover {
     pub(crate) cutout: Arc<Cutout>,
-    /// Of a cutout by a texture.
+    /// Coarse image of a cutout by a texture.
     pub(crate) image: Option<Arc<CoveredImage>>,
 }
 
-/// By slot, as [`super::SlotDisplacements`]. Empty where nothing is cut out, or nothing is known of it.
+/// Cutouts by slot, as [`super::SlotDisplacements`]. Empty if nothing is cut out, or nothing is known of it.
 pub type SlotCovers = Vec<Option<CutoutCover>>;
 
 impl CutoutCover {
-    /// Adds all that the mesh depends on.
+    /// Adds everything that the mesh depends on to the hash.
     pub(crate) fn hash(&self, hasher: &mut Xxh3) {
         let (name, numbers): (_, Vec<f32>) = match &*self.cutout {
             Cutout::Texture { set, transform, .. } => (set, transform.as_flattened().to_vec()),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Sharp edges and points of a subdivision surface, checked. Pure.
+//! Checks the sharp edges and points of a subdivision surface. Pure.
 
 use crate::array::{ArrayView, TypedArray};
 use crate::desc::{DroppedData, SubdivisionTags};
@@ -10,7 +10,7 @@ const INFINITE: f64 = 10.0;
 /// Usable creases and corners.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct CreaseSharpness {
-    /// Two points for each edge.
+    /// Pairs of points, one pair for each edge.
     pub(crate) crease_pairs: Vec<i32>,
     pub(crate) crease_weights: Vec<f32>,
     pub(crate) corner_points: Vec<i32>,
@@ -18,7 +18,7 @@ pub(crate) struct CreaseSharpness {
 }
 
 impl CreaseSharpness {
-    /// Reads what makes sense of `tags`, for a mesh with so many points.
+    /// Reads the usable part of `tags`, for a mesh with this number of points.
     pub(crate) fn read(tags: &SubdivisionTags, point_count: usize, dropped: &mut DroppedData) -> Self {
         let mut sharpness = Self::default();
         dropped.creases += sharpness.read_creases(tags, point_count);
@@ -26,7 +26,7 @@ impl CreaseSharpness {
         sharpness
     }
 
-    /// Adds the edges of creases; how many creases and edges are not usable.
+    /// Adds the edges of creases; returns how many creases and edges are not usable.
     fn read_creases(&mut self, tags: &SubdivisionTags, point_count: usize) -> u64 {
         let [indices, lengths, weights, ..] = tags.arrays();
         let (Some(indices), Some(lengths), Some(weights)) = (view(indices), view(lengths), view(weights)) else {
@@ -34,7 +34,8 @@ impl CreaseSharpness {
         };
         let count = |crease: usize| lengths.index(crease).and_then(|length| usize::try_from(length).ok());
         let edges: usize = (0..lengths.len()).filter_map(count).map(|length| length.saturating_sub(1)).sum();
-        // A sharpness for each crease, or for each edge of all of them; where both are as many, it is the same.
+        // There is a sharpness for each crease, or for each edge of all creases; if both numbers are equal, the two are
+        // the same.
         let by_edge = weights.len() != lengths.len() && weights.len() >= edges;
         let (mut bad, mut first, mut edge) = (0, 0_usize, 0_usize);
         for crease in 0..lengths.len() {
@@ -63,7 +64,7 @@ impl CreaseSharpness {
         bad
     }
 
-    /// Adds sharp points; how many are not usable.
+    /// Adds sharp points; returns how many are not usable.
     fn read_corners(&mut self, tags: &SubdivisionTags, point_count: usize) -> u64 {
         let [.., indices, weights] = tags.arrays();
         let Some(indices) = view(indices) else { return 0 };

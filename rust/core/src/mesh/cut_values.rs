@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Primvars at the vertices of a mesh that was cut. Pure.
+//! Reads primvars at the vertices of a mesh that was cut. Pure.
 
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{Interpolation, MeshDesc};
@@ -13,7 +13,7 @@ pub(super) struct CutValues<'a> {
 }
 
 impl<'a> CutValues<'a> {
-    /// The primvar of that name.
+    /// The primvar `name`, if it can be read.
     pub(super) fn of(desc: &'a MeshDesc, name: &str) -> Option<Self> {
         let primvar = desc.authored_primvar(name)?;
         let indices = primvar.indices.as_ref().map(TypedArray::view);
@@ -35,25 +35,25 @@ impl<'a> CutValues<'a> {
         }
     }
 
-    /// Texture coordinates.
+    /// A value of two components, as texture coordinates.
     pub(super) fn pair(&self, face: u32, vertex: u32) -> Option<[f64; 2]> {
         let at = self.position(face, vertex)?;
         let three = || self.values.vec3(at).map(|v| [v.x, v.y]);
         self.values.vec2(at).map(|v| v.to_array()).or_else(three)
     }
 
-    /// A number.
+    /// A scalar value.
     pub(super) fn number(&self, face: u32, vertex: u32) -> Option<f64> {
         self.values.scalar(self.position(face, vertex)?)
     }
 
-    /// A vector.
+    /// A value of three components.
     pub(super) fn vector(&self, face: u32, vertex: u32) -> Option<glam::DVec3> {
         self.values.vec3(self.position(face, vertex)?)
     }
 
-    /// Whatever it is, as programs read it: one number is in all components, else what is missing is 0, and the last
-    /// one 1.
+    /// A value of any width, as programs read it: a scalar is in all components, else missing components are 0, and the
+    /// last one is 1.
     pub(super) fn four(&self, face: u32, vertex: u32) -> Option<[f64; 4]> {
         let at = self.position(face, vertex)?;
         let values = &self.values;

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Points that move while the shutter is open: poses of them at keys, between which they are linear.
+//! Points that move while the shutter is open, as poses at keys; between keys points move linearly.
 //!
 //! The first pose is that of the shutter's opening, the last one that of its closing, so that boxes hold no more than
-//! what is seen. Which faces there are, and how they are cut into triangles, is decided once, for all poses alike.
-//! Pure.
+//! what is seen. Faces and their triangles are decided once and are the same for all poses. Pure.
 
 use glam::DVec3;
 use oocpt_abi::AttributeRate;
@@ -18,26 +17,26 @@ use super::{Aabb, Attribute, LeafKind, Triangle};
 use crate::array::{ArrayView, TypedArray};
 use crate::desc::{DroppedData, MeshDesc, PointsMotion, PointsSample, PrimShape};
 
-/// Most poses of a prim.
+/// Largest number of poses of a prim.
 const MAX_POSES: usize = 16;
-/// Poses of points that accelerate: a parabola in four pieces.
+/// Number of poses of points that accelerate: a parabola in four pieces.
 const ACCELERATED_POSES: usize = 5;
-/// Times nearer to each other are one.
+/// Poses nearer to each other than this part of the shutter count as one.
 const LEAST_TIME: f64 = 1e-6;
 
 /// The items of an asset at its later keys.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshKeys {
-    /// Times of all keys, the first is 0 and the last 1; empty where nothing moves.
+    /// Times of all keys, the first is 0 and the last 1; empty if nothing moves.
     pub times: Vec<f32>,
     /// Vertices of all items at the second key, then at the third and so on.
     pub vertices: Vec<[[f32; 3]; 3]>,
-    /// Normals by corner, likewise; empty where those of the asset are for all keys.
+    /// Normals by corner at the second key and so on; empty if those of the asset are for all keys.
     pub normals: Vec<[[f32; 3]; 3]>,
 }
 
 impl PointsPose {
-    /// Points at a part of the shutter, and nothing else that changes.
+    /// A pose with points at a time of the shutter, and no other changes.
     pub(crate) fn at(time: f32, points: Vec<[f32; 3]>) -> Self {
         Self { time, points, normals: None, widths: None, radii: None }
     }
@@ -70,7 +69,7 @@ impl MeshKeys {
     }
 }
 
-/// The poses of a prim, two or more, or none where nothing moves; or why its motion cannot be used.
+/// The poses of a prim, two or more, or none if nothing moves; an error with the reason if its motion cannot be used.
 pub(super) fn poses(desc: &MeshDesc) -> Result<Vec<PointsPose>, String> {
     let PointsMotion { samples, velocities, accelerations, seconds } = &desc.point_motion;
     let present = |array: &Option<TypedArray>| array.clone().filter(|array| !array.is_empty());
@@ -150,7 +149,7 @@ fn by_samples(desc: &MeshDesc, samples: &[PointsSample]) -> Result<Vec<PointsPos
         let part = ((time - from.time) / (to.time - from.time)).clamp(0.0, 1.0);
         let between = |a: &TypedArray, b: &TypedArray| {
             let (a, b) = (a.view(), b.view());
-            // Exactly the sample where the key is one.
+            // A key at the time of a sample is exactly that sample.
             let mix = move |at: usize| match (a.vec3(at)?, b.vec3(at)?) {
                 (a, _) if part <= 0.0 => Some(a),
                 (_, b) if part >= 1.0 => Some(b),
@@ -171,14 +170,14 @@ fn by_samples(desc: &MeshDesc, samples: &[PointsSample]) -> Result<Vec<PointsPos
     Ok(keys.into_iter().filter_map(pose).collect())
 }
 
-/// Whether the widths of `samples` are to be used; an error where they cannot be.
+/// Returns true if the widths of `samples` are to be used; an error if they cannot be.
 fn check_widths(desc: &MeshDesc, samples: &[PointsSample]) -> Result<bool, String> {
     let Some(own) = desc.widths.as_ref().filter(|_| samples.iter().any(|sample| sample.widths.is_some())) else {
         return Ok(false);
     };
     let own = own.values.view();
     let fits = |widths: &ArrayView<'_>| widths.len() == own.len() && widths.scalar(0).is_some();
-    // What has no width at the frame's own time is not seen, whatever it has later.
+    // A prim without widths at the frame's own time is not visible, whatever its later widths are.
     let is_usable =
         |at: usize, width: Option<f64>| width.is_some_and(is_width) || !own.scalar(at).is_some_and(is_width);
     for sample in samples {
@@ -247,7 +246,7 @@ pub(super) fn read_keys(
     keys
 }
 
-/// The vertices of items at a pose. `radii`: by point, where they have some.
+/// The vertices of items at a pose. `radii`: by point, for kinds that have radii.
 fn vertices_at(
     layout: PrimvarLayout<'_>,
     sources: &[TriangleSource],
@@ -293,9 +292,9 @@ pub(super) fn swept(item: &Triangle, kind: LeafKind, keys: &MeshKeys, at: usize,
     padded(all, &all)
 }
 
-/// A box of what moves. `whole`: of the item of which it is a part.
+/// The box of a moving item or of a part of one. `whole`: the box of the whole item.
 pub(super) fn padded(all: Aabb, whole: &Aabb) -> Aabb {
-    // A vertex between its keys, `a + f (b - a)`, rounds three times, by five units of the largest coordinate at most.
+    // A vertex between its keys, `a + f (b - a)`, rounds three times, by at most five units of the largest coordinate.
     let size = whole.min.iter().chain(&whole.max).fold(0.0_f32, |size, v| size.max(v.abs()));
     let pad = size * (8.0 / 16_777_216.0);
     Aabb { min: all.min.map(|v| v - pad), max: all.max.map(|v| v + pad) }

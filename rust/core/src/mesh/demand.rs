@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What materials and the camera ask of a mesh. Pure.
+//! The demands of materials and of the camera on a mesh. Pure.
 
 use std::sync::Arc;
 
@@ -13,36 +13,36 @@ use crate::desc::{CurveBasis, MeshDesc, PrimShape, Subdivision};
 use crate::material::Displacement;
 use crate::texture::HeightCache;
 
-/// Displacements by slot: that of the mesh's own material, then those of its subsets. Empty where nothing is displaced.
+/// Displacements by slot: that of the mesh's own material, then those of its subsets. Empty if nothing is displaced.
 pub type SlotDisplacements = Vec<Option<Arc<Displacement>>>;
 
-/// What a mesh is built for, besides what its description says.
+/// The inputs of building a mesh besides its description.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BuildDemand<'a> {
-    /// Primvars that become those of the asset.
+    /// Primvars that become attributes of the asset.
     pub wanted: &'a [WantedPrimvar],
-    /// How finely it is cut; none: as its refine level says.
+    /// Rate at which it is cut; `None`: as its refine level says.
     pub dicing: Option<&'a DicingRate>,
-    /// As [`SlotDisplacements`].
+    /// Displacement of each slot, as in [`SlotDisplacements`].
     pub displacements: &'a [Option<Arc<Displacement>>],
-    /// What is there of surfaces that are cut out, as [`super::SlotCovers`].
+    /// Facts about the cutout of each slot, as in [`super::SlotCovers`].
     pub covers: &'a [Option<CutoutCover>],
-    /// Reads the textures of displacements; none: they have their fallbacks.
+    /// Cache that reads the textures of displacements; `None`: they have their fallbacks.
     pub heights: Option<&'a HeightCache>,
 }
 
 impl BuildDemand<'_> {
-    /// True where a mesh is cut into small pieces.
+    /// Returns true if a mesh is cut into small pieces.
     pub(crate) fn refines(&self, desc: &MeshDesc) -> bool {
         self.displaces(desc) || is_refined(desc, self.dicing.map_or(0.0, |dicing| dicing.pixels))
     }
 
-    /// True where some faces of a mesh are displaced. Curves and points are not.
+    /// Returns true if some faces of a mesh are displaced. Curves and points are not.
     pub(crate) fn displaces(&self, desc: &MeshDesc) -> bool {
         matches!(desc.shape, PrimShape::Mesh) && self.displacements.iter().any(Option::is_some)
     }
 
-    /// Adds what decides how a mesh is cut.
+    /// Adds everything that decides how a mesh is cut to the hash.
     pub(crate) fn hash(&self, desc: &MeshDesc, hasher: &mut Xxh3) {
         self.dicing.unwrap_or(&DicingRate::default()).hash(hasher);
         if self.displaces(desc) {
@@ -53,7 +53,7 @@ impl BuildDemand<'_> {
         }
     }
 
-    /// Adds what decides what is there of a mesh.
+    /// Adds everything that decides which part of a mesh its cutouts keep to the hash.
     pub(crate) fn hash_covers(&self, hasher: &mut Xxh3) {
         for (slot, cover) in (0_u64..).zip(self.covers) {
             if let Some(cover) = cover {
@@ -63,7 +63,7 @@ impl BuildDemand<'_> {
         }
     }
 
-    /// True where the surface has to evaluate a primvar.
+    /// Returns true if the surface has to evaluate a primvar.
     pub(crate) fn reads(&self, name: &str) -> bool {
         self.wanted.iter().any(|wanted| &*wanted.name == name)
             || self.displacements.iter().flatten().any(|displacement| displacement.reads(name))

@@ -1,47 +1,49 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Into how many pieces the edges of a subdivision surface are cut. Pure.
+//! Decides into how many pieces the edges of a subdivision surface are cut. Pure.
 
 use glam::DVec3;
 use oocpt_subdiv::MAX_RATE;
 use xxhash_rust::xxh3::Xxh3;
 
-/// Most pieces of an edge of a surface that is smooth between its points. One that is displaced may have more.
+/// Largest number of pieces of an edge of a surface that is smooth between its points. One that is displaced may have
+/// more.
 pub(super) const MOST_PIECES: i32 = 256;
 
-/// How finely the limit surface of a mesh is cut: so that no piece of an edge of the control mesh is longer than so
-/// many pixels, where the surface is nearest to the camera.
+/// The rate at which the limit surface of a mesh is cut: no piece of an edge of the control mesh is longer than the
+/// given number of pixels where the surface is nearest to the camera.
 ///
-/// Everything is in object space. A length covers as many pixels as it has units, times [`Self::density`], or where a
-/// view is near, times `focal / distance`; the larger one counts.
+/// Everything is in object space. A length covers its units times [`Self::density`] pixels, or near a view its units
+/// times `focal / distance`; the larger number counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DicingRate {
-    /// Longest piece in pixels; 0 = edges are cut as the refine level says.
+    /// Longest piece in pixels; 0 = edges are cut by the refine level.
     pub pixels: f64,
-    /// Pixels of a unit of length, at least.
+    /// Least number of pixels of a unit of length.
     pub density: f64,
     /// Pixels of a unit of length at distance 1.
     pub focal: f64,
-    /// Places of the camera, as the nearest placements see it.
+    /// Positions of the camera as the nearest placements see it, in object space.
     pub eyes: Vec<CameraEye>,
 }
 
-/// A place of the camera.
+/// A position of the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraEye {
-    /// Where it is.
+    /// Position in object space.
     pub position: DVec3,
-    /// What is nearer counts as this far away. Above zero.
+    /// Smallest distance that counts; above zero.
     pub nearest: f64,
 }
 
 impl DicingRate {
-    /// Pieces of the edge from `a` to `b`, at least `least` and at most `MOST_PIECES`. The same for both directions.
+    /// Number of pieces of the edge from `a` to `b`, at least `least` and at most `MOST_PIECES`. The same for both
+    /// directions.
     #[must_use]
     pub fn pieces(&self, a: DVec3, b: DVec3, least: i32) -> i32 {
         self.pieces_up_to(a, b, least, MOST_PIECES)
     }
 
-    /// [`Self::pieces`] with another limit.
+    /// As [`Self::pieces`], with another limit.
     pub(crate) fn pieces_up_to(&self, a: DVec3, b: DVec3, least: i32, most: i32) -> i32 {
         let most = most.clamp(1, MAX_RATE);
         let least = least.clamp(1, most);
@@ -53,14 +55,14 @@ impl DicingRate {
         if pieces >= f64::from(most) { most } else { whole(pieces).max(least) }
     }
 
-    /// Pixels of a unit of length between `a` and `b`; 0 where no camera sees it.
+    /// Pixels of a unit of length between `a` and `b`; 0 if no camera sees it.
     #[must_use]
     pub fn density_of(&self, a: DVec3, b: DVec3) -> f64 {
         let density = |eye: &CameraEye| self.focal / distance(eye.position, a, b).max(eye.nearest);
         if self.pixels > 0.0 { self.eyes.iter().map(density).fold(self.density, f64::max) } else { 0.0 }
     }
 
-    /// Adds everything that [`Self::pieces`] depends on.
+    /// Adds everything that [`Self::pieces`] depends on to the hash.
     pub(crate) fn hash(&self, hasher: &mut Xxh3) {
         let mut add = |number: f64| hasher.update(&number.to_le_bytes());
         [self.pixels, self.density, self.focal].into_iter().for_each(&mut add);
@@ -71,7 +73,7 @@ impl DicingRate {
     }
 }
 
-/// The distance of a point from a segment, the same bits whichever end comes first.
+/// The distance of a point from a segment, with the same bits for both orders of its ends.
 fn distance(point: DVec3, a: DVec3, b: DVec3) -> f64 {
     let (a, b) = if a.to_array() <= b.to_array() { (a, b) } else { (b, a) };
     let along = b - a;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Displaced surfaces: the vertices of a mesh that was cut are moved along its normals.
 //!
-//! A place where faces meet is moved once: along the mean of their normals, by the mean of their heights; where some
-//! say vectors, by the mean of these besides. So faces stay together bit for bit, where their textures do not fit and
-//! at sharp edges, too. The new normal at a vertex is the old one, turned as the mean of the triangles around it was:
-//! it is exact where nothing is displaced, and continuous across faces that were smooth together. Pure.
+//! A position where faces meet is moved once: along the mean of their normals, by the mean of their heights, and by the
+//! mean of their vectors where there are some. So faces stay together bit for bit, also where their textures do not
+//! match and at sharp edges. The new normal at a vertex is the old one, turned as the mean of the triangles around it
+//! was: it is exact where nothing is displaced, and continuous across faces that were smooth together. Pure.
 
 use std::ops::Range;
 
@@ -22,7 +22,7 @@ use super::topology::MAX_COORDINATE;
 use crate::desc::{DroppedData, MeshDesc};
 use crate::texture::HeightCache;
 
-/// Vertices of one place whose normals have a larger cosine are smooth together.
+/// Vertices at one position whose normals have a larger cosine than this are smooth together.
 const SAME_NORMAL: f64 = 1.0 - 1e-4;
 
 /// A mesh that was cut: authored numbers of faces, values at its vertices, normals on the outer side.
@@ -30,40 +30,40 @@ pub(super) struct DicedMesh<'a> {
     pub(super) facets: &'a LimitFacets,
     /// Authored number of each control face.
     pub(super) faces: &'a [u32],
-    /// With the values at the vertices.
+    /// Description with the values at the vertices.
     pub(super) desc: &'a MeshDesc,
     pub(super) face_count: usize,
-    /// Of the surface that was cut.
+    /// Normals of the surface that was cut.
     pub(super) normals: Vec<[f32; 3]>,
-    /// Whether authored normals say where it is moved to.
+    /// True if authored normals give the direction of displacement.
     pub(super) is_flat: bool,
 }
 
 /// The triangles of a control face.
 struct FaceRun<'a> {
-    /// Authored number.
+    /// Authored number of the face.
     face: u32,
     triangles: &'a [[u32; 3]],
 }
 
-/// A face, and which relief says where its vertices are moved to.
+/// A face, with the relief that moves its vertices.
 struct AskedFace {
     face: u32,
     slot: usize,
-    /// Its vertices in the list of all.
+    /// Range of its vertices in the list of all vertices.
     vertices: Range<usize>,
-    /// What it looks at.
+    /// Members of sets of files that the face looks up.
     members: UdimMembers,
 }
 
 /// A vertex of a face.
 struct AskedVertex {
     vertex: u32,
-    /// Number of the face in the list of all.
+    /// Index of the face in the list of all faces.
     face: u32,
 }
 
-/// What faces say about a place.
+/// Sums of what faces give for one position.
 #[derive(Clone, Copy, Default)]
 struct VertexSum {
     normal: DVec3,
@@ -71,10 +71,10 @@ struct VertexSum {
     faces: f64,
 }
 
-/// What faces say about all places.
+/// Sums of what faces give for all positions.
 struct VertexSums {
     sums: Vec<VertexSum>,
-    /// Sums of vectors; empty where no face says any.
+    /// Sums of vectors; empty if no face gives one.
     vectors: Vec<DVec3>,
 }
 
@@ -110,7 +110,7 @@ impl DicedMesh<'_> {
         })
     }
 
-    /// Polygon meshes may have normals of their own; values by corner became values by vertex.
+    /// Takes normals from a polygon mesh, which may have its own; values by corner became values by vertex.
     fn take_authored_normals(&mut self) {
         let Some(authored) = CutValues::of(self.desc, "normals") else { return };
         let mut normals = std::mem::take(&mut self.normals);
@@ -133,9 +133,9 @@ impl DicedMesh<'_> {
         self.facets.places.get(vertex as usize).map_or(usize::MAX, |place| *place as usize)
     }
 
-    /// What the faces around each place say, and what could not be read.
+    /// The sums of all positions, and messages about textures that could not be read.
     fn sums(&self, demand: &BuildDemand<'_>) -> (VertexSums, Vec<String>) {
-        // What is wrong with subsets is counted where their materials are.
+        // Unusable subsets are counted where their materials are resolved.
         let subsets = subsets_of_faces(self.desc, self.face_count, &mut DroppedData::default());
         let slot = |face: u32| subsets.get(face as usize).map_or(0, |subset| usize::from(*subset));
         let surface = DicedSurface { positions: self.facets.positions.as_chunks::<3>().0, normals: &self.normals };
@@ -176,7 +176,7 @@ impl DicedMesh<'_> {
         let heights: Vec<f64> = vertices.par_iter().map(height).collect();
         let has_vectors = reliefs.iter().flatten().any(MeshRelief::is_vector);
         let vectors: Vec<DVec3> = if has_vectors { vertices.par_iter().map(vector).collect() } else { Vec::new() };
-        // In the order of faces: sums of floats depend on it.
+        // The faces are visited in order, because sums of floats depend on it.
         let places = self.facets.places.len();
         let mut sums = vec![VertexSum::default(); places];
         for (asked, height) in vertices.iter().zip(heights) {
@@ -196,7 +196,7 @@ impl DicedMesh<'_> {
         (VertexSums { sums, vectors: vector_sums }, problems)
     }
 
-    /// All faces, each with its vertices; `slot` says which relief a face has.
+    /// All faces, each with its vertices; `slot` gives the relief of a face.
     fn asked(&self, slot: impl Fn(u32) -> usize) -> (Vec<AskedFace>, Vec<AskedVertex>) {
         let mut seen = vec![u32::MAX; self.facets.places.len()];
         let (mut faces, mut vertices) = (Vec::new(), Vec::new());
@@ -214,12 +214,12 @@ impl DicedMesh<'_> {
         (faces, vertices)
     }
 
-    /// By how much each vertex moves.
+    /// The displacement of each vertex.
     fn moves(&self, VertexSums { sums, vectors }: &VertexSums, dropped: &mut DroppedData) -> Vec<DVec3> {
         let (positions, _) = self.facets.positions.as_chunks::<3>();
         let mut by_place = vec![DVec3::ZERO; sums.len()];
         for (number, ((by, sum), at)) in by_place.iter_mut().zip(sums).zip(positions).enumerate() {
-            // Where normals cancel out there is no outside.
+            // A position whose normals cancel out has no outside.
             let along = sum.normal.try_normalize().map(|normal| normal * (sum.height / sum.faces));
             let beside = vectors.get(number).filter(|_| sum.faces > 0.0).map(|vector| *vector / sum.faces);
             let wanted = match (along, beside) {
@@ -243,8 +243,8 @@ impl DicedMesh<'_> {
         let (positions, _) = self.facets.positions.as_chunks::<3>();
         let (triangles, _) = self.facets.triangles.as_chunks::<3>();
         let side = if self.desc.left_handed { -1.0 } else { 1.0 };
-        // Twice the areas of the triangles around each vertex, before and after. Both from the same rounded positions,
-        // whose errors cancel out.
+        // Twice the areas of the triangles around each vertex, before and after the displacement, both from the same
+        // rounded positions, whose errors cancel out.
         let mut sums = vec![[DVec3::ZERO; 2]; positions.len()];
         for triangle in triangles {
             let corner = |k: usize| {
@@ -283,7 +283,7 @@ impl DicedMesh<'_> {
         (0..u32::try_from(positions.len()).unwrap_or(u32::MAX)).into_par_iter().map(turned).collect()
     }
 
-    /// The vertices of each place that has several.
+    /// The vertices of each position that several vertices share.
     fn shared_places(&self) -> FxHashMap<usize, Vec<u32>> {
         let mut shared: FxHashMap<usize, Vec<u32>> = FxHashMap::default();
         for (vertex, &place) in (0..).zip(&self.facets.places) {

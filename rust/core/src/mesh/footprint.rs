@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How much host memory building a mesh takes, told before it is built: an upper bound, from the lengths of its arrays
-//! and from how finely it is cut. Tests hold it to what building really takes. Pure.
+//! Upper bound of the host memory that building a mesh takes, computed before it is built from the lengths of its
+//! arrays and the rate at which it is cut. Tests compare it with the memory that building really takes. Pure.
 
 use super::demand::BuildDemand;
 use super::dicing::DicingRate;
@@ -15,50 +15,50 @@ use glam::DVec3;
 use oocpt_abi::{Bvh4Node, NAME_PTEX};
 
 /// Bytes that building a tree takes for each item: boxes, twice; the nodes of the builder, of the binary tree and of
-/// its copy with larger leaves; codes that are sorted.
+/// its copy with larger leaves; sorted codes.
 const TREE: u64 = 340;
 /// Bytes of an item.
 const ITEM: u64 = size_of::<Triangle>() as u64;
-/// Bytes of an item and of where it comes from, while a description is read.
+/// Bytes of an item and of its source, while a description is read.
 const READ_ITEM: u64 = ITEM + size_of::<TriangleSource>() as u64;
-/// Bytes of its share of the nodes.
+/// Bytes of nodes per item.
 const NODES: u64 = size_of::<Bvh4Node>() as u64 * 5 / 16;
-/// Bytes of an item that is sorted into clusters.
+/// Bytes of an item while it is sorted into clusters.
 const SORTED: u64 = 16;
-/// Bytes of the box of what is there of a triangle that is cut out, and of its number.
+/// Bytes of the box of a triangle with a cutout, and of its number.
 const COVERED: u64 = 28;
 /// Bytes of a point in any array.
 const POINT: u64 = size_of::<[f32; 3]>() as u64;
 /// Bytes that OpenSubdiv takes for each corner of a control mesh.
 const CONTROL_CORNER: u64 = 640;
-/// Bytes of a vertex of a surface that is cut: positions and normals in blocks and together, and what moves it.
+/// Bytes of a vertex of a surface that is cut: positions and normals in blocks and joined, and its displacement.
 const CUT_VERTEX: u64 = 160;
 /// Bytes of a point of curves that are cut.
 const CURVE_POINT: u64 = 280;
-/// Most keys of what moves.
+/// Largest number of keys of a moving mesh.
 const MOST_KEYS: u64 = 16;
 
-/// See the module. Bytes.
+/// Host memory that building a mesh takes, bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct BuildFootprint {
-    /// At most while its arrays are read.
+    /// Most bytes while its arrays are read.
     reading: u64,
-    /// At most from then on, without clusters under way.
+    /// Most bytes after that, without clusters in progress.
     whole: u64,
-    /// Of each cluster under way; 0 where there are none.
+    /// Bytes of each cluster in progress; 0 if there are no clusters.
     cluster: u64,
-    /// Clusters, about.
+    /// Approximate number of clusters.
     clusters: u64,
 }
 
 impl BuildFootprint {
-    /// The least that building takes: one cluster is made at a time.
+    /// Least bytes of building: one cluster is made at a time.
     pub(crate) fn least(&self) -> u64 {
         self.reading.max(self.whole.saturating_add(self.cluster))
     }
 
-    /// How many clusters may be made side by side where there are so many bytes, at least one and at most `most`, and
-    /// what building takes then.
+    /// Number of clusters that can be made in parallel within `bytes`, at least one and at most `most`, and the bytes
+    /// that building then takes.
     pub(crate) fn within(&self, bytes: u64, most: usize) -> (usize, u64) {
         let fit = bytes.saturating_sub(self.whole).checked_div(self.cluster).unwrap_or(1);
         let at_once = fit.min(self.clusters).min(most as u64).max(1);
@@ -66,17 +66,17 @@ impl BuildFootprint {
         (usize::try_from(at_once).unwrap_or(1), self.reading.max(building))
     }
 
-    /// So many bytes, without clusters.
+    /// A footprint of `whole` bytes, without clusters.
     #[cfg(test)]
     pub(crate) fn plain(whole: u64) -> Self {
         Self { whole, ..Self::default() }
     }
 
-    /// What building a mesh takes, as `super::build` does it.
+    /// The footprint of building a mesh as `super::build` does it.
     pub(crate) fn of(desc: &MeshDesc, demand: &BuildDemand<'_>, limit_bytes: u64, cluster_bytes: u64) -> Self {
         let lengths = [&desc.face_vertex_counts, &desc.face_vertex_indices, &desc.points].map(TypedArray::len);
         if lengths.into_iter().any(|length| length > MAX_CORNERS) {
-            // It is refused before anything is made of it.
+            // Such a prim is refused before anything is built.
             return Self::default();
         }
         let mut read = ReadSize::of(desc, demand, lengths.map(|length| length as u64));
@@ -86,20 +86,20 @@ impl BuildFootprint {
     }
 }
 
-/// What a description is read to.
+/// Size of the items that a description is read into.
 #[derive(Clone, Copy, Debug, Default)]
 struct ReadSize {
-    /// Triangles or other items.
+    /// Number of triangles or other items.
     items: u64,
-    /// True for points, which have a tree over bundles.
+    /// True for points, whose tree is over bundles.
     is_of_points: bool,
-    /// Bytes beside what items take, until they have no tree yet.
+    /// Bytes besides those of items, until the tree is built.
     beside: u64,
-    /// Bytes of attributes, with what tells which values an item has.
+    /// Bytes of attributes, with the indices of their values.
     attributes: u64,
-    /// Bytes of all keys of what moves, beyond the first.
+    /// Bytes of all keys but the first.
     keys: u64,
-    /// Bytes of what is known of what is there of them.
+    /// Bytes of the facts about cutouts.
     covered: u64,
 }
 
@@ -115,7 +115,7 @@ impl ReadSize {
         match &desc.shape {
             PrimShape::Mesh if demand.refines(desc) && !of_ptex => {
                 let items = refined_triangles(desc, demand, dicing, corners);
-                // Where faces meet at edges that are not smooth, each has vertices of its own.
+                // Faces that meet at edges that are not smooth have vertices of their own there.
                 let vertices = items.saturating_add(corners);
                 let values = value_bytes(desc, demand, [1, items, vertices, vertices]);
                 let cut = CUT_VERTEX.saturating_mul(vertices).saturating_add(values.saturating_mul(4));
@@ -164,14 +164,14 @@ impl ReadSize {
         Self { items, is_of_points: false, beside, attributes, keys: of_keys, covered: 0 }
     }
 
-    /// Items in authored order with all they have.
+    /// Bytes of the items in authored order, with all their data.
     fn loose(&self) -> u64 {
         ITEM.saturating_mul(self.items).saturating_add(self.attributes).saturating_add(self.keys)
     }
 
     fn footprint(&self, limit_bytes: u64, cluster_bytes: u64) -> BuildFootprint {
         let loose = self.loose();
-        // Items in blocks and all together; lists of values grow while they are read.
+        // Items exist in blocks and joined; lists of values grow while they are read.
         let items = (2 * READ_ITEM).saturating_mul(self.items);
         let values = self.attributes.saturating_add(self.attributes / 2).saturating_add(self.keys.saturating_mul(2));
         let reading = self.beside.saturating_add(items).saturating_add(values);
@@ -191,14 +191,14 @@ impl ReadSize {
         let of_cluster = self.items.min(cluster_bytes / device + 1);
         let cluster = tree(of_cluster).saturating_add(arranged(of_cluster)).saturating_add(40 * of_cluster);
         let sorted = loose.saturating_add(self.covered).saturating_add(SORTED * self.items);
-        // Values that are not usable may make it small enough for one tree.
+        // Unusable values may make it small enough for one tree.
         let is_near = expected / 2 <= limit_bytes;
         let reading = if is_near { reading.max(whole) } else { reading };
         BuildFootprint { reading, whole: sorted, cluster, clusters: expected.div_ceil(cluster_bytes.max(1)) }
     }
 }
 
-/// Most keys that it may have; 0 where nothing moves.
+/// Largest number of keys that it may have; 0 if nothing moves.
 fn key_count(desc: &MeshDesc) -> u64 {
     let motion = &desc.point_motion;
     match motion.samples.len() as u64 {
@@ -208,20 +208,20 @@ fn key_count(desc: &MeshDesc) -> u64 {
     }
 }
 
-/// Most triangles of polygons, which have as many corners as that in all.
+/// Largest number of triangles of polygons with this number of corners in all.
 fn triangle_count(desc: &MeshDesc, corners: u64, of_ptex: bool) -> u64 {
     let of_face = |count: u64| if of_ptex && count != 4 { count } else { count.saturating_sub(2) };
     counted(&desc.face_vertex_counts, of_face).min(corners)
 }
 
-/// The sum over all counts of what there is for each.
+/// The sum of `of(count)` over all counts.
 fn counted(counts: &TypedArray, of: impl Fn(u64) -> u64) -> u64 {
     let counts = counts.view();
     let count = |at: usize| counts.index(at).and_then(|count| u64::try_from(count).ok()).unwrap_or(0);
     (0..counts.len()).map(|at| of(count(at))).fold(0, u64::saturating_add)
 }
 
-/// Most triangles of a surface that is cut.
+/// Largest number of triangles of a surface that is cut.
 fn refined_triangles(desc: &MeshDesc, demand: &BuildDemand<'_>, dicing: &DicingRate, corners: u64) -> u64 {
     let cutting = EdgeRates::new(desc, dicing, demand.displaces(desc));
     let (counts, indices, points) =
@@ -239,7 +239,7 @@ fn refined_triangles(desc: &MeshDesc, demand: &BuildDemand<'_>, dicing: &DicingR
         let edges = (0..count).map(|k| cutting.pieces(point(first + k), point(first + (k + 1) % count)));
         let most = edges.max().and_then(|most| u64::try_from(most).ok()).unwrap_or(0);
         first += count;
-        // Faces of other than four corners are cut at their middles first.
+        // Faces with other than four corners are first cut at their middles.
         let of_face = match count {
             0..3 => 0,
             4 => 2 * most * most,
@@ -251,7 +251,7 @@ fn refined_triangles(desc: &MeshDesc, demand: &BuildDemand<'_>, dicing: &DicingR
     sum.min(MAX_REFINED_TRIANGLES.max(2 * corners))
 }
 
-/// Bytes of values, where a primvar has so many of each: for all, for each face, for each point, for each corner.
+/// Bytes of values, if a primvar has this many at each rate: for all, for each face, for each point, for each corner.
 fn value_bytes(desc: &MeshDesc, demand: &BuildDemand<'_>, counts: [u64; 4]) -> u64 {
     let bytes = |primvar: &Primvar, width: u64| {
         let count = match primvar.interpolation {

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The ledger of host memory for meshes: what is kept of them, and what building takes while it runs. Counts only: who
-//! has no room is told so and does something else. Any thread.
+//! Accounts for the host memory of meshes: the assets that are kept, and the builds in progress. It only counts: a
+//! caller for whom there is no room is told so and chooses another way. Any thread.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// How much host memory meshes may take, and how much they do.
+/// The limits of host memory for meshes, and the bytes in use.
 #[derive(Debug)]
 pub struct HostMemory {
     /// Most bytes of assets that are kept.
     limit: AtomicU64,
-    /// Most bytes of assets and of builds under way together.
+    /// Most bytes of assets and of builds in progress together.
     room: AtomicU64,
-    /// Of everything, not of meshes alone.
+    /// Budget of everything in host memory, not of meshes alone.
     budget: AtomicU64,
     /// Bytes of assets that are kept.
     held: AtomicU64,
-    /// `held`, and what builds under way may take.
+    /// `held` plus the bytes that builds in progress may take.
     taken: AtomicU64,
-    /// The most that `taken` has been since the room was set.
+    /// Maximum of `taken` since the room was set.
     most_taken: AtomicU64,
 }
 
@@ -31,24 +31,24 @@ impl Default for HostMemory {
 }
 
 impl HostMemory {
-    /// Sets the most bytes of assets that are kept. What is held stays.
+    /// Sets the most bytes of assets that are kept. Assets that are held stay.
     pub fn set_limit(&self, bytes: u64) {
         self.limit.store(bytes, Ordering::Relaxed);
     }
 
-    /// Sets the most bytes of kept assets and builds under way together, before a commit. A build that needs more runs
-    /// alone.
+    /// Sets the most bytes of kept assets and builds in progress together, before a commit. A build that needs more
+    /// runs alone.
     pub fn set_room(&self, bytes: u64) {
         self.room.store(bytes, Ordering::Relaxed);
         self.most_taken.store(self.taken.load(Ordering::Relaxed), Ordering::Relaxed);
     }
 
-    /// Sets what there may be in all, bytes: a prim that needs more by itself is not built.
+    /// Sets the budget of all host memory, bytes: a prim that needs more by itself is not built.
     pub(crate) fn set_budget(&self, bytes: u64) {
         self.budget.store(bytes, Ordering::Relaxed);
     }
 
-    /// What there may be in all, bytes; none without a limit.
+    /// The budget of all host memory, bytes; `None` without a limit.
     pub(crate) fn budget(&self) -> Option<u64> {
         Some(self.budget.load(Ordering::Relaxed)).filter(|budget| *budget < u64::MAX)
     }
@@ -59,7 +59,7 @@ impl HostMemory {
         self.held.load(Ordering::Relaxed)
     }
 
-    /// The most bytes that kept assets and builds under way have taken together since the room was set.
+    /// Maximum of the bytes of kept assets and builds in progress together since the room was set.
     #[must_use]
     pub fn most_taken(&self) -> u64 {
         self.most_taken.load(Ordering::Relaxed)
@@ -94,7 +94,7 @@ impl HostMemory {
         self.take(bytes, self.room.load(Ordering::Relaxed)).then(|| ReservedMemory { memory: self.clone(), bytes })
     }
 
-    /// Reserves memory for a build whether there is room or not; nothing where the sum is no number.
+    /// Reserves memory for a build even if there is no room; nothing if the sum overflows.
     pub(crate) fn reserve(self: &Arc<Self>, bytes: u64) -> ReservedMemory {
         let bytes = if self.take(bytes, u64::MAX) { bytes } else { 0 };
         ReservedMemory { memory: self.clone(), bytes }
@@ -119,7 +119,7 @@ impl HostMemory {
         HeldMemory { memory: self.clone(), bytes }
     }
 
-    /// Has what is taken already held, if `held` stays below `limit`.
+    /// Holds bytes that are already counted in `taken`, if `held` stays below `limit`.
     fn hold_taken(self: &Arc<Self>, bytes: u64, limit: u64) -> Option<HeldMemory> {
         let more = |held: u64| held.checked_add(bytes).filter(|held| *held <= limit);
         self.held.fetch_update(Ordering::Relaxed, Ordering::Relaxed, more).ok()?;
@@ -127,7 +127,7 @@ impl HostMemory {
     }
 }
 
-/// What is to be said of a prim that needs so many bytes while it is built, where the budget is smaller.
+/// The message about a prim that needs more bytes to be built than the budget has.
 pub(crate) fn too_large(needed: u64, budget: u64) -> String {
     let [needed, budget] = [needed, budget].map(|bytes| bytes.div_ceil(1 << 20));
     format!(
@@ -144,7 +144,7 @@ pub(crate) struct ReservedMemory {
 }
 
 impl ReservedMemory {
-    /// Keeps an asset that is part of what was reserved, if the limit allows it.
+    /// Keeps an asset whose bytes are part of the reservation, if the limit allows it.
     pub(crate) fn keep(&mut self, bytes: u64) -> Option<HeldMemory> {
         if bytes > self.bytes {
             return self.memory.try_hold(bytes);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How meshes are built and put away: in memory as far as it goes, else in files; those that files have from before are
-//! found there.
+//! Builds meshes and stores them, in memory as far as there is room, else in files. A mesh that the files have from an
+//! earlier render is read from there.
 //!
-//! A mesh is an entry with one payload. One in clusters is an entry for each cluster, written as soon as that is made,
-//! and an entry without payloads that sums them up.
+//! A mesh is an entry with one payload. A mesh in clusters has an entry for each cluster, written as soon as the
+//! cluster is made, and an entry without payloads that lists them.
 
 use std::sync::{Arc, OnceLock};
 
@@ -21,12 +21,12 @@ use super::summary::MeshSummary;
 use crate::desc::DroppedData;
 use crate::texture::HeightCache;
 
-/// What tells the entry of a cluster of the mesh with this key.
+/// The key of the entry of a cluster of the mesh with this key.
 fn cluster_key(key: u128, number: usize) -> u128 {
     xxh3_128(bytemuck::cast_slice::<u128, u8>(&[key, number as u128]))
 }
 
-/// The files that a mesh is found in again, and what tells its entry there; none where it is not.
+/// The files in which a mesh can be found again, and the key of its entry there; `None` if it cannot.
 fn lasting<'a>(recipe: &MeshRecipe, shelf: &'a MeshStorage) -> Option<(&'a Arc<dyn MeshFiles>, u128)> {
     let files = shelf.files.as_ref().filter(|files| files.lasts())?;
     Some((files, recipe.entry_key()?))
@@ -35,9 +35,9 @@ fn lasting<'a>(recipe: &MeshRecipe, shelf: &'a MeshStorage) -> Option<(&'a Arc<d
 /// What a build may take.
 #[derive(Debug)]
 pub(crate) struct BuildGrant {
-    /// Host memory; none where there is no budget.
+    /// Reserved host memory; `None` if there is no budget.
     pub(crate) reserved: Option<ReservedMemory>,
-    /// Clusters that it may make side by side.
+    /// Number of clusters that it may make in parallel.
     pub(crate) at_once: usize,
 }
 
@@ -50,19 +50,19 @@ struct EntryHead {
     notes: Vec<String>,
 }
 
-/// A built mesh whose assets are put away.
+/// A built mesh whose assets are stored.
 #[derive(Debug)]
 pub(crate) struct KeptMesh {
     pub(crate) asset: Option<Arc<SceneMesh>>,
     pub(crate) clusters: Vec<Arc<SceneMesh>>,
     pub(crate) dropped: DroppedData,
     pub(crate) notes: Vec<String>,
-    /// It was not built, for want of host memory.
+    /// True if it was not built because host memory did not suffice.
     pub(crate) is_left_out: bool,
 }
 
 impl KeptMesh {
-    /// The mesh as files have it from before.
+    /// Reads the mesh as files have it from before.
     pub(crate) fn find(recipe: &Arc<MeshRecipe>, shelf: &MeshStorage) -> Option<Self> {
         let (files, key) = lasting(recipe, shelf)?;
         match Self::found(&**files, recipe, shelf, key) {
@@ -74,7 +74,7 @@ impl KeptMesh {
         }
     }
 
-    /// Builds a mesh and puts it away.
+    /// Builds a mesh and stores it.
     pub(crate) fn make(
         recipe: &Arc<MeshRecipe>,
         heights: &HeightCache,
@@ -111,13 +111,13 @@ impl KeptMesh {
         Self { asset, clusters, dropped, notes, is_left_out: false }
     }
 
-    /// A mesh that is not built, and why.
+    /// A mesh that is not built, with the reason.
     pub(crate) fn left_out(why: String) -> Self {
         let notes = vec![why];
         Self { asset: None, clusters: Vec::new(), dropped: DroppedData::default(), notes, is_left_out: true }
     }
 
-    /// The mesh that files have of a recipe, if they do. An error where an entry makes no sense.
+    /// The mesh that files have of a recipe, if they do. An error if an entry is inconsistent.
     fn found(
         files: &dyn MeshFiles,
         recipe: &Arc<MeshRecipe>,
@@ -130,7 +130,7 @@ impl KeptMesh {
         let mut payloads = entry.payloads;
         if is_split {
             for number in 0..meshes.len() {
-                // They may have gone to another file than this entry, one that did not last.
+                // The clusters may have gone to another file than this entry, one that did not last.
                 let Some(cluster) = files.find(cluster_key(key, number)) else { return Ok(None) };
                 payloads.extend(cluster.payloads);
             }
@@ -152,15 +152,15 @@ impl KeptMesh {
     }
 }
 
-/// Puts assets of a recipe away.
+/// Stores the assets of a recipe.
 struct AssetWriter<'a> {
     recipe: &'a Arc<MeshRecipe>,
     shelf: &'a MeshStorage,
 }
 
 impl AssetWriter<'_> {
-    /// Keeps an asset in memory if there is some for it, else in a file; without a file it stays in memory. With a key
-    /// it goes to a file in any case.
+    /// Keeps an asset in memory if there is room, else in a file; without a file it stays in memory. With a key it goes
+    /// to a file in any case.
     fn put(
         &self,
         asset: MeshAsset,

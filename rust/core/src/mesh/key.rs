@@ -7,15 +7,15 @@ use super::BuildDemand;
 use crate::array::TypedArray;
 use crate::desc::{MeshDesc, PointsMotion, PointsSample, PrimShape, Primvar};
 
-/// Hashes everything of `desc` that its asset depends on: arrays, orientation, sidedness, subdivision. Not the path,
-/// the transform, the prim id or the visibility.
+/// Hashes everything of `desc` that its asset depends on: arrays, orientation, sidedness, subdivision. The path, the
+/// transform, the prim id and the visibility are not part of it.
 #[must_use]
 pub fn mesh_key(desc: &MeshDesc) -> u128 {
     mesh_key_with(desc, &BuildDemand::default())
 }
 
-/// [`mesh_key`] of a mesh that is built for a demand. Which faces are in which subset counts, their materials only by
-/// how they displace and by what they cut out.
+/// [`mesh_key`] of a mesh that is built for a demand. The assignment of faces to subsets is part of the key; materials
+/// are part of it only through their displacements and cutouts.
 pub(crate) fn mesh_key_with(desc: &MeshDesc, demand: &BuildDemand<'_>) -> u128 {
     let wanted = demand.wanted;
     let mut hasher = Xxh3::new();
@@ -42,14 +42,14 @@ pub(crate) fn mesh_key_with(desc: &MeshDesc, demand: &BuildDemand<'_>) -> u128 {
         hasher.update(&[desc.refine_level]);
         desc.subdivision_tags.arrays().into_iter().for_each(|array| add_array(&mut hasher, array));
         demand.hash(desc, &mut hasher);
-        // What only the displacement reads.
+        // Primvars that only the displacement reads.
         let read = |name: &str| demand.reads(name) && !wanted.iter().any(|wanted| &*wanted.name == name);
         for named in desc.primvars.iter().filter(|named| read(&named.name)) {
             hasher.update(named.name.as_bytes());
             add_primvar(&mut hasher, Some(&named.primvar));
         }
     }
-    // Tells subsets from primvars; absent for most.
+    // Separates subsets from primvars; absent for most meshes.
     if !(desc.subsets.is_empty() && wanted.is_empty()) {
         hasher.update(&(desc.subsets.len() as u64).to_le_bytes());
     }
@@ -66,7 +66,7 @@ pub(crate) fn mesh_key_with(desc: &MeshDesc, demand: &BuildDemand<'_>) -> u128 {
     hasher.digest128()
 }
 
-/// Nothing of what does not move.
+/// Adds the motion to the hash; a mesh that does not move adds nothing.
 fn add_motion(hasher: &mut Xxh3, motion: &PointsMotion) {
     if !motion.is_given() {
         return;
@@ -99,8 +99,8 @@ fn add_array(hasher: &mut Xxh3, array: Option<&TypedArray>) {
     hasher.update(array.view().bytes());
 }
 
-/// True when both descriptions give the same asset for a demand, told from array identities alone: cheap, may say no
-/// wrongly.
+/// Returns true if both descriptions give the same asset for a demand, by the identities of arrays alone: cheap, may
+/// return false wrongly.
 pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc, demand: &BuildDemand<'_>) -> bool {
     let array = |a: &TypedArray, b: &TypedArray| a.element() == b.element() && a.identity() == b.identity();
     let optional = |a: &Option<TypedArray>, b: &Option<TypedArray>| match (a, b) {

@@ -5,7 +5,7 @@
 //! All nodes but one have four children: every split leaves counts that four-wide trees without gaps can hold, so `n`
 //! boxes take `ceil((n - 1) / 3)` nodes, which is known before the tree is built ([`level_node_count`]). A tree over
 //! `n` boxes without gaps exists when `n = 1 (mod 3)`; of the four children of any node three get such counts, and one
-//! gets what is left. Deterministic: depends on the boxes and their order only. Pure; large trees use rayon.
+//! gets the remainder. Deterministic: depends on the boxes and their order only. Pure; large trees use rayon.
 
 use glam::{Vec3A, Vec3Swizzles as _};
 use oocpt_abi::{ABSENT, LEAF, LevelNode};
@@ -14,11 +14,11 @@ use super::Aabb;
 use super::bvh4::level_node;
 use super::collapse::WIDTH;
 
-/// Boxes above which the two halves of a node are built side by side.
+/// Number of boxes above which the two halves of a node are built in parallel.
 const FORK_ABOVE: usize = 1 << 13;
-/// Levels beyond those of a balanced tree from which on nodes are split in the middle.
+/// Number of levels beyond those of a balanced tree from which on nodes are split in the middle.
 const SPARE_LEVELS: u32 = 4;
-/// Items of which the cut of a node is chosen, up to twice as many.
+/// Number of items from which the cut of a node is chosen, up to twice as many.
 const MOST_SAMPLES: usize = 1 << 9;
 
 /// A four-wide hierarchy over boxes. The root is node 0; parents come before their children.
@@ -26,7 +26,7 @@ const MOST_SAMPLES: usize = 1 << 9;
 pub struct LevelTree {
     /// [`level_node_count`] nodes.
     pub nodes: Vec<LevelNode>,
-    /// Stack entries that suffice for a walk: on the longest way down, the children that wait.
+    /// Number of stack entries that suffice for a walk: the children that wait on the longest path down.
     pub stack: u32,
 }
 
@@ -39,8 +39,8 @@ pub const fn level_node_count(count: usize) -> usize {
     }
 }
 
-/// Stack entries that hardly any hierarchy over `count` boxes exceeds ([`LevelTree::stack`]): of 386 in an island, none
-/// (decisions/0050).
+/// Number of stack entries that hardly any hierarchy over `count` boxes exceeds ([`LevelTree::stack`]): of 386 in an
+/// island, none (decisions/0050).
 #[must_use]
 pub const fn likely_level_stack(count: usize) -> u32 {
     match count {
@@ -90,7 +90,7 @@ impl LevelBox {
         Vec3A::from_array(self.max)
     }
 
-    /// Not the sum of both, which may overflow.
+    /// Centre as the sum of halves, because the sum of both corners may overflow.
     #[inline]
     fn center(&self) -> Vec3A {
         0.5 * self.min() + 0.5 * self.max()
@@ -122,13 +122,13 @@ impl GrowingBox {
         Self { min: self.min.min(min), max: self.max.max(max) }
     }
 
-    /// What makes the longest edge of a box that is not empty 1: no product of edges overflows then, and none that
-    /// matters vanishes.
+    /// Factor that makes the longest edge of a box that is not empty 1, so that no product of edges overflows and none
+    /// that matters vanishes.
     fn unit(&self) -> f32 {
         (0.5 * self.max - 0.5 * self.min).max_element().max(f32::MIN_POSITIVE).recip()
     }
 
-    /// Half its surface in units of `unit`; nothing for an empty box.
+    /// Half its surface in units of `unit`; 0 for an empty box.
     #[inline]
     fn half_area(&self, unit: f32) -> f32 {
         let edges = (0.5 * self.max - 0.5 * self.min).max(Vec3A::ZERO) * unit;
@@ -141,8 +141,8 @@ impl GrowingBox {
 }
 
 /// Writes the tree over at least one item: its root is `nodes[0]`, which is node `base` of the whole, and `nodes` are
-/// as many as it takes; `scratch` is as long as `items`. Nodes `sah_levels` further down are split in the middle. Gives
-/// the stack entries of a walk.
+/// as many as it takes; `scratch` is as long as `items`. Nodes `sah_levels` further down are split in the middle.
+/// Returns the number of stack entries of a walk.
 fn emit(
     items: &mut [LevelBox],
     mut scratch: &mut [LevelBox],
@@ -152,7 +152,7 @@ fn emit(
 ) -> u32 {
     let Some((root, mut rest)) = nodes.split_first_mut() else { return 0 };
     let mut children = children(items, scratch, sah_levels > 0).map(|part| (GrowingBox::of(part), part));
-    // As in meshes, rays that may take any child first take what is large (`super::collapse`).
+    // As in meshes, rays that may take any child first take the large ones (`super::collapse`).
     let unit = children.iter().fold(GrowingBox::EMPTY, |all, (b, _)| all.with(b.min, b.max)).unit();
     children.sort_by(|(a, _), (b, _)| b.half_area(unit).total_cmp(&a.half_area(unit)));
     let mut child = [ABSENT; WIDTH];
@@ -198,7 +198,7 @@ struct SubtreeJob<'a> {
     sah_levels: u32,
 }
 
-/// Builds subtrees, large ones side by side; the most stack entries that one of them needs.
+/// Builds subtrees, large ones in parallel; returns the largest number of stack entries that one of them needs.
 fn run(jobs: &mut [Option<SubtreeJob<'_>>]) -> u32 {
     let size = |jobs: &[Option<SubtreeJob<'_>>]| jobs.iter().flatten().map(|job| job.items.len()).sum::<usize>();
     if jobs.len() > 1 && size(jobs) > FORK_ABOVE {
@@ -210,7 +210,7 @@ fn run(jobs: &mut [Option<SubtreeJob<'_>>]) -> u32 {
     each.map(|job| emit(job.items, job.scratch, job.nodes, job.base, job.sah_levels)).max().unwrap_or(0)
 }
 
-/// The items of the four children of a node over `items`, of which the last may be empty.
+/// The items of the four children of a node over `items`; the last may be empty.
 fn children<'a>(items: &'a mut [LevelBox], scratch: &mut [LevelBox], sah: bool) -> [&'a mut [LevelBox]; WIDTH] {
     let mut parts: [&mut [LevelBox]; WIDTH] = Default::default();
     if items.len() <= WIDTH {
@@ -219,7 +219,7 @@ fn children<'a>(items: &'a mut [LevelBox], scratch: &mut [LevelBox], sah: bool) 
         }
         return parts;
     }
-    // What is left of 3 on the left side, so that both sides can be split again.
+    // The left side gets a remainder modulo 3, so that both sides can be split again.
     let first = match items.len() % 3 {
         1 => [2, 2],
         2 => [2, 0],
@@ -232,7 +232,7 @@ fn children<'a>(items: &'a mut [LevelBox], scratch: &mut [LevelBox], sah: bool) 
     parts
 }
 
-/// Two children of a node; a single item stays alone.
+/// Splits the items of a node in two; a single item stays alone.
 fn halves<'a>(
     items: &'a mut [LevelBox],
     scratch: &mut [LevelBox],
@@ -251,8 +251,8 @@ fn halves<'a>(
     }
 }
 
-/// Sorts items, at least two, to two sides, none of which is empty; of the count on the left one of `residues` is left
-/// when it is divided by 3.
+/// Sorts items, at least two, to two sides, none of which is empty; the number of items on the left, modulo 3, is one
+/// of `residues`.
 fn split<'a>(
     items: &'a mut [LevelBox],
     scratch: &mut [LevelBox],
@@ -283,7 +283,7 @@ fn split<'a>(
     };
     let wanted = partition(items, scratch, |item| scale.bin(item.center())[axis] <= bin);
     let left = nearest(wanted, count, residues);
-    // Those nearest to the cut change sides, at most two.
+    // At most two items, those nearest to the cut, change sides.
     let order = by_center(axis);
     for at in (left..wanted).rev() {
         let last = (0..=at).max_by(|&a, &b| order(&items[a], &items[b])).unwrap_or(at);
@@ -296,7 +296,7 @@ fn split<'a>(
     items.split_at_mut(left)
 }
 
-/// The number next to `wanted`, from 1 to below `count`, of which one of `residues` is left when it is divided by 3.
+/// The number nearest to `wanted`, from 1 to below `count`, that is one of `residues` modulo 3.
 fn nearest(wanted: usize, count: usize, residues: [usize; 2]) -> usize {
     let is_allowed = |&left: &usize| left > 0 && left < count && residues.contains(&(left % 3));
     let around = (0..3).flat_map(|by| [wanted.checked_sub(by), wanted.checked_add(by)]).flatten();
@@ -307,8 +307,8 @@ fn longest(extent: Vec3A) -> usize {
     (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0)
 }
 
-/// Moves the items that `is_left` to the front, in order; how many they are. Without branches on the items, which no
-/// processor foresees.
+/// Moves the items for which `is_left` is true to the front, in order; returns their number. It has no branches on the
+/// items, which processors could not predict.
 fn partition(items: &mut [LevelBox], scratch: &mut [LevelBox], is_left: impl Fn(&LevelBox) -> bool) -> usize {
     let (mut left, mut right) = (0, 0);
     for at in 0..items.len() {
@@ -323,7 +323,7 @@ fn partition(items: &mut [LevelBox], scratch: &mut [LevelBox], is_left: impl Fn(
     left
 }
 
-/// Where bins lie.
+/// Origin and scale of the bins along each axis.
 #[derive(Clone, Copy)]
 struct BinScale {
     from: Vec3A,
@@ -332,8 +332,8 @@ struct BinScale {
 }
 
 impl BinScale {
-    /// `bins` along each axis of what holds all centers; along an axis without extent, or an infinite one, all is in
-    /// the first.
+    /// `bins` along each axis of the box of all centres; along an axis without extent, or an infinite one, every centre
+    /// is in the first bin.
     fn new(centers: &GrowingBox, bins: usize) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "a small number")]
         let bins = bins as f32;
@@ -345,8 +345,8 @@ impl BinScale {
     /// The bin of a center along each axis.
     #[inline]
     fn bin(&self, center: Vec3A) -> [usize; 3] {
-        /// Where the last bits of a number of single precision count wholes: nearest to `x - 0.5` is the last whole
-        /// number not above `x`, but for those at an edge, of which it does not matter to which bin they go.
+        /// Number whose last bit, in single precision, counts wholes. Adding it rounds `x - 0.5` to the last whole
+        /// number not above `x`, except for centres at an edge between bins, which may go to either bin.
         const WHOLES: f32 = (1 << 23) as f32;
         let at = ((center - self.from) * self.per_unit - 0.5).clamp(Vec3A::ZERO, self.last);
         (at + WHOLES).to_array().map(|at| (at.to_bits() & 0xff) as usize)
@@ -361,8 +361,8 @@ struct BinSplit {
     scale: BinScale,
 }
 
-/// The plane between two of `BINS` bins to an axis that costs least; none where no plane parts the centers. Of many
-/// items some are looked at, which are spread evenly.
+/// The cheapest plane between two of `BINS` bins along an axis; `None` if no plane separates the centres. Of many items
+/// an evenly spread sample is used.
 fn choose<const BINS: usize>(items: &[LevelBox], centers: &GrowingBox) -> Option<BinSplit> {
     let scale = BinScale::new(centers, BINS);
     let mut filled = [[GrowingBox::EMPTY; BINS]; 3];

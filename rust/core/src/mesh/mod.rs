@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Mesh assets: what a mesh becomes before it goes to the GPU. Immutable, shared by content.
+//! Mesh assets: the form in which meshes go to the GPU. They are immutable and shared by content.
 //!
 //! Stages: [`build`] runs `topology` (check, holes), `refine` (limit surfaces, cut as [`DicingRate`] says, moved by
-//! `displace` as far as a `relief` says), `triangulate`,
-//! `primvar` and `normals`, [`bvh`] and [`bvh4`]; `split` cuts large meshes into clusters; `key` is the content hash.
-//! A snapshot has [`SceneMesh`]es: a `summary` of each asset, and the asset where `store` and `payload` have put it.
-//! Pure functions; called from rayon workers during a commit.
+//! `displace` as far as a `relief` says), `triangulate`, `primvar` and `normals`, [`bvh`] and [`bvh4`]; `split` cuts
+//! large meshes into clusters; `key` is the content hash. A snapshot has [`SceneMesh`]es: a `summary` of each asset,
+//! and the asset where `store` and `payload` have put it. Pure functions; called from rayon workers during a commit.
 
 mod attribute;
 pub mod build;
@@ -84,14 +83,14 @@ pub use summary::{AttributeSummary, MeshSummary, PrimvarSummary};
 
 /// Device bytes of a triangle.
 const TRIANGLE_BYTES: u64 = size_of::<GpuTriangle>() as u64;
-/// The same of a point, whose radius is elsewhere.
+/// Device bytes of a point; its radius is stored elsewhere.
 const POINT_BYTES: u64 = size_of::<GpuPoint>() as u64;
 /// Device bytes of an entry in the table of primvars.
 const PRIMVAR_BYTES: u64 = size_of::<GpuAttribute>() as u64;
 /// Alignment of the sections of an asset on the device, bytes.
 const SECTION_ALIGN: u64 = 16;
 
-/// An axis-aligned box; empty when any `min > max`.
+/// An axis-aligned box; empty if any `min > max`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Aabb {
     /// Lower corner.
@@ -104,7 +103,7 @@ impl Aabb {
     /// The box without points: `+inf .. -inf`.
     pub const EMPTY: Self = Self { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3] };
 
-    /// True when no point is inside.
+    /// Returns true if no point is inside.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         (0..3).any(|k| self.min[k] > self.max[k])
@@ -127,7 +126,7 @@ impl Aabb {
         self.union(&Self { min: p, max: p })
     }
 
-    /// True when `other` lies inside (an empty box lies inside every box).
+    /// Returns true if `other` lies inside (an empty box lies inside every box).
     #[must_use]
     pub fn contains(&self, other: &Self) -> bool {
         other.is_empty() || (0..3).all(|k| self.min[k] <= other.min[k] && other.max[k] <= self.max[k])
@@ -135,7 +134,7 @@ impl Aabb {
 }
 
 /// A triangle in object space, corners in authored order (a left-handed mesh flips the geometric normal, not the
-/// order); or another item, as an asset's [`LeafKind`] says.
+/// order); or another item, by the asset's [`LeafKind`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Triangle {
@@ -156,19 +155,19 @@ impl Triangle {
 /// A mesh ready for upload: at least one triangle, every number finite, every index in range.
 #[derive(Clone, Debug)]
 pub struct MeshAsset {
-    /// Content hash of the authored data and of the flags; of a cluster, see [`split_mesh`].
+    /// Content hash of the authored data and of the flags; for a cluster, see [`split_mesh`].
     pub key: u128,
-    /// Box of what rays can meet of the triangles.
+    /// Box of the parts of the triangles that rays can meet.
     pub bounds: Aabb,
     /// Box of all triangles.
     pub whole: Aabb,
-    /// Boxes of triangles are those of what is there of them: some is cut out.
+    /// True if boxes of triangles enclose only the parts that cutouts keep.
     pub is_clipped: bool,
     /// Hierarchy over `triangles`.
     pub bvh: Bvh4,
-    /// What `triangles` are.
+    /// Kind of the items in `triangles`.
     pub kind: LeafKind,
-    /// Triangles, or what [`Self::kind`] says, in BVH order.
+    /// Triangles, or items of [`Self::kind`], in BVH order.
     pub triangles: Vec<Triangle>,
     /// Point index of each corner, per triangle; empty unless an attribute has `AttributeRate::Vertex`.
     pub corner_indices: Vec<[u32; 3]>,
@@ -184,22 +183,22 @@ pub struct MeshAsset {
     pub subsets: Vec<u16>,
     /// Place of each triangle in a Ptex file; empty unless a material reads one.
     pub ptex: Vec<PtexTriangle>,
-    /// Of what moves while the shutter is open: the rest of `triangles` is that of the first key.
+    /// Later keys of a moving mesh; the other fields describe the first key.
     pub keys: MeshKeys,
-    /// False: seen from the front only.
+    /// True if it is seen from both sides, false if from the front only.
     pub double_sided: bool,
-    /// The geometric normal is minus the right-handed one.
+    /// True if the geometric normal is minus the right-handed one.
     pub left_handed: bool,
 }
 
 impl MeshAsset {
-    /// The box of an item while the shutter is open; empty where there is none.
+    /// The box of an item while the shutter is open; empty if there is no such item.
     pub(crate) fn item_bounds(&self, at: usize) -> Aabb {
         let count = self.triangles.len();
         self.triangles.get(at).map_or(Aabb::EMPTY, |item| deform::swept(item, self.kind, &self.keys, at, count))
     }
 
-    /// [`MeshSummary::device_bytes`].
+    /// Bytes on the device, as [`MeshSummary::device_bytes`].
     #[must_use]
     pub fn device_bytes(&self) -> u64 {
         MeshSummary::of(self).device_bytes()

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where a displacement by a program moves the vertices of a mesh that was cut. Pure but for the textures that it
-//! reads.
+//! Displaces the vertices of a mesh that was cut by a pattern program. Pure but for the textures that it reads.
 //!
-//! The program reads points, normals and tangents of the mesh's own frame, before anything is moved. Which level of a
-//! texture is read is told by where the program looks at the corners of triangles ([`MOST_MEASURED`] of them, evenly
-//! chosen).
+//! The program reads points, normals and tangents of the mesh's own frame, before anything is moved. The level of a
+//! texture is chosen by the texture coordinates that the program looks up at the corners of triangles
+//! ([`MOST_MEASURED`] of them, evenly chosen).
 
 use std::collections::BTreeMap;
 
@@ -22,10 +21,10 @@ use crate::desc::MeshDesc;
 use crate::material::{PatternDisplacement, TextureRef};
 use crate::texture::{HeightCache, HeightLevel, member_of, numbered};
 
-/// Most triangles that are measured, twice.
+/// Half the largest number of triangles that are measured.
 const MOST_MEASURED: usize = 1 << 15;
 
-/// Members of sets of files that a face looks at, by lookup.
+/// Members of sets of files that a face looks up, by lookup.
 pub(super) type UdimMembers = [u8; MAX_LOOKUPS];
 
 /// Positions and normals of a mesh that was cut.
@@ -39,9 +38,9 @@ pub(super) struct DicedSurface<'a> {
 #[derive(Default)]
 struct LookedUpLevels {
     channels: u8,
-    /// Of a piece in the texture.
+    /// Area of a piece in texture coordinates.
     area: f64,
-    /// By member; 0 of what is no set.
+    /// Levels by member of a set; member 0 for a texture that is not a set.
     levels: FxHashMap<u8, Option<HeightLevel>>,
 }
 
@@ -58,7 +57,7 @@ pub(super) struct PatternRelief<'a> {
     stride: usize,
     triangles: usize,
     lookups: Vec<LookedUpLevels>,
-    /// What could not be read, by texture.
+    /// Messages about textures that could not be read, by texture.
     problems: BTreeMap<u32, String>,
 }
 
@@ -98,7 +97,7 @@ impl<'a> PatternRelief<'a> {
         values.and_then(|values| values.pair(face, vertex)).unwrap_or_default()
     }
 
-    /// Looks at the triangles of a face: they decide where tangents go, and which levels of textures are read.
+    /// Measures the triangles of a face: they decide the tangents, and the levels of textures that are read.
     pub(super) fn measure(&mut self, face: u32, triangles: &[[u32; 3]]) {
         if let Some(mut tangents) = self.tangents.take() {
             for triangle in triangles {
@@ -126,7 +125,7 @@ impl<'a> PatternRelief<'a> {
         }
     }
 
-    /// All triangles were seen.
+    /// Ends the measurement after all triangles were given.
     pub(super) fn settle(&mut self) {
         let places = |(face, triangle): &(u32, [u32; 3])| triangle.map(|vertex| self.places(*face, vertex));
         let places: Vec<[[[f64; 2]; MAX_LOOKUPS]; 3]> = self.measured.par_iter().map(places).collect();
@@ -143,7 +142,7 @@ impl<'a> PatternRelief<'a> {
         self.measured = Vec::new();
     }
 
-    /// Where the lookups of a vertex look; texels that places depend on are as if their files could not be read.
+    /// Texture coordinates of the lookups of a vertex. Texels that they depend on count as unreadable.
     fn places(&self, face: u32, vertex: u32) -> [[f64; 2]; MAX_LOOKUPS] {
         let mut places = [[0.0; 2]; MAX_LOOKUPS];
         self.run(face, vertex, |number, lookup, place| {
@@ -175,7 +174,7 @@ impl<'a> PatternRelief<'a> {
         members
     }
 
-    /// Opens what a face looks at.
+    /// Opens the levels of textures that a face looks up.
     pub(super) fn open(&mut self, heights: &HeightCache, members: &UdimMembers) {
         let known = self.displacement.program.lookups.iter();
         for ((lookup, looked), &member) in known.zip(&mut self.lookups).zip(members) {
@@ -192,13 +191,13 @@ impl<'a> PatternRelief<'a> {
         }
     }
 
-    /// How far a vertex of a face is moved along its normal.
+    /// Displacement of a vertex of a face along its normal.
     pub(super) fn height(&self, face: u32, vertex: u32, members: &UdimMembers) -> f64 {
         let [height, ..] = self.value(face, vertex, members);
         f64::from(height)
     }
 
-    /// Where a vertex of a face is moved to.
+    /// Displacement of a vertex of a face as a vector.
     pub(super) fn vector(&self, face: u32, vertex: u32, members: &UdimMembers) -> DVec3 {
         let [x, y, z, _] = self.value(face, vertex, members).map(f64::from);
         let [tangent, bitangent, normal] = self.frame(vertex);
@@ -245,7 +244,7 @@ impl<'a> PatternRelief<'a> {
             Geometry::Normal => vector(at(self.surface.normals, vertex)),
             Geometry::Tangent => vector(self.frame(vertex)[0]),
             Geometry::Bitangent => vector(self.frame(vertex)[1]),
-            // No program that reads these comes here.
+            // Programs that read these are not compiled as displacements.
             Geometry::ViewDirection
             | Geometry::Random0
             | Geometry::Random1
@@ -270,7 +269,7 @@ impl<'a> PatternRelief<'a> {
         scaled(lookup, self.texture(lookup).map_or([0.0; 4], |texture| texture.fallback))
     }
 
-    /// Where a lookup looks: the place that the program says, or else its own.
+    /// Texture coordinates of a lookup: those that the program gives, or else the lookup's own.
     fn place(&self, lookup: &ProgramLookup, place: Option<[f32; 2]>, face: u32, vertex: u32) -> [f64; 2] {
         if let Some(place) = place {
             return place.map(f64::from);
@@ -282,7 +281,7 @@ impl<'a> PatternRelief<'a> {
         })
     }
 
-    /// What could not be read, for the user.
+    /// Messages for the user about textures that could not be read.
     pub(super) fn into_problems(mut self) -> Vec<String> {
         for (lookup, looked) in self.displacement.program.lookups.iter().zip(&self.lookups) {
             let texture = self.displacement.textures.get(lookup.texture as usize);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The arrays of an asset as bytes and back: what a summary tells the lengths of, one array after the other in native
-//! byte order. Pure.
+//! Turns the arrays of an asset into bytes and back, one array after the other in native byte order; a summary gives
+//! their lengths. Pure.
 
 use bytemuck::Zeroable;
 use oocpt_abi::Bvh4Node;
@@ -39,7 +39,7 @@ pub(super) fn parts<'a>(mesh: &'a MeshAsset, ptex: &'a [[u32; 2]]) -> Vec<&'a [u
     arrays.into_iter().chain(primvars).collect()
 }
 
-/// Bytes of all parts; `None` where they do not fit a number.
+/// Bytes of all parts; `None` if their sum overflows.
 pub(super) fn payload_bytes(mesh: &MeshSummary) -> Option<u64> {
     let attribute = |a: Option<AttributeSummary>| a.map_or(Some(0), bytes_of);
     let arrays = [
@@ -59,7 +59,7 @@ pub(super) fn payload_bytes(mesh: &MeshSummary) -> Option<u64> {
     arrays.into_iter().chain(primvars).try_fold(0, |sum: u64, bytes| sum.checked_add(bytes?))
 }
 
-/// Keys behind the first.
+/// Number of keys after the first.
 fn later(mesh: &MeshSummary) -> u64 {
     mesh.keys.saturating_sub(1)
 }
@@ -68,7 +68,7 @@ fn bytes_of(attribute: AttributeSummary) -> Option<u64> {
     attribute.values.checked_mul(u64::from(attribute.width))?.checked_mul(size_of::<f32>() as u64)
 }
 
-/// `count` zeros. What is asked for is checked to be no more than the payload before.
+/// `count` zeros. The size was checked before to be at most that of the payload.
 fn zeros<T: Zeroable>(count: u64) -> Result<Vec<T>, PayloadError> {
     let count = usize::try_from(count).ok().ok_or(PayloadError::Damaged)?;
     let mut values = Vec::new();

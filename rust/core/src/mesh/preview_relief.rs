@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How high a displacement by an input of a `UsdPreviewSurface` is at the vertices of a mesh that was cut. Pure but for
-//! the textures that it reads.
+//! Displaces the vertices of a mesh that was cut by an input of a `UsdPreviewSurface`. Pure but for the textures that
+//! it reads.
 
 use rustc_hash::FxHashMap;
 
@@ -13,12 +13,12 @@ use crate::texture::{HeightCache, HeightLevel, TextureRef, member_of, numbered};
 pub(super) struct PreviewRelief<'a> {
     displacement: &'a PreviewDisplacement,
     values: Option<CutValues<'a>>,
-    /// Of the triangles that were measured.
+    /// Area of the triangles that were measured.
     area: f64,
     triangles: f64,
-    /// By member of a set; 0 of what is none.
+    /// Levels by member of a set; member 0 for a texture that is not a set.
     levels: FxHashMap<u8, Option<HeightLevel>>,
-    /// What could not be read.
+    /// Message about a texture that could not be read.
     problem: Option<String>,
 }
 
@@ -28,7 +28,7 @@ impl<'a> PreviewRelief<'a> {
         Self { displacement, values, area: 0.0, triangles: 0.0, levels: FxHashMap::default(), problem: None }
     }
 
-    /// Where a vertex looks in the texture.
+    /// Texture coordinates of a vertex.
     fn place(&self, face: u32, vertex: u32) -> [f64; 2] {
         let InputValue::Texture { transform, .. } = &self.displacement.amount else { return [0.0; 2] };
         let Some(uv) = &self.displacement.uv else {
@@ -41,7 +41,7 @@ impl<'a> PreviewRelief<'a> {
         })
     }
 
-    /// Counts the triangles of a face: they decide which level of the texture is read.
+    /// Measures the triangles of a face: they decide the level of the texture that is read.
     pub(super) fn measure(&mut self, face: u32, triangles: &[[u32; 3]]) {
         if self.displacement.texture.is_none() {
             return;
@@ -54,7 +54,7 @@ impl<'a> PreviewRelief<'a> {
         }
     }
 
-    /// The member that the middle of a face is in: its edges may lie between two. 0 where there are no members.
+    /// The member that contains the middle of a face, whose edges may lie between two. 0 if there are no members.
     pub(super) fn member(&self, face: u32, vertices: impl Iterator<Item = u32>) -> u8 {
         if !self.displacement.texture.as_ref().is_some_and(TextureRef::is_udim) {
             return 0;
@@ -68,7 +68,7 @@ impl<'a> PreviewRelief<'a> {
         member_of(sum.map(|v| v / count.max(1.0)))
     }
 
-    /// Opens what a face looks at. All triangles were measured.
+    /// Opens the level of the texture that a face looks up, after all triangles were measured.
     pub(super) fn open(&mut self, heights: &HeightCache, member: u8) {
         let (InputValue::Texture { channel, .. }, Some(texture)) =
             (&self.displacement.amount, &self.displacement.texture)
@@ -88,11 +88,11 @@ impl<'a> PreviewRelief<'a> {
         self.levels.insert(member, level);
     }
 
-    /// How far a vertex of a face is moved.
+    /// Displacement of a vertex of a face along its normal.
     pub(super) fn height(&self, face: u32, vertex: u32, member: u8) -> f64 {
         match &self.displacement.amount {
             InputValue::Constant([value, ..]) => f64::from(*value),
-            // Patterns are another relief.
+            // Patterns are handled by another relief.
             InputValue::Register(_) => 0.0,
             InputValue::Primvar { fallback: [fallback, ..], .. } => {
                 let value = self.values.and_then(|values| values.number(face, vertex));
@@ -112,24 +112,24 @@ impl<'a> PreviewRelief<'a> {
         }
     }
 
-    /// What could not be read, for the user.
+    /// Message for the user about a texture that could not be read.
     pub(super) fn into_problem(self) -> Option<String> {
         let texture = self.displacement.texture.as_ref().filter(|texture| lacks_all(texture, &self.levels));
         self.problem.or_else(|| texture.map(no_tile))
     }
 }
 
-/// A texture cannot be read.
+/// The message that a texture cannot be read.
 pub(super) fn unread(texture: &TextureRef, error: &str) -> String {
     format!("{}: texture {}: {error}; its fallback is used", texture.prim, texture.asset.authored)
 }
 
-/// Whether a set of files has none of the members that were looked at.
+/// Returns true if a set of files has none of the members that were looked at.
 pub(super) fn lacks_all(texture: &TextureRef, levels: &FxHashMap<u8, Option<HeightLevel>>) -> bool {
     texture.is_udim() && !levels.is_empty() && levels.values().all(Option::is_none)
 }
 
-/// It does not.
+/// The message that a set of files has no tile.
 pub(super) fn no_tile(texture: &TextureRef) -> String {
     format!("{}: texture {}: none of its tiles is there", texture.prim, texture.asset.authored)
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Authored primvars to attributes, triangle by triangle: length checks, indices, replacement of unusable values. Pure.
+//! Turns authored primvars into attributes, triangle by triangle: checks lengths, applies indices, replaces unusable
+//! values. Pure.
 
 use super::ptex::FaceCenter;
 use super::{AnyAttribute, Attribute, MeshPrimvar, WantedPrimvar};
@@ -7,29 +8,30 @@ use crate::array::{ArrayView, ElementType};
 use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar};
 use oocpt_abi::{AttributeRate, NAME_PTEX};
 
-/// Where a triangle came from.
+/// Authored face and corners of a triangle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TriangleSource {
-    /// Authored face.
+    /// Number of the authored face.
     pub(crate) face: u32,
-    /// Corners: positions in `face_vertex_indices`, or behind them the points of [`PrimvarLayout::centers`].
+    /// Corners: indices into `face_vertex_indices`, followed by the points of [`PrimvarLayout::centers`].
     pub(crate) corners: [u32; 3],
 }
 
-/// What primvars are spread over.
+/// The elements of a mesh that primvars have values for.
 #[derive(Clone, Copy)]
 pub(crate) struct PrimvarLayout<'a> {
-    /// Authored faces.
+    /// Number of authored faces.
     pub(crate) face_count: usize,
-    /// Authored points.
+    /// Number of authored points.
     pub(crate) point_count: usize,
-    /// Authored corners.
+    /// Number of authored corners.
     pub(crate) corner_count: usize,
     /// Point of each authored corner.
     pub(crate) corners: &'a [u32],
     /// Triangles in the order in which attributes list them.
     pub(crate) sources: &'a [TriangleSource],
-    /// Points that are not authored, with the mean of a face's values: corners and points behind the authored ones.
+    /// Points that are not authored, with the mean of a face's values: corners and points that follow the authored
+    /// ones.
     pub(crate) centers: &'a [FaceCenter],
 }
 
@@ -49,7 +51,7 @@ impl PrimvarLayout<'_> {
     }
 }
 
-/// Values by point with those of [`PrimvarLayout::centers`] behind them.
+/// Appends the values of [`PrimvarLayout::centers`] to values by point.
 pub(crate) fn extend_points<T: AttributeValue>(layout: PrimvarLayout<'_>, mut values: Vec<T>) -> Vec<T> {
     values.reserve_exact(layout.centers.len());
     for center in layout.centers {
@@ -61,14 +63,14 @@ pub(crate) fn extend_points<T: AttributeValue>(layout: PrimvarLayout<'_>, mut va
     values
 }
 
-/// Where a value of an attribute belongs, for replacements.
+/// The element that a value of an attribute belongs to; replaced values are counted by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ValueSlot {
-    /// The whole mesh.
+    /// The value is of the whole mesh.
     Mesh,
-    /// A triangle, in the order of [`PrimvarLayout::sources`].
+    /// The value is of a triangle, by its index in [`PrimvarLayout::sources`].
     Triangle(usize),
-    /// A point.
+    /// The value is of a point.
     Point(usize),
 }
 
@@ -83,7 +85,7 @@ impl PrimvarElements<'_> {
         self.indices.map_or(self.values.len(), |i| i.len())
     }
 
-    /// Position of element `k` in the values; `None` when its index is unusable.
+    /// Position of element `k` in the values; `None` if its index is unusable.
     fn position(&self, k: usize) -> Option<usize> {
         match self.indices {
             Some(indices) => indices.index(k).and_then(|i| usize::try_from(i).ok()),
@@ -94,9 +96,9 @@ impl PrimvarElements<'_> {
 
 /// Attribute values and the arrays they can be read from.
 pub(crate) trait AttributeValue: Copy {
-    /// True when the elements of a (not empty) array have a fitting type.
+    /// Returns true if the elements of a (not empty) array have a fitting type.
     fn has_type(values: &ArrayView<'_>) -> bool;
-    /// The mean of some values; 0 of none.
+    /// The mean of some values; 0 if there are none.
     fn mean(values: impl Iterator<Item = Self>) -> Self;
 }
 
@@ -141,7 +143,7 @@ impl AttributeValue for [f32; 4] {
     }
 }
 
-/// In double precision: the mean of finite numbers is finite.
+/// The mean in double precision, in which the mean of finite numbers is finite.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn mean<const N: usize>(values: impl Iterator<Item = [f32; N]>) -> [f32; N] {
     let (mut sum, mut count) = ([0.0_f64; N], 0.0_f64);
@@ -152,7 +154,7 @@ fn mean<const N: usize>(values: impl Iterator<Item = [f32; N]>) -> [f32; N] {
     sum.map(|sum| (sum / count.max(1.0)) as f32)
 }
 
-/// The primvars `wanted` of `desc` that can be used, whatever their widths; unusable values become 0.
+/// The usable ones among the primvars `wanted` of `desc`, of any width; unusable values become 0.
 pub(crate) fn convert_wanted(
     desc: &MeshDesc,
     wanted: &[WantedPrimvar],
@@ -181,7 +183,7 @@ pub(crate) fn convert_wanted(
     out
 }
 
-/// In single precision, if that is finite.
+/// The value in single precision, if that is finite.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn usable<const N: usize>(value: [f64; N]) -> Option<[f32; N]> {
     let value = value.map(|v| v as f32);
@@ -228,8 +230,8 @@ pub(crate) fn subsets_of_faces(desc: &MeshDesc, face_count: usize, dropped: &mut
 /// Converts one primvar.
 ///
 /// `read` gives the usable value at a position or `None`; `replacement` gives the value of a slot whose own is
-/// unusable, `None` meaning that the whole attribute must go. `None` is returned (and counted) for primvars that cannot
-/// be used.
+/// unusable, or `None` if the whole attribute must be dropped. `None` is returned (and counted) for primvars that
+/// cannot be used.
 pub(crate) fn convert<T: AttributeValue>(
     primvar: &Primvar,
     layout: PrimvarLayout<'_>,

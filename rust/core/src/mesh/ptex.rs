@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where triangles lie in the faces of a Ptex file (Burley and Lacewell 2008, "Ptex: Per-Face Texture Mapping for
-//! Production Rendering"). Pure.
+//! Maps triangles to the faces of a Ptex file (Burley and Lacewell 2008, "Ptex: Per-Face Texture Mapping for Production
+//! Rendering"). Pure.
 //!
 //! Ptex numbers the faces of the authored mesh in their order: a quad has one Ptex face, any other n-gon has n, one at
 //! each corner. In a quad u grows from corner 0 to corner 1 and v from corner 0 to corner 3. The face at corner i of an
@@ -8,7 +8,7 @@
 //! corner i - 1, and the mean of all corners is at (1, 1). Holes and faces that cannot be drawn are numbered too.
 //!
 //! An n-gon is drawn as n triangles around the mean of its corners, so no edge gets a vertex that its neighbour lacks.
-//! Each triangle has half of two Ptex faces; the shader tells which from the weights of the corners
+//! Each triangle has half of two Ptex faces; the shader decides which from the weights of the corners
 //! (`shaders/texture/ptex.glsl`).
 
 use glam::{DVec3, Vec3};
@@ -17,10 +17,10 @@ use super::topology::{MeshFace, MeshTopology};
 use super::triangulate::EarTriangles;
 use crate::array::ArrayView;
 
-/// Ptex faces of a mesh; more have no texture.
+/// Largest number of Ptex faces of a mesh; a mesh with more has no texture.
 pub const MAX_PTEX_FACES: u32 = 1 << 26;
 
-/// How a triangle lies in its face.
+/// The part of a Ptex face that a triangle covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum PtexPart {
@@ -32,13 +32,14 @@ pub enum PtexPart {
     Quad013 = 2,
     /// Corners 1, 2, 3 of a quad.
     Quad123 = 3,
-    /// Corners i and i + 1 of an n-gon and the mean of all; the face is that of corner i, the other one comes next.
+    /// Corners i and i + 1 of an n-gon and the mean of all; the first face is that of corner i, the other one is the
+    /// next.
     Wedge = 4,
-    /// The same where corner i + 1 is corner 0: the other face comes n - 1 before.
+    /// As `Wedge`, where corner i + 1 is corner 0: the other face is n - 1 before.
     LastWedge = 5,
-    /// All of it is the place (0, 0): an n-gon that does not lie around the mean of its corners.
+    /// All of the triangle is at (0, 0): an n-gon that does not lie around the mean of its corners.
     Corner = 6,
-    /// No face.
+    /// The triangle has no Ptex face.
     Nowhere = 7,
 }
 
@@ -47,9 +48,9 @@ pub enum PtexPart {
 pub struct PtexTriangle {
     /// Number of the Ptex face.
     pub face: u32,
-    /// What of it.
+    /// Part of the face that the triangle covers.
     pub part: PtexPart,
-    /// Corners of the authored face; 0 for quads.
+    /// Number of corners of the authored face; 0 for quads.
     pub sides: u16,
 }
 
@@ -57,7 +58,7 @@ impl PtexTriangle {
     /// A triangle of no Ptex face.
     pub const NOWHERE: Self = Self { face: 0, part: PtexPart::Nowhere, sides: 0 };
 
-    /// Face and part in a word, as the shaders read them.
+    /// Face and part packed in a word, as the shaders read them.
     #[must_use]
     pub fn word(&self) -> u32 {
         self.face << 3 | self.part as u32
@@ -93,7 +94,7 @@ pub(super) struct FaceCenter {
 #[derive(Debug)]
 pub(super) struct PtexNumbers {
     first: Vec<u32>,
-    /// The points added so far; they come behind the authored points, and as corners behind the authored corners.
+    /// Points added so far; they follow the authored points, and as corners the authored corners.
     pub(super) centers: Vec<FaceCenter>,
 }
 
@@ -113,7 +114,7 @@ impl PtexNumbers {
         Self { first: first.collect(), centers: Vec::new() }
     }
 
-    /// The place of a triangle of a quad or of an n-gon that is no fan of wedges.
+    /// The place of a triangle of a quad, or of an n-gon that is no fan of wedges.
     pub(super) fn ear(&self, face: &MeshFace, ear: [u32; 3]) -> PtexTriangle {
         let part = match (face.count, ear) {
             (4, [0, 1, 2]) => PtexPart::Quad012,
@@ -140,8 +141,8 @@ impl PtexNumbers {
         }
     }
 
-    /// Adds the mean of the corners of an n-gon; its number as a corner, and where it is. `None` where the triangles
-    /// around it would overlap: `ears` are then the triangles.
+    /// Adds the mean of the corners of an n-gon; returns its number as a corner, and its position. `None` if the
+    /// triangles around it would overlap: `ears` are then the triangles.
     pub(super) fn center(
         &mut self,
         topology: &MeshTopology,

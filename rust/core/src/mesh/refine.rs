@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Subdivision surfaces: from a checked control mesh to triangles on its limit surface, through `oocpt-subdiv`.
+//! Subdivision surfaces: turns a checked control mesh into triangles on its limit surface with `oocpt-subdiv`.
 //!
 //! The result is a mesh like any other: its faces keep the authored numbers, so values by face, subsets and element ids
-//! go on as they were; points, normals and all values by point or corner are those of the limit surface. Pure.
+//! stay valid; points, normals and all values by point or corner are those of the limit surface. Pure.
 
 use glam::{DVec3, Vec3};
 use oocpt_abi::NAME_PTEX;
@@ -23,25 +23,25 @@ use super::topology::{MeshFace, MeshTopology};
 use crate::array::TypedArray;
 use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar, Subdivision};
 
-/// Triangles of one mesh above which its edges are cut into fewer pieces.
+/// Number of triangles of one mesh above which its edges are cut into fewer pieces.
 pub const MAX_REFINED_TRIANGLES: u64 = 1 << 23;
-/// Largest exponent of a refine level that counts.
+/// Largest refine level that counts; larger ones are clamped.
 const MAX_LEVEL: u8 = 8;
 
 /// A mesh on its limit surface.
 pub(crate) struct RefinedMesh {
-    /// Triangles.
+    /// Triangles on the limit surface.
     pub(crate) topology: MeshTopology,
-    /// The description with values for it. Its own topology is the control mesh's still.
+    /// Description with values for these triangles. Its own topology is still the control mesh.
     pub(crate) desc: MeshDesc,
-    /// At the keys of what moves.
+    /// Poses at the keys of a moving mesh.
     pub(crate) poses: Vec<PointsPose>,
-    /// What could not be read.
+    /// Messages about textures that could not be read.
     pub(crate) notes: Vec<String>,
 }
 
 /// The limit surface of a mesh with the checked `topology`, and at its `poses`, displaced if that is asked for; `None`
-/// where it stays a polygon mesh, and `dropped` says so if it should not.
+/// if it stays a polygon mesh, which `dropped` counts if it should not.
 pub(crate) fn refine(
     desc: &MeshDesc,
     demand: &BuildDemand<'_>,
@@ -52,7 +52,7 @@ pub(crate) fn refine(
     if !demand.refines(desc) {
         return None;
     }
-    // What is dropped counts only if the mesh is refined.
+    // Dropped data count only if the mesh is refined.
     let mut own = DroppedData::default();
     let refined = if demand.wanted.iter().any(|wanted| wanted.id == NAME_PTEX) {
         None
@@ -103,7 +103,7 @@ fn try_refine(
     let rates = rates(&surface, topology, &cutting, MAX_REFINED_TRIANGLES, dropped)?;
     let (vertex, varying, channels) = (values.vertex(), values.varying(), values.channel_values());
     let tessellate = |points: &[[f32; 3]]| {
-        // Points of no face may be anything.
+        // Points without a face may have any value.
         let positions: Vec<[f32; 3]> = points.iter().map(|p| if p[0].is_nan() { [0.0; 3] } else { *p }).collect();
         let data = SurfaceData { positions: positions.as_flattened(), vertex, varying, channels: &channels };
         surface.tessellate(&rates, &data)
@@ -151,12 +151,12 @@ fn rules(desc: &MeshDesc) -> SubdivisionRules {
     }
 }
 
-/// Into how many pieces edges are cut.
+/// The number of pieces into which each edge is cut.
 pub(super) struct EdgeRates<'a> {
     dicing: &'a DicingRate,
     least: i32,
     most: i32,
-    /// Into the least, whatever the camera sees.
+    /// True if edges are cut by the refine level alone, whatever the camera sees.
     by_level_alone: bool,
 }
 
@@ -179,7 +179,7 @@ impl<'a> EdgeRates<'a> {
     }
 }
 
-/// Pieces of each edge, fewer than wanted where the mesh would have more than `most` triangles.
+/// Number of pieces of each edge, fewer than wanted if the mesh would have more than `most` triangles.
 fn rates(
     surface: &LimitSurface,
     topology: &MeshTopology,

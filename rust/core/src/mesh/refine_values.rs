@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Primvars on a control mesh, and on its limit surface. Pure.
+//! Evaluates the primvars of a control mesh on its limit surface. Pure.
 
 use oocpt_subdiv::{FaceVaryingChannel, LimitFacets, PackedValues};
 
@@ -7,7 +7,7 @@ use super::topology::MeshTopology;
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{DroppedData, Interpolation, MeshDesc, NamedPrimvar, Primvar};
 
-/// Which array of the surface has a value, and where.
+/// Array of the surface that has a value, and the position in it.
 #[derive(Clone, Copy)]
 enum ValueRate {
     Vertex,
@@ -19,7 +19,7 @@ enum ValueRate {
 struct EvaluatedPrimvar {
     what: RefinedPrimvar,
     rate: ValueRate,
-    /// Floats before it in a value of that rate.
+    /// Number of floats before it in a value of that rate.
     offset: usize,
     width: usize,
 }
@@ -43,13 +43,13 @@ struct FaceVarying {
 #[derive(Default)]
 pub(crate) struct ControlValues {
     evaluated: Vec<EvaluatedPrimvar>,
-    /// By point: all vertex primvars, one behind the other.
+    /// Values by point: all vertex primvars, interleaved.
     vertex: Vec<f32>,
     vertex_width: usize,
     varying: Vec<f32>,
     varying_width: usize,
     face_varying: Vec<FaceVarying>,
-    /// Primvars that stay as they are.
+    /// Primvars that are not evaluated and stay as they are.
     kept: Vec<RefinedPrimvar>,
 }
 
@@ -71,7 +71,7 @@ fn reader(view: &ArrayView<'_>) -> Option<(usize, ElementReader)> {
 }
 
 impl ControlValues {
-    /// Reads the primvars of `desc` that `reads` tells, and `normals`. `corners` are the authored corners that the
+    /// Reads the primvars of `desc` that `reads` selects, and `normals`. `corners` are the authored corners that the
     /// control mesh has.
     pub(crate) fn read(
         desc: &MeshDesc,
@@ -141,7 +141,7 @@ impl ControlValues {
         dropped.long_primvars += u64::from(is_long);
         let mut floats = Vec::with_capacity((view.len() + 1) * width);
         (0..view.len()).for_each(|at| push(&mut floats, width, read(&view, at), dropped));
-        // What has no value of its own has this one.
+        // Corners without a value of their own share this one.
         let (none, mut unused) = (view.len(), DroppedData::default());
         push(&mut floats, width, None, &mut unused);
         let corner = |&corner: &u32| {
@@ -217,7 +217,7 @@ impl ControlValues {
     }
 }
 
-/// Appends a value; 0 for one that is not finite or not there.
+/// Appends a value; 0 for one that is missing or not finite.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn push(floats: &mut Vec<f32>, width: usize, value: Option<[f64; 4]>, dropped: &mut DroppedData) {
     let single = value.map(|value| value.map(|v| v as f32)).filter(|value| value.iter().all(|v| v.is_finite()));
@@ -244,19 +244,19 @@ pub(super) fn by_point(primvar: &Primvar, points: usize, dropped: &mut DroppedDa
     Some((width, floats))
 }
 
-/// Arrays of values by point, point by point.
+/// Interleaves arrays of values by point.
 fn interleaved(arrays: &[(usize, Vec<f32>)], points: usize) -> Vec<f32> {
     let values = |point: usize| arrays.iter().flat_map(move |(width, floats)| &floats[point * width..][..*width]);
     (0..points).flat_map(values).copied().collect()
 }
 
-/// One primvar out of many.
+/// Extracts one primvar of interleaved ones.
 fn column(floats: &[f32], stride: usize, offset: usize, width: usize) -> Primvar {
     let values = floats.chunks_exact(stride.max(1)).flat_map(|value| &value[offset..offset + width]);
     primvar_of(width, values.copied().collect())
 }
 
-/// A primvar with a value of `width` floats (1 to 4) for each point.
+/// A primvar with one value of `width` floats (1 to 4) per point.
 pub(super) fn primvar_of(width: usize, values: Vec<f32>) -> Primvar {
     let element = match width {
         1 => ElementType::F32,

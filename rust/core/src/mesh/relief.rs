@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where a displacement moves the vertices of a mesh that was cut: first it is shown all triangles
-//! ([`MeshRelief::measure`], [`MeshRelief::settle`]), then what faces look at is opened, then vertices are asked for.
-//! Pure but for the textures that it reads.
+//! Computes displacements of the vertices of a mesh that was cut. Calls come in this order: measure all triangles
+//! ([`MeshRelief::measure`], [`MeshRelief::settle`]), open the textures that faces look up, evaluate vertices. Pure but
+//! for the textures that it reads.
 
 use glam::DVec3;
 
@@ -27,12 +27,12 @@ impl<'a> MeshRelief<'a> {
         }
     }
 
-    /// Whether it moves vertices other than along normals.
+    /// Returns true if it moves vertices other than along normals.
     pub(super) fn is_vector(&self) -> bool {
         matches!(self, Self::Pattern(pattern) if pattern.is_vector())
     }
 
-    /// Shows it the triangles of a face.
+    /// Measures the triangles of a face.
     pub(super) fn measure(&mut self, face: u32, triangles: &[[u32; 3]]) {
         match self {
             Self::Preview(preview) => preview.measure(face, triangles),
@@ -40,14 +40,14 @@ impl<'a> MeshRelief<'a> {
         }
     }
 
-    /// Those were all.
+    /// Ends the measurement after all triangles were given.
     pub(super) fn settle(&mut self) {
         if let Self::Pattern(pattern) = self {
             pattern.settle();
         }
     }
 
-    /// Members of sets of files that a face with these vertices looks at.
+    /// Members of sets of files that a face with these vertices looks up.
     pub(super) fn members(&self, face: u32, vertices: impl Iterator<Item = u32>) -> UdimMembers {
         match self {
             Self::Preview(preview) => {
@@ -59,7 +59,7 @@ impl<'a> MeshRelief<'a> {
         }
     }
 
-    /// Opens them.
+    /// Opens the texture levels of these members.
     pub(super) fn open(&mut self, heights: &HeightCache, members: &UdimMembers) {
         match self {
             Self::Preview(preview) => preview.open(heights, members[0]),
@@ -67,7 +67,7 @@ impl<'a> MeshRelief<'a> {
         }
     }
 
-    /// How far a vertex of a face is moved along normals.
+    /// Displacement of a vertex of a face along its normal.
     pub(super) fn height(&self, face: u32, vertex: u32, members: &UdimMembers) -> f64 {
         match self {
             Self::Preview(preview) => preview.height(face, vertex, members[0]),
@@ -76,7 +76,7 @@ impl<'a> MeshRelief<'a> {
         }
     }
 
-    /// Where it is moved to besides.
+    /// Displacement of a vertex as a vector, added to [`Self::height`].
     pub(super) fn vector(&self, face: u32, vertex: u32, members: &UdimMembers) -> DVec3 {
         match self {
             Self::Pattern(pattern) if pattern.is_vector() => pattern.vector(face, vertex, members),
@@ -84,7 +84,7 @@ impl<'a> MeshRelief<'a> {
         }
     }
 
-    /// What could not be read, for the user.
+    /// Messages for the user about textures that could not be read.
     pub(super) fn into_problems(self) -> Vec<String> {
         match self {
             Self::Preview(preview) => preview.into_problem().into_iter().collect(),

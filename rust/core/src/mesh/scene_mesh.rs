@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The meshes of a snapshot: summaries in memory, assets in memory as far as it goes, else in files.
+//! The meshes of a snapshot: summaries in memory, assets in memory as far as there is room, else in files.
 
 use std::ops::Deref;
 use std::sync::atomic::Ordering;
@@ -15,14 +15,14 @@ use super::summary::MeshSummary;
 use crate::again::again;
 use crate::texture::HeightCache;
 
-/// What tests have a payload say that is not to be built again either.
+/// Message of a test's payload that can be neither read nor built again.
 #[cfg(feature = "faults")]
 pub const LOST_FOR_GOOD: &str = "lost for good";
 
-/// Pauses before a read that failed is tried again.
+/// Pauses before each retry of a read that failed.
 const PAUSES: [Duration; 3] = [Duration::from_millis(100), Duration::from_millis(400), Duration::from_millis(1600)];
 
-/// Why the asset of a mesh cannot be had.
+/// Reason why the asset of a mesh cannot be read.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{path}: the mesh cannot be read back ({cause}), nor built again")]
 pub struct StoredError {
@@ -34,7 +34,7 @@ pub struct StoredError {
 #[derive(Debug)]
 pub(super) struct StoredAsset {
     payload: Arc<dyn PayloadSource>,
-    /// Of the assets of its recipe.
+    /// Number among the assets of its recipe.
     number: usize,
     key: Option<u128>,
     recipe: Arc<MeshRecipe>,
@@ -52,7 +52,7 @@ impl StoredAsset {
         Self { payload, number, key, recipe: recipe.clone(), shelf: shelf.clone() }
     }
 
-    /// Builds the asset again, where its file cannot be read any more.
+    /// Builds the asset again, if its file cannot be read any more.
     fn build_again(&self, summary: &MeshSummary, cause: &PayloadError) -> Option<Arc<MeshAsset>> {
         #[cfg(feature = "faults")]
         if *cause == PayloadError::Read(LOST_FOR_GOOD.into()) {
@@ -75,13 +75,13 @@ impl StoredAsset {
     }
 }
 
-/// A mesh of a snapshot. Derefs to what is known of it without reading a file.
+/// A mesh of a snapshot. It derefs to its summary, which is known without reading a file.
 #[derive(Debug)]
 pub struct SceneMesh {
     pub(super) summary: MeshSummary,
-    /// The asset, where it is in memory.
+    /// The asset, if it is in memory.
     pub(super) host: OnceLock<(Arc<MeshAsset>, HeldMemory)>,
-    /// Where else it is. One of both is there.
+    /// The asset in a file. At least one of `host` and `stored` is set.
     pub(super) stored: Option<StoredAsset>,
 }
 
@@ -94,9 +94,9 @@ impl Deref for SceneMesh {
 }
 
 impl SceneMesh {
-    /// The asset. Reads it from a file where it is not in memory; it is not kept then. Any thread. What cannot be read
-    /// is tried again within two seconds; where that fails, and where a file is damaged, builds the asset again on the
-    /// rayon pool, and keeps it.
+    /// The asset. Reads it from a file where it is not in memory; it is not kept then. Any thread. A failed read is
+    /// tried again within two seconds; if that fails, or if a file is damaged, the asset is built again on the rayon
+    /// pool, and kept.
     ///
     /// # Errors
     /// The file cannot be read, and the asset not be built again.
@@ -108,7 +108,7 @@ impl SceneMesh {
         let error = |cause| StoredError { path: path(self.stored.as_ref()), cause };
         let stored = self.stored.as_ref().ok_or_else(|| error(PayloadError::Damaged))?;
         let read = || payload::read(&self.summary, &*stored.payload);
-        // A disk may be busy or far away. What has failed in spite of that is not waited for with every mesh.
+        // A disk may be busy or far away. After a read has failed in spite of its retries, other meshes do not wait.
         let pauses = if stored.shelf.is_unreadable.load(Ordering::Relaxed) { &[][..] } else { &PAUSES };
         let wait = |pause| {
             if let Some(files) = &stored.shelf.files {
@@ -131,7 +131,7 @@ impl SceneMesh {
         }
     }
 
-    /// Bytes of host memory that [`Self::asset`] takes anew: those of an asset that is in a file, else none.
+    /// Bytes of host memory that [`Self::asset`] allocates: those of an asset that is in a file, else 0.
     #[must_use]
     pub fn bytes_to_read(&self) -> u64 {
         match (self.host.get(), &self.stored) {

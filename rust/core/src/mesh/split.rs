@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Large meshes to spatial clusters, each an asset of its own with its own hierarchy.
+//! Splits large meshes into spatial clusters, each an asset of its own with its own hierarchy.
 //!
 //! Guarantees: every triangle is in exactly one cluster; its corners, face number and attribute values keep their bits;
 //! the clusters depend on the mesh and on the size asked for only, not on the number of threads or on how many clusters
@@ -20,33 +20,34 @@ use super::{
 
 /// Expected nodes per 16 triangles. Measured: 3.7 to 4.0 for grids and closed surfaces, 3.4 to 3.5 for soups.
 const NODES_PER_16: u64 = 4;
-/// The same per 16 bundles of points.
+/// Number of nodes per 16 bundles of points.
 const NODES_PER_16_BUNDLES: u64 = 8;
-/// Clusters are planned this many sixteenths full, so that most need no second cut.
+/// Number of sixteenths to which clusters are planned to be full, so that most need no second cut.
 const FILL_16: u64 = 15;
 
 /// The order of triangles in the mesh that is split: the tie break of the cuts, hence part of the clusters' keys.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum TriangleOrder {
-    /// That of its hierarchy.
+    /// The order of the hierarchy.
     Bvh,
-    /// Authored.
+    /// The authored order.
     Authored,
 }
 
 /// A triangle while it is sorted into clusters. 16 bytes, so that cuts of large meshes stay in the cache.
 #[derive(Clone, Copy)]
 struct SplitTriangle {
-    /// Twice the centre of its box.
+    /// Twice the centre of the item's box.
     center: [f32; 3],
     triangle: u32,
 }
 
-/// What is split.
+/// The mesh that is split, and the order of its triangles.
 #[derive(Clone, Copy)]
 pub(super) struct SplitSource<'a> {
     pub(super) mesh: &'a MeshAsset,
-    /// Boxes of what is there of its triangles, empty where nothing is; none: all of each is.
+    /// Boxes of the parts of its triangles that cutouts keep, empty if nothing is kept; `None`: all triangles are
+    /// whole.
     pub(super) covered: Option<&'a [Aabb]>,
 }
 
@@ -64,7 +65,7 @@ struct MeshSplitter<'a> {
     source: SplitSource<'a>,
     mesh: &'a MeshAsset,
     max_bytes: u64,
-    /// Of an item at a key, with its radius.
+    /// Bytes of an item at one key, with its radius.
     item_bytes: u64,
 }
 
@@ -72,8 +73,8 @@ struct MeshSplitter<'a> {
 /// may take more. A mesh that fits gives one cluster.
 ///
 /// A cluster's `key` is the xxh3-128 of the mesh's key, `max_bytes`, the cluster's number and whether the triangles
-/// came in authored order or in that of a hierarchy: equal keys mean equal clusters.
-/// Attributes keep their rates; values of points that a cluster does not use are left out of it.
+/// came in authored order or in that of a hierarchy: equal keys mean equal clusters. Attributes keep their rates;
+/// values of points that a cluster does not use are left out of it.
 #[must_use]
 pub fn split_mesh(mesh: &MeshAsset, max_bytes: u64) -> Vec<MeshAsset> {
     let mut clusters = Vec::new();
@@ -83,8 +84,8 @@ pub fn split_mesh(mesh: &MeshAsset, max_bytes: u64) -> Vec<MeshAsset> {
     clusters
 }
 
-/// [`split_mesh`] for a mesh in any order; its own hierarchy is not looked at. Gives each cluster to `put`, in order;
-/// at most `at_once` are made side by side and wait for that, so that who puts them away needs memory for no more.
+/// As [`split_mesh`], for a mesh in any order; its own hierarchy is ignored. Gives each cluster to `put`, in order; at
+/// most `at_once` are made in parallel and wait for that, so that the caller needs memory for no more.
 pub(super) fn split_ordered(
     source: SplitSource<'_>,
     max_bytes: u64,
@@ -120,7 +121,7 @@ pub(super) fn split_ordered(
     }
 }
 
-/// Device bytes that the mesh will about take once it has a hierarchy: a function of its sizes only.
+/// Approximate device bytes of the mesh once it has a hierarchy: a function of its sizes only.
 pub(super) fn expected_bytes(mesh: &MeshAsset) -> u64 {
     let hierarchy = if mesh.bvh.nodes.is_empty() { node_bytes(mesh.kind, mesh.triangles.len() as u64) } else { 0 };
     mesh.device_bytes().saturating_add(hierarchy)
@@ -159,13 +160,13 @@ impl MeshSplitter<'_> {
         clusters
     }
 
-    /// One cluster of all `items`; `None` when that is too large and there is something to cut.
+    /// One cluster of all `items`; `None` if it is too large and can be cut.
     fn cluster(&self, items: &[SplitTriangle]) -> Option<MeshAsset> {
         if !self.fits(items) {
             return None;
         }
         let mut members: Vec<u32> = items.iter().map(|item| item.triangle).collect();
-        // The cuts leave them in no order worth keeping; neighbours in the mesh are often neighbours in space.
+        // The order after the cuts is not useful; neighbours in the mesh are often neighbours in space.
         members.sort_unstable();
         let boxes: Vec<Aabb> = members.iter().map(|&item| self.source.item_bounds(item)).collect();
         let (bvh, order) = build_bvh4_over(&boxes, self.mesh.kind);
@@ -178,7 +179,7 @@ impl MeshSplitter<'_> {
         (members.len() <= 1 || cluster.device_bytes() <= self.max_bytes).then_some(cluster)
     }
 
-    /// True when `items` will fit into a cluster, as far as that can be told without their hierarchy.
+    /// Returns true if `items` will fit into a cluster, as far as that can be estimated without their hierarchy.
     fn fits(&self, items: &[SplitTriangle]) -> bool {
         let count = items.len() as u64;
         let later = self.mesh.keys.times.len().saturating_sub(1) as u64;
@@ -203,7 +204,7 @@ impl MeshSplitter<'_> {
         constant + attributes.iter().sum::<u64>() + primvars + table <= self.max_bytes
     }
 
-    /// The points of the members' corners, sorted; empty where no attribute goes by points.
+    /// The points of the members' corners, sorted; empty if no attribute has values by point.
     fn points(&self, members: &[u32]) -> Vec<u32> {
         let mut points = pick(&self.mesh.corner_indices, members).into_flattened();
         points.sort_unstable();
@@ -213,7 +214,7 @@ impl MeshSplitter<'_> {
 }
 
 /// The triangles `order` of `mesh` as an asset with hierarchy `bvh`. With `points` (sorted) its corners and the values
-/// of attributes that go by points are cut down to these, else they stay as they are.
+/// by point are restricted to these, else they are unchanged.
 pub(super) fn arrange(mesh: &MeshAsset, bvh: Bvh4, order: &[u32], points: Option<&[u32]>) -> MeshAsset {
     let triangles = pick(&mesh.triangles, order);
     let mut corner_indices = pick(&mesh.corner_indices, order);
@@ -279,15 +280,16 @@ fn attribute_bytes<T>(attribute: Option<&Attribute<T>>, triangles: u64, points: 
     (values * size_of::<T>() as u64).next_multiple_of(SECTION_ALIGN)
 }
 
-/// `values` at `places`; empty when there are no values at all (places out of range, which cannot be, are skipped).
+/// `values` at `places`; empty if there are no values at all. Indices out of range, which cannot occur, are skipped.
 fn pick<T: Copy>(values: &[T], places: &[u32]) -> Vec<T> {
-    // Of just this size: a list that grows while it is made keeps up to twice its length for as long as it lives.
+    // Allocated with the exact size: a list that grows while it is made keeps up to twice its length for its whole
+    // life.
     let mut picked = Vec::with_capacity(if values.is_empty() { 0 } else { places.len() });
     picked.extend(places.iter().filter_map(|&i| values.get(i as usize).copied()));
     picked
 }
 
-/// Cuts `items` across their longest axis, `left` of `parts` to the first side.
+/// Cuts `items` across their longest axis, with `left` of `parts` on the first side.
 fn cut(items: &mut [SplitTriangle], left: u64, parts: u64) -> (&mut [SplitTriangle], &mut [SplitTriangle]) {
     let middle = usize::try_from(items.len() as u128 * u128::from(left) / u128::from(parts)).unwrap_or(0);
     let axis = longest_axis(items);

@@ -1,23 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where built meshes may be kept besides host memory. Who reads and writes files says so through traits. Any thread.
+//! Interfaces of the storage for built meshes outside host memory. The code that reads and writes files implements
+//! these traits. Any thread.
 
 use std::fmt::Debug;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Keeps what meshes were built to, as bytes.
+/// Stores built meshes, as bytes.
 ///
 /// Called by several threads at once; must not wait for work of the rayon pool.
 pub trait MeshFiles: Send + Sync + Debug {
-    /// True where an entry can be found again by another process: then all meshes are added, not only those for which
+    /// Returns true if another process can find an entry again: then all meshes are added, not only those for which
     /// there is no host memory.
     fn lasts(&self) -> bool;
 
-    /// The entry of a key, of this process or an earlier one.
+    /// The entry of a key, written by this process or an earlier one.
     fn find(&self, key: u128) -> Option<StoredEntry>;
 
-    /// Writes an entry: what is read at once, and what is read as it is needed, each payload in parts. Without a key it
-    /// is not found again. `None` where it cannot be written; the implementation has said so to the user.
+    /// Writes an entry: `head`, which is read at once, and payloads, which are read when they are needed, each given in
+    /// parts. An entry without a key is not found again. `None` if it cannot be written; the implementation has then
+    /// reported it to the user.
     fn add(&self, key: Option<u128>, head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn PayloadSource>>>;
 
     /// Takes note of an entry that can no longer be read.
@@ -30,28 +32,28 @@ pub trait MeshFiles: Send + Sync + Debug {
 /// An entry that was written before.
 #[derive(Debug)]
 pub struct StoredEntry {
-    /// As it was given to [`MeshFiles::add`].
+    /// Head as it was given to [`MeshFiles::add`].
     pub head: Vec<u8>,
-    /// One for each payload that was given.
+    /// Payloads, one for each that was given.
     pub payloads: Vec<Arc<dyn PayloadSource>>,
 }
 
-/// Bytes that are somewhere else.
+/// Bytes that are stored elsewhere and read on demand.
 pub trait PayloadSource: Send + Sync + Debug {
-    /// How many there are.
+    /// Number of bytes.
     fn size(&self) -> u64;
 
-    /// Reads all of them, into `parts` one after the other, which together are [`Self::size`] long.
+    /// Reads the whole payload into `parts` one after the other, which together have [`Self::size`] bytes.
     ///
     /// # Errors
-    /// They cannot be read, or are not those that were written; `parts` have any content then.
+    /// It cannot be read, or its bytes are not those that were written; `parts` have any content then.
     fn read(&self, parts: &mut [&mut [u8]]) -> Result<(), PayloadError>;
 }
 
-/// Why a payload cannot be had.
+/// Reason why a payload cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PayloadError {
-    /// What the system says.
+    /// The system's message about a read that failed.
     #[error("{0}")]
     Read(String),
     /// The content fails its hash, or has another length than expected.

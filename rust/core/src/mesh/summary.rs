@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is known of an asset without its arrays: enough to place it, plan its memory and lay it out on the device.
+//! The facts about an asset that are known without its arrays: enough to place it, plan its memory and lay it out on
+//! the device.
 
 use oocpt_abi::{AttributeRate, Bvh4Node};
 use serde::{Deserialize, Serialize};
@@ -9,9 +10,9 @@ use super::{Aabb, Attribute, LeafKind, MeshAsset, POINT_BYTES, PRIMVAR_BYTES, SE
 /// The shape of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AttributeSummary {
-    /// How values are found from a hit.
+    /// The rate, which tells how a value is found from a hit.
     pub rate: AttributeRate,
-    /// Floats of a value.
+    /// Number of floats of a value.
     pub width: u32,
     /// Number of values.
     pub values: u64,
@@ -20,54 +21,55 @@ pub struct AttributeSummary {
 /// The shape of a primvar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PrimvarSummary {
-    /// The number of its name.
+    /// Number of its name.
     pub id: u32,
-    /// Its values.
+    /// Shape of its values.
     pub values: AttributeSummary,
 }
 
-/// See the module. Fields are those of [`MeshAsset`], arrays by their lengths.
+/// The fields of a [`MeshAsset`], with the lengths of arrays in place of their contents.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeshSummary {
     /// Content hash.
     pub key: u128,
-    /// Box of what rays can meet of the triangles.
+    /// Box of the parts of the triangles that rays can meet.
     pub bounds: Aabb,
     /// Box of all triangles.
     pub whole: Aabb,
-    /// Boxes of triangles are those of what is there of them.
+    /// True if the boxes of triangles enclose only the parts that cutouts keep.
     pub is_clipped: bool,
-    /// What the triangles are.
+    /// Kind of the items in `triangles`.
     pub kind: LeafKind,
-    /// False: seen from the front only.
+    /// True if it is seen from both sides, false if from the front only.
     pub double_sided: bool,
-    /// The geometric normal is minus the right-handed one.
+    /// True if the geometric normal is minus the right-handed one.
     pub left_handed: bool,
-    /// Nodes of the hierarchy.
+    /// Number of nodes of the hierarchy.
     pub nodes: u64,
-    /// Stack entries that suffice for a walk of it.
+    /// Number of stack entries that suffice to walk the hierarchy.
     pub stack: u32,
     /// Number of triangles.
     pub triangles: u64,
-    /// Triangles that have point indices: all or none.
+    /// Number of triangles with point indices: all or none.
     pub corner_indices: u64,
-    /// Shading normals.
+    /// Shape of the shading normals.
     pub normals: Option<AttributeSummary>,
-    /// `displayColor`.
+    /// Shape of `displayColor`.
     pub colors: Option<AttributeSummary>,
-    /// `displayOpacity`.
+    /// Shape of `displayOpacity`.
     pub opacities: Option<AttributeSummary>,
-    /// Primvars.
+    /// Shapes of the primvars.
     pub primvars: Vec<PrimvarSummary>,
-    /// Triangles that have the number of a subset: all or none.
+    /// Number of triangles with the number of a subset: all or none.
     pub subsets: u64,
-    /// Triangles that have a place in a Ptex file: all or none.
+    /// Number of triangles with a place in a Ptex file: all or none.
     pub ptex: u64,
-    /// Keys of what moves while the shutter is open, two or more; else 0.
+    /// Number of keys of a moving mesh, two or more; else 0.
     pub keys: u64,
-    /// Triangles that have normals for each of the later keys: all or none.
+    /// Number of triangles that have normals for each of the later keys: all or none.
     pub key_normals: u64,
-    /// Of points: 1 where all have the same radius at all times, else one for each at each key; 0 for all else.
+    /// Number of radii of points: 1 if all have the same radius at all times, else one for each at each key; 0 for
+    /// other kinds.
     pub radii: u64,
 }
 
@@ -84,7 +86,7 @@ fn attribute<T>(attribute: Option<&Attribute<T>>) -> Option<AttributeSummary> {
     attribute.map(|a| AttributeSummary { rate: a.rate, width, values: a.values.len() as u64 })
 }
 
-/// [`MeshSummary::radii`].
+/// Number of radii, as [`MeshSummary::radii`].
 fn radii(mesh: &MeshAsset) -> u64 {
     if mesh.kind != LeafKind::Points {
         return 0;
@@ -129,7 +131,7 @@ impl MeshSummary {
         }
     }
 
-    /// Triangles of all keys.
+    /// Number of triangles of all keys.
     #[must_use]
     pub fn posed_triangles(&self) -> u64 {
         self.triangles.saturating_mul(self.keys.max(1))
@@ -141,7 +143,7 @@ impl MeshSummary {
         if self.kind == LeafKind::Points { POINT_BYTES } else { TRIANGLE_BYTES }
     }
 
-    /// Bytes of the triangles of all keys, and of the keys' times and the radii of points behind them.
+    /// Bytes of the triangles of all keys, followed by the keys' times and the radii of points.
     #[must_use]
     pub fn triangle_bytes(&self) -> u64 {
         let behind = self.keys.saturating_add(self.radii).saturating_mul(4);

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Frames at the vertices of a mesh that was cut, for displacements along tangents. Pure.
+//! Tangent frames at the vertices of a mesh that was cut, for displacements along tangents. Pure.
 
 use glam::{DVec2, DVec3, Vec3};
 
-/// Tangent, bitangent and normal: unit vectors at right angles to each other.
+/// Tangent, bitangent and normal: perpendicular unit vectors.
 pub(super) type TangentFrame = [DVec3; 3];
 
-/// Where u and v grow around each vertex.
+/// Directions in which u and v grow around each vertex.
 #[derive(Clone, Copy, Default)]
 struct UvGradients {
     u: DVec3,
     v: DVec3,
 }
 
-/// See the module.
+/// Tangent frames at the vertices of a mesh.
 #[derive(Default)]
 pub(super) struct TangentField {
     around: Vec<UvGradients>,
@@ -24,14 +24,14 @@ impl TangentField {
         Self { around: vec![UvGradients::default(); vertices] }
     }
 
-    /// Adds a triangle: its vertices, where they are, their texture coordinates. It counts by its area.
+    /// Adds a triangle: its vertices, their positions and their texture coordinates. It is weighted by its area.
     pub(super) fn add(&mut self, triangle: &[u32; 3], corners: [DVec3; 3], st: [DVec2; 3]) {
         let [e, f] = [corners[1] - corners[0], corners[2] - corners[0]];
         let [x, y] = [st[1] - st[0], st[2] - st[0]];
         let side = x.perp_dot(y).signum();
         let area = e.cross(f).length();
         let unit = |along: DVec3| (along * side).try_normalize();
-        // Both over the same determinant, which decides the side.
+        // Both are divided by the same determinant, whose sign decides the side.
         let (Some(u), Some(v)) = (unit(e * y.y - f * x.y), unit(f * x.x - e * y.x)) else { return };
         if x.perp_dot(y) == 0.0 || !area.is_finite() {
             return;
@@ -44,11 +44,12 @@ impl TangentField {
         }
     }
 
-    /// The frame of a vertex whose unit normal is known: the tangent is where u grows, less what it has of the normal,
-    /// or anywhere at right angles to it where u grows nowhere; the bitangent is on the side where v grows.
+    /// The frame of a vertex whose unit normal is known. The tangent is the direction in which u grows, made
+    /// perpendicular to the normal, or any perpendicular direction if u grows nowhere; the bitangent is on the side on
+    /// which v grows.
     pub(super) fn frame(&self, vertex: u32, normal: DVec3) -> TangentFrame {
         let UvGradients { u, v } = self.around.get(vertex as usize).copied().unwrap_or_default();
-        // What is left of two that are nearly parallel is rounding.
+        // The difference of two nearly parallel vectors is rounding.
         let lies = u.try_normalize().map(|u| u - normal * normal.dot(u)).filter(|t| t.length_squared() > 1e-12);
         let Some(tangent) = lies.and_then(DVec3::try_normalize) else {
             let (tangent, bitangent) = normal.any_orthonormal_pair();
@@ -86,7 +87,7 @@ mod tests {
         near(frame([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], z), [x, y, z]);
         near(frame([[0.0, 0.0], [-1.0, 0.0], [0.0, 1.0]], z), [-x, y, z]);
         near(frame([[5.0, 5.0], [5.0, 4.0], [7.0, 5.0]], z), [y, -x, z]);
-        // Sheared: at right angles to the tangent, on the side of v.
+        // A sheared mapping: perpendicular to the tangent, on the side of v.
         near(frame([[0.0, 0.0], [3.0, 0.0], [0.5, -0.5]], z), [x, -y, z]);
         let normal = DVec3::new(0.6, 0.0, 0.8);
         let tangent = DVec3::new(0.8, 0.0, -0.6);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Checking the authored topology: which faces are usable, which are holes. Drops single faces, never trusts a number.
-//! Pure.
+//! Checks the authored topology: finds the usable faces and the holes. It drops single faces and trusts no number of
+//! the input. Pure.
 
 use super::triangulate::MAX_FACE_CORNERS;
 use crate::array::{ArrayView, ElementType};
 use crate::desc::{DroppedData, MeshDesc};
 
-/// Most corners of a mesh; keeps every index below 2^32.
+/// Largest number of corners of a mesh; keeps every index below 2^32.
 pub(crate) const MAX_CORNERS: usize = 1 << 29;
 /// Largest coordinate: areas and box surfaces stay finite in single precision.
 pub(crate) const MAX_COORDINATE: f64 = 1e18;
@@ -18,9 +18,9 @@ pub(crate) struct MeshFace {
     pub(crate) index: u32,
     /// Its first corner in `face_vertex_indices`.
     pub(crate) first: u32,
-    /// Its corners, 3 or more.
+    /// Number of its corners, 3 or more.
     pub(crate) count: u32,
-    /// Not drawn, though smooth normals know it.
+    /// True if it is not drawn, though smooth normals take it into account.
     pub(crate) is_hole: bool,
 }
 
@@ -33,11 +33,11 @@ pub(crate) struct MeshTopology {
     pub(crate) corners: Vec<u32>,
     /// Positions; those of usable faces are finite.
     pub(crate) points: Vec<[f32; 3]>,
-    /// Authored faces.
+    /// Number of authored faces.
     pub(crate) face_count: usize,
 }
 
-/// Reads and checks the topology of `desc`. `None` when nothing is usable; `dropped` says why.
+/// Reads and checks the topology of `desc`. `None` if nothing is usable; `dropped` has the reason.
 pub(crate) fn read_topology(desc: &MeshDesc, dropped: &mut DroppedData) -> Option<MeshTopology> {
     let counts = desc.face_vertex_counts.view();
     let indices = desc.face_vertex_indices.view();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Faces to triangles: n - 2 triangles per simple n-gon, same orientation as the face. Pure and deterministic.
+//! Turns faces into triangles: n - 2 triangles per simple n-gon, same orientation as the face. Pure and deterministic.
 //!
 //! Convex faces become fans; others are projected on the plane of Newell's normal and clipped ear by ear, best ear
 //! first, so that corners on a straight edge stay in use (no cracks at T-vertices). Very large faces go to `earcut`.
@@ -7,9 +7,9 @@
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
-/// Largest face we accept.
+/// Largest number of corners of a face that is accepted.
 pub(crate) const MAX_FACE_CORNERS: usize = 1 << 20;
-/// Above this many corners the quadratic ear clipping gives way to `earcut`.
+/// Number of corners above which `earcut` replaces the quadratic ear clipping.
 const MAX_CLIPPED_CORNERS: usize = 256;
 
 /// Triangles as corner numbers inside the face.
@@ -45,7 +45,7 @@ impl FaceTriangulator {
 
     fn polygon(&mut self, points: &[DVec3], normal: DVec3, out: &mut EarTriangles) {
         let Some(normal) = normal.try_normalize() else {
-            // No plane: a face without area, or one that cancels itself out.
+            // There is no plane: the face has no area, or cancels itself out.
             return fan(points.len(), out);
         };
         let (x, y) = normal.any_orthonormal_pair();
@@ -93,7 +93,7 @@ impl FaceTriangulator {
         self.earcut.earcut::<u32>(flat.iter().map(|p| p.to_array()), &[], &mut self.flat_indices);
         for ear in self.flat_indices.as_chunks::<3>().0 {
             let [a, b, c] = ear.map(|i| flat[i as usize]);
-            // The projection has positive area; earcut's own orientation is not promised.
+            // The projection has positive area; earcut does not guarantee an orientation.
             out.push(if (b - a).perp_dot(c - a) < 0.0 { [ear[0], ear[2], ear[1]] } else { *ear });
         }
     }
@@ -114,7 +114,7 @@ fn fan(corners: usize, out: &mut EarTriangles) {
     out.extend((1..last).map(|i| [0, i, i + 1]));
 }
 
-/// Splits on the diagonal whose triangles face the same way; among two such, on the one with the rounder triangles.
+/// Splits on the diagonal whose triangles face the same way; if both do, on the one with the rounder triangles.
 fn split_quad(p: [DVec3; 4]) -> [[u32; 3]; 2] {
     let quality = |split: &[[u32; 3]; 2]| {
         let [n, m] = split.map(|t| {
@@ -133,7 +133,7 @@ fn split_quad(p: [DVec3; 4]) -> [[u32; 3]; 2] {
     if second > first { splits[1] } else { splits[0] }
 }
 
-/// True when every corner turns left, strictly, and the outline goes round once.
+/// Returns true if every corner turns left, strictly, and the outline goes round once.
 fn is_convex(flat: &[DVec2]) -> bool {
     let n = flat.len();
     let mut turns_of_x = 0;
@@ -149,7 +149,7 @@ fn is_convex(flat: &[DVec2]) -> bool {
     turns_of_x == 2
 }
 
-/// How round the triangle at corner `at` of the ring is, in (0, 1]; at most 0 when it is no ear. Blocked convex corners
+/// Roundness of the triangle at corner `at` of the ring, in (0, 1]; at most 0 if it is no ear. Blocked convex corners
 /// rank above reflex ones, so that something sensible is clipped from outlines that cross themselves.
 fn ear_quality(flat: &[DVec2], ring: &[EarCorner], at: usize) -> f64 {
     let n = ring.len();
@@ -162,7 +162,7 @@ fn ear_quality(flat: &[DVec2], ring: &[EarCorner], at: usize) -> f64 {
         return quality.min(0.0) - 2.0;
     }
     let inside = |p: DVec2| {
-        // Corners at the same place as a, b or c do not block.
+        // Corners at the same position as a, b or c do not block.
         p != a && p != b && p != c && sides(a, b, c, p).into_iter().all(|s| s >= 0.0)
     };
     let blocked = (at + 2..at + n - 1).any(|k| inside(corner(k)));

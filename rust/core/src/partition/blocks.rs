@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Boxes of stretches of a chunk's records, so that an edit of a few records needs not measure all others again.
+//! Boxes of consecutive records of a chunk, so that an edit of a few records need not measure all others again.
 //!
-//! A block knows the outermost numbers of its records and how many records reach each: as long as one that does stays,
-//! taking records out changes nothing. How a chunk is divided into blocks depends on its past, what all blocks together
-//! say does not: maxima of numbers that follow from each record alone.
+//! A block has the extreme values of its records and the number of records that reach each: as long as one of them
+//! stays, removing records changes nothing. The division of a chunk into blocks depends on its history; the maxima over
+//! all blocks do not, because they are maxima of numbers that follow from each record alone.
 
 use super::lattice::MortonLattice;
 use super::peaks::RecordPeaks;
 use crate::instancing::item::PlacementItem;
 
-/// Records of a new block.
+/// Number of records of a new block.
 pub(crate) const BLOCK: u32 = 256;
 
 /// Consecutive records of a chunk.
@@ -20,7 +20,7 @@ pub(crate) struct RecordBlock {
     peaks: [f32; 7],
     /// Number of records.
     pub(crate) len: u32,
-    /// Records that reach each peak.
+    /// Number of records that reach each peak.
     ties: [u16; 7],
 }
 
@@ -45,20 +45,20 @@ impl RecordBlock {
         blocks
     }
 
-    /// True when the block is one of these items, whatever it was before.
+    /// Returns true if the block consists of these items, whatever it was before.
     pub(crate) fn is_of(&self, items: &[PlacementItem], lattice: &MortonLattice) -> bool {
         let mut block = Self { len: 0, peaks: [f32::NEG_INFINITY; 7], ..*self };
         items.iter().for_each(|item| block.add(lattice.peaks(item)));
         *self == block && items.first().is_some_and(|item| item.code() == self.first)
     }
 
-    /// The outermost numbers.
+    /// The extreme values of the block's records.
     pub(crate) fn peaks(&self) -> RecordPeaks {
         let [a, b, c, d, e, f, g] = self.peaks;
         RecordPeaks([a, b, c, d, e, f, g, 0.0])
     }
 
-    /// Puts records in.
+    /// Adds records with these peaks.
     pub(crate) fn add(&mut self, item: RecordPeaks) {
         for ((peak, ties), v) in self.peaks.iter_mut().zip(&mut self.ties).zip(item.0) {
             if v > *peak {
@@ -70,7 +70,7 @@ impl RecordBlock {
         self.len += 1;
     }
 
-    /// Takes a record out; false when what is left must be measured.
+    /// Removes a record; returns false if the remaining ones must be measured.
     #[must_use]
     pub(crate) fn remove(&mut self, item: RecordPeaks) -> bool {
         let mut known = true;
@@ -85,7 +85,7 @@ impl RecordBlock {
     }
 }
 
-/// A block in the making.
+/// A block under construction.
 struct OpenBlock {
     first: u64,
     len: u32,

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Buckets: stretches of an assembly's order that hold about as many items each, found from a sample before any item is
+//! Buckets: intervals of an assembly's order that hold about as many items each, found from a sample before any item is
 //! made, as samplesort does.
 //!
 //! The codes are divided into cells, which are Morton prefixes, finer where samples are dense. A cell with samples is a
-//! bucket; items in cells without are strays, which are few. What the buckets are decides nothing but how much memory a
+//! bucket; items in cells without are strays, which are few. The choice of buckets affects only how much memory a
 //! partition takes.
 
 // Source: W. D. Frazer and A. C. McKellar, "Samplesort: a sampling approach to minimal storage tree sorting", Journal
@@ -17,17 +17,17 @@ use crate::instancing::item::PlacementItem;
 use crate::instancing::scan::{ItemBucketing, UNUSABLE};
 use crate::mesh::Aabb;
 
-/// In place of a bucket: the item is in a cell without samples.
+/// Stands in place of a bucket for an item in a cell without samples.
 pub(crate) const STRAY: u8 = UNUSABLE - 1;
-/// Most cells. Fits the 16 bits of [`OrderBuckets::first`].
+/// Largest number of cells. Fits the 16 bits of [`OrderBuckets::first`].
 const MAX_CELLS: usize = 4096;
-/// Bits of a code that are looked up in tables.
+/// Number of bits of a code that are looked up in tables.
 const TABLE_BITS: u32 = 16;
-/// One sample in so many at either end may be outside the tables.
+/// At most one in so many samples at either end is outside the tables.
 const FEW: usize = 64;
-/// Samples that are wanted of an assembly.
+/// Number of samples that are wanted of an assembly.
 const SAMPLES: u64 = 1 << 18;
-/// Buckets of what is partitioned at a time.
+/// Number of buckets that are partitioned at a time.
 const BUCKETS_AT_ONCE: u64 = 8;
 
 /// The buckets of an assembly's order.
@@ -35,12 +35,11 @@ const BUCKETS_AT_ONCE: u64 = 8;
 pub(crate) struct OrderBuckets {
     lattice: MortonLattice,
     cells: Vec<BucketCell>,
-    /// Where most codes are: the smallest one there may be, and the number of bits below those that the tables tell
-    /// apart.
+    /// The range of most codes: the smallest code, and the number of bits below those that the tables distinguish.
     dense: (u64, u32),
-    /// By the upper bits of a code there: the bucket, or [`UNUSABLE`] where cells begin among such codes.
+    /// Bucket by the upper bits of a code there, or [`UNUSABLE`] if cells begin among such codes.
     table: Vec<u8>,
-    /// By the upper bits: the cell of the smallest such code; and of the largest of all.
+    /// Cell of the smallest code by the upper bits; the last entry is that of the largest of all.
     first: Vec<u16>,
 }
 
@@ -53,7 +52,7 @@ pub(crate) struct BucketCell {
     pub(crate) bucket: u8,
 }
 
-/// A cell in the making; the fullest is the greatest.
+/// A cell under construction; the fullest is the greatest.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct OpenCell {
     samples: usize,
@@ -63,19 +62,19 @@ struct OpenCell {
 }
 
 impl OrderBuckets {
-    /// How far apart the samples of `records` placements are.
+    /// Distance between the samples of `records` placements.
     pub(crate) fn stride(records: u64) -> usize {
         usize::try_from(records / SAMPLES).unwrap_or(usize::MAX).max(1)
     }
 
     /// Buckets of an assembly of `records` placements, of which about `at_once` may become items at a time. The lattice
-    /// is that of the samples: that of all members most likely.
+    /// is that of the samples, which most likely equals that of all members.
     pub(crate) fn of_samples(samples: &[(Aabb, PlacementItem)], records: u64, at_once: u64) -> Self {
         let bounds = samples.iter().fold(Aabb::EMPTY, |all, (bounds, _)| all.union(bounds));
         Self::on(MortonLattice::around(&bounds), samples, records, at_once)
     }
 
-    /// The same on a given lattice.
+    /// As [`Self::of_samples`], on a given lattice.
     pub(crate) fn on(lattice: MortonLattice, samples: &[(Aabb, PlacementItem)], records: u64, at_once: u64) -> Self {
         let code = |(_, mut item): (Aabb, PlacementItem)| {
             lattice.place(&mut item, 0);
@@ -87,7 +86,7 @@ impl OrderBuckets {
         Self::of_codes(lattice, &codes, usize::try_from(full).unwrap_or(usize::MAX).max(1))
     }
 
-    /// Buckets of at most `full` of the sorted codes where that is possible.
+    /// Buckets of at most `full` of the sorted codes, if that is possible.
     fn of_codes(lattice: MortonLattice, codes: &[u64], full: usize) -> Self {
         let mut open = BinaryHeap::from([OpenCell { samples: codes.len(), start: 0, bits: 0, first: 0 }]);
         let mut done: Vec<OpenCell> = Vec::new();
@@ -139,7 +138,7 @@ impl OrderBuckets {
         Self { lattice, cells, dense: (start, lower_bits), table, first }
     }
 
-    /// Where the codes come from.
+    /// The lattice of the codes.
     pub(crate) fn lattice(&self) -> MortonLattice {
         self.lattice
     }
@@ -168,8 +167,8 @@ impl OrderBuckets {
         }
     }
 
-    /// Ranges of cells that cutting everything would come to: it cuts what has more than `most` items, whatever they
-    /// are. Each has at most `most`, of which `counts` tells the number in each cell, or is one cell. None is empty.
+    /// Ranges of cells into which cutting would divide all items: it cuts every range with more than `most` items. Each
+    /// range has at most `most` items, by the number in each cell in `counts`, or is one cell. None is empty.
     pub(crate) fn cuts(&self, counts: &[u64], most: u64) -> Vec<Range<usize>> {
         let mut cuts = Vec::new();
         let all = 0..self.cells.len().min(counts.len());
@@ -182,7 +181,7 @@ impl OrderBuckets {
                 cuts.push(first..last + 1);
                 continue;
             }
-            // Cells are prefixes, and none holds another: the first bit in which two of them differ is that of their
+            // Cells are prefixes, and none contains another: the first bit in which two of them differ is that of their
             // members.
             let bit = 1_u64 << differing.ilog2();
             let at = first + self.cells[first..=last].partition_point(|cell| cell.start & bit == 0);
@@ -262,7 +261,7 @@ mod tests {
         }
     }
 
-    /// What cutting of more than `most` sorted codes in halves by their highest differing bit comes to.
+    /// The result of cutting more than `most` sorted codes in halves by their highest differing bit.
     fn cut(codes: &[u64], most: usize, out: &mut Vec<usize>) {
         let differing = codes.first().zip(codes.last()).map_or(0, |(first, last)| first ^ last);
         if codes.len() <= most || differing == 0 {
@@ -278,7 +277,7 @@ mod tests {
     #[test]
     fn cuts_follow_the_morton_codes() {
         let codes = codes(40_000);
-        // Samples know nothing of the sparse cluster.
+        // Samples miss the sparse cluster.
         let samples: Vec<u64> = codes.iter().copied().filter(|code| code >> 32 != 0x1234_5678).step_by(10).collect();
         let buckets = OrderBuckets::of_codes(MortonLattice::around(&Aabb::EMPTY), &samples, 20);
         let starts =

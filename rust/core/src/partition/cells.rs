@@ -18,22 +18,22 @@ use super::peaks::RecordPeaks;
 use crate::instancing::assembly::InstanceTarget;
 use crate::instancing::item::PlacementItem;
 
-/// A cell is cut where one of its halves is smaller than its box by more than this: in a chunk's frame of single
+/// A cell is cut if one of its halves is smaller than its box by more than this factor: in a chunk's frame of single
 /// precision the half would have 6 bits fewer than in its own.
 const APART: f64 = 64.0;
 /// Cells with more members are cut in parallel.
 const PARALLEL: u64 = 1 << 15;
 
-/// A stretch of an assembly's order. Stretches of one list follow each other.
+/// A part of an assembly's order. The parts of one list are consecutive.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum OrderPiece<'a> {
-    /// A chunk from before, whole and unchanged.
+    /// A chunk from an earlier partition, whole and unchanged.
     Kept(&'a Arc<Chunk>),
     /// Sorted items, at least one.
     Loose(&'a [PlacementItem]),
 }
 
-/// What cutting needs to know of the assembly.
+/// The data of the assembly that cutting needs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ChunkCutter<'a> {
     pub(crate) rule: &'a CutRule<'a>,
@@ -104,7 +104,7 @@ impl ChunkCutter<'_> {
         self.both(&left, &right, records)
     }
 
-    /// Whether [`is_scattered`] says so of the cell. A chunk from before that is the cell was found not to be.
+    /// Returns true if [`is_scattered`] says so of the cell. A chunk from before that is the cell was found not to be.
     fn is_scattered(&self, pieces: &[OrderPiece<'_>]) -> bool {
         let records: u64 = pieces.iter().map(OrderPiece::len).sum();
         let is_known = matches!(pieces, [OrderPiece::Kept(_)]) || self.roster.keeps_frame;
@@ -121,7 +121,7 @@ impl ChunkCutter<'_> {
         left
     }
 
-    /// What the pieces place, and how often.
+    /// The targets of the pieces, with the number of placements of each.
     fn targets(&self, pieces: &[OrderPiece<'_>]) -> Vec<(InstanceTarget, u64)> {
         let mut placed: FxHashMap<u32, u64> = FxHashMap::default();
         for piece in pieces {
@@ -186,8 +186,7 @@ impl ChunkCutter<'_> {
         out
     }
 
-    /// The items of a chunk from before, measured again from its own arrays. Records of members that are gone are left
-    /// out.
+    /// The items of an earlier chunk, measured again from its own arrays. Records of removed members are left out.
     pub(crate) fn melt(&self, chunk: &Chunk) -> Vec<PlacementItem> {
         let members = chunk.members();
         let numbers: Vec<Option<u32>> = chunk.ids.iter().map(|id| self.member_of.get(id).copied()).collect();
@@ -207,9 +206,9 @@ impl ChunkCutter<'_> {
     }
 }
 
-/// Whether sorted items, where they would be cut, fall into parts of which one is far smaller than all of them
-/// together: in one chunk, with a frame of single precision about the middle of all, that part would lose what tells
-/// its points apart. Never of items of equal codes, nor of more than [`SCATTERED`].
+/// Returns true if sorted items, where they would be cut, fall into parts of which one is far smaller than all of them
+/// together: in one chunk, with a frame of single precision about the middle of all, the points of that part could not
+/// be distinguished. Never true for items of equal codes, nor for more than [`SCATTERED`].
 pub(crate) fn is_scattered(items: &[PlacementItem], lattice: &MortonLattice) -> bool {
     let (Some(first), Some(last)) = (items.first(), items.last()) else { return false };
     let differing = first.code() ^ last.code();

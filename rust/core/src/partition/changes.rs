@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What became of an opened assembly's members since its last partition, and what that means for a chunk. Pure.
+//! The changes of an opened assembly's members since its last partition, and their consequences for a chunk. Pure.
 
 use std::sync::Arc;
 
@@ -9,28 +9,28 @@ use super::chunk::Chunk;
 use crate::instancing::assembly::AssemblyMember;
 use crate::instancing::diff::ChangedNumbers;
 
-/// What became of the members since the last time.
+/// The changes of the members since the last partition.
 #[derive(Debug, Default)]
 pub(super) struct MemberChanges {
     /// Lasting id of each present member, in the order of the assembly; unused for those without records in chunks.
     pub(super) ids: Vec<u32>,
-    /// Number of the member of each lasting id that is still there.
+    /// Number of the member of each lasting id that still exists.
     pub(super) member_of: FxHashMap<u32, u32>,
     /// Members all of whose records are new, by number.
     pub(super) added: Vec<u32>,
-    /// Members with some changed records: number, old place among the known ones, ranks.
+    /// Members with some changed records: number, old index among the known ones, ranks.
     pub(super) edited: Vec<(u32, usize, Arc<Vec<u32>>)>,
     /// Ids with another run but the same records where not edited.
     pub(super) rebound: FxHashSet<u32>,
-    /// Ids whose instances have other values of primvars: which, or `None` for all.
+    /// Ids whose instances have other values of primvars: which ones, or `None` for all.
     pub(super) revalued: FxHashMap<u32, Option<ChangedNumbers>>,
-    /// True when the records of members that are gone are taken out one by one.
+    /// True if the records of removed members are removed one by one.
     pub(super) takes_gone_records: bool,
     pub(super) next_id: u32,
 }
 
 impl MemberChanges {
-    /// True when some record of a chunk has another value of a primvar.
+    /// Returns true if some record of a chunk has another value of a primvar.
     pub(super) fn revalues(&self, chunk: &Chunk) -> bool {
         if self.revalued.is_empty() {
             return false;
@@ -51,7 +51,7 @@ impl MemberChanges {
         (0..chunk.len()).any(|at| is_revalued(at) == Some(true))
     }
 
-    /// Placements that are not as they were.
+    /// Number of placements that changed.
     pub(super) fn fresh(&self, members: &[AssemblyMember]) -> u64 {
         let added = self.added.iter().filter_map(|&number| members.get(number as usize));
         let edited = self.edited.iter().map(|(.., ranks)| ranks.len() as u64);
@@ -64,7 +64,7 @@ impl MemberChanges {
         self.edited.iter().map(|(number, _, ranks)| (id(*number), &ranks[..])).collect()
     }
 
-    /// True when some record of a chunk is one of these.
+    /// Returns true if some record of a chunk is among the edited ones.
     pub(super) fn edits(&self, edited: &FxHashMap<u32, &[u32]>, chunk: &Chunk) -> bool {
         let edited: Vec<_> = chunk.ids.iter().map(|id| edited.get(id)).collect();
         let is_edited = |at: usize| {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Chunks: stretches of an assembly's records in Morton order, in a frame of their own.
+//! Chunks: consecutive records of an assembly in Morton order, in a frame of their own.
 //!
-//! A chunk holds no record: it knows which placements it has (4 to 6 bytes each, 8 of more than 65 536 members) and
-//! computes the records on demand from the borrowed arrays. Immutable to its users; any thread.
+//! A chunk stores no record: it lists its placements (4 to 6 bytes each, 8 of more than 65 536 members) and computes
+//! the records on demand from the borrowed arrays. It is immutable to its users; any thread.
 
 use std::ops::Range;
 use std::sync::{Arc, PoisonError, RwLock};
@@ -21,17 +21,17 @@ use crate::instancing::placement::{MATRIX_ERROR, round_down, round_up};
 use crate::instancing::reader::RunReader;
 use crate::mesh::Aabb;
 
-/// Cells with more members are not looked at for what is small in a large box: patches may keep them as they are.
+/// Cells with more members are not tested for small parts in a large box: patches may keep them as they are.
 pub(crate) const SCATTERED: usize = 64;
 
 /// Rounding of f64 frames, relative to the distance of the origin.
 const FRAME_ERROR: f64 = 1.0 / (1_u64 << 50) as f64;
-/// Room for the rounding of the bounds' own computation.
+/// Factor that makes room for the rounding of the bounds' own computation.
 const SLACK: f64 = 1.0 + 1.0 / 65_536.0;
 
-/// Records whose data is touched before they are computed.
+/// Number of records whose data is touched before they are computed.
 const BATCH: usize = 64;
-/// Members whose readers are kept during an encode.
+/// Number of members whose readers are kept during an encode.
 const KEPT_READERS: usize = 256;
 
 /// Instance records that are loaded and evicted together.
@@ -42,48 +42,48 @@ pub struct Chunk {
     bounds: Aabb,
     targets: Vec<InstanceTarget>,
     columns: Vec<InstanceColumn>,
-    /// Some record has keys.
+    /// True if some record has keys.
     moves: bool,
     /// Morton codes of the first and the last record.
     pub(crate) codes: [u64; 2],
-    /// Members that have records here, in the order of the assembly: lasting ids, and the number of records.
+    /// Members that have records in the chunk, in the order of the assembly: lasting ids, and the number of records.
     pub(crate) ids: Vec<u32>,
     pub(crate) counts: Vec<u32>,
-    /// Where the records come from, in the order of `ids`. Replaced when arrays are, if that changes no record here.
+    /// Members of the records, in the order of `ids`. Replaced when arrays are, if that changes no record of the chunk.
     members: RwLock<Arc<[AssemblyMember]>>,
     /// Rank of each record.
     pub(crate) ranks: Vec<u32>,
-    /// Which of `ids` each record is of; empty when there is one only.
+    /// Index into `ids` of each record; empty if there is only one id.
     pub(crate) which: IndexSet,
-    /// Boxes of stretches of records.
+    /// Boxes of consecutive records.
     pub(crate) blocks: Vec<RecordBlock>,
 }
 
-/// What a chunk is made of.
+/// The inputs of a chunk.
 #[derive(Debug)]
 pub(crate) struct ChunkContent {
-    /// As [`Chunk::codes`].
+    /// Codes, as [`Chunk::codes`].
     pub(crate) codes: [u64; 2],
     /// Numbers of the members that have records here, in order.
     pub(crate) present: Vec<u32>,
-    /// Records of each.
+    /// Number of records of each member.
     pub(crate) counts: Vec<u32>,
-    /// As [`Chunk::ranks`].
+    /// Ranks, as [`Chunk::ranks`].
     pub(crate) ranks: Vec<u32>,
-    /// As [`Chunk::which`].
+    /// Indices, as [`Chunk::which`].
     pub(crate) which: IndexSet,
-    /// All of the records.
+    /// Blocks of all records.
     pub(crate) blocks: Vec<RecordBlock>,
 }
 
 /// The members of an assembly while it is partitioned.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AssemblyMembers<'a> {
-    /// In the order of the assembly.
+    /// Members in the order of the assembly.
     pub(crate) members: &'a [AssemblyMember],
-    /// The lasting id of each.
+    /// Lasting id of each member.
     pub(crate) ids: &'a [u32],
-    /// True when all chunks keep the assembly's frame.
+    /// True if all chunks keep the assembly's frame.
     pub(crate) keeps_frame: bool,
 }
 
@@ -146,7 +146,7 @@ impl Chunk {
         Self { key: 0, origin, bounds, targets, columns, moves, codes, ids, counts, members, ranks, which, blocks }
     }
 
-    /// A stamp, unique in its [`crate::scene::SceneDb`]: chunks of equal keys have the same records bit for bit, a
+    /// A stamp, unique in its [`crate::scene::SceneDb`]: chunks of equal keys have the same records bit for bit, and a
     /// chunk that an edit did not touch keeps its key.
     #[must_use]
     pub fn key(&self) -> u64 {
@@ -159,7 +159,7 @@ impl Chunk {
         self.origin
     }
 
-    /// Box of all records in the chunk's frame; holds the boxes that [`Chunk::encode`] gives.
+    /// Box of all records in the chunk's frame; contains the boxes that [`Chunk::encode`] gives.
     #[must_use]
     pub fn bounds(&self) -> Aabb {
         self.bounds
@@ -171,19 +171,19 @@ impl Chunk {
         self.ranks.len()
     }
 
-    /// Never true.
+    /// Returns false: a chunk has at least one record.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.ranks.is_empty()
     }
 
-    /// What the records place; sorted, each once.
+    /// Targets of the records; sorted, each once.
     #[must_use]
     pub fn targets(&self) -> &[InstanceTarget] {
         &self.targets
     }
 
-    /// The cell: the part of the Morton code that all records share, and its number of bits (64 where all are equal).
+    /// The cell: the part of the Morton code that all records share, and its number of bits (64 if all are equal).
     #[must_use]
     pub fn cell(&self) -> (u64, u32) {
         let [first, last] = self.codes;
@@ -214,7 +214,7 @@ impl Chunk {
         });
     }
 
-    /// As [`crate::scene::Assembly::keys_before`].
+    /// Number of keys before a record, as [`crate::scene::Assembly::keys_before`].
     #[must_use]
     pub fn keys_before(&self, record: usize) -> usize {
         if !self.moves {
@@ -263,8 +263,8 @@ impl Chunk {
         }
     }
 
-    /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys,
-    /// at most `most`, as [`Chunk::encode`] and [`Chunk::encode_keys`] compute them; tells whether these were all.
+    /// Calls `visit` with the records whose target and prim id are `wanted`, with member, rank and, if they move, keys;
+    /// at most `most`, as [`Chunk::encode`] and [`Chunk::encode_keys`] compute them. Returns if these were all.
     pub(crate) fn encode_where(
         &self,
         wanted: &dyn Fn(InstanceTarget, i32) -> bool,
@@ -295,8 +295,8 @@ impl Chunk {
         true
     }
 
-    /// Calls `visit` with number, member, rank and reader of each record of `range`, in order. The records lie without
-    /// order in memory: those of a batch are touched first, so that the waits for them overlap.
+    /// Calls `visit` with number, member, rank and reader of each record of `range`, in order. The records are in
+    /// random order in memory: those of a batch are touched first, so that the waits for them overlap.
     pub(crate) fn each<'a>(
         &self,
         range: Range<usize>,
@@ -320,12 +320,12 @@ impl Chunk {
         }
     }
 
-    /// Which of [`Chunk::ids`] a record is of, and its rank.
+    /// Index into [`Chunk::ids`] of a record, and its rank.
     pub(crate) fn place(&self, at: usize) -> Option<(u32, u32)> {
         Some((self.which.get(at).unwrap_or(0), *self.ranks.get(at)?))
     }
 
-    /// True when both have the same records of members, in the same order, with equal boxes.
+    /// Returns true if both have the same records of members, in the same order, with equal boxes.
     pub(crate) fn has_places_of(&self, other: &Self) -> bool {
         self.codes == other.codes
             && self.ids == other.ids
@@ -336,12 +336,12 @@ impl Chunk {
             && self.targets == other.targets
     }
 
-    /// Replaces where the records come from by what gives the same records.
+    /// Replaces the members of the records by others that give the same records.
     pub(crate) fn set_members(&self, members: Arc<[AssemblyMember]>) {
         *self.members.write().unwrap_or_else(PoisonError::into_inner) = members;
     }
 
-    /// Where the records come from, in the order of [`Chunk::ids`].
+    /// Members of the records, in the order of [`Chunk::ids`].
     pub(crate) fn members(&self) -> Arc<[AssemblyMember]> {
         self.members.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -352,18 +352,18 @@ pub(crate) struct MemberReaders<'a> {
     members: &'a [AssemblyMember],
     origin: Option<DVec3>,
     known: Vec<Option<RunReader<'a>>>,
-    /// Where there are too many to keep: the one used last.
+    /// The reader used last, if there are too many members to keep all.
     last: Option<(u32, RunReader<'a>)>,
 }
 
 impl<'a> MemberReaders<'a> {
-    /// Readers of placements as seen from `origin`, or from the assembly's.
+    /// Readers of placements relative to `origin`, or to the assembly's.
     pub(crate) fn new(members: &'a [AssemblyMember], origin: Option<DVec3>) -> Self {
         let known = if members.len() <= KEPT_READERS { vec![None; members.len()] } else { Vec::new() };
         Self { members, origin, known, last: None }
     }
 
-    /// What the partition needs to know of a record, not on a lattice yet.
+    /// The item of a record, not on a lattice yet.
     pub(crate) fn item(&mut self, which: u32, rank: u32) -> Option<PlacementItem> {
         self.get(which)?.1.item(rank)
     }
@@ -393,8 +393,8 @@ fn local(present: &[u32], member: u32) -> u32 {
 }
 
 /// Box of a few records in the assembly's frame, and the largest
-/// [`InstanceFootprint::spread`](crate::instancing::placement::InstanceFootprint), measured exactly: what is much
-/// smaller than a step of the lattice gets a frame about its own middle. `None` for many.
+/// [`InstanceFootprint::spread`](crate::instancing::placement::InstanceFootprint), measured exactly: a chunk that is
+/// much smaller than a step of the lattice gets a frame about its own middle. `None` for many records.
 fn measured_box(members: &[AssemblyMember], ranks: &[u32], which: &IndexSet) -> Option<([DVec3; 2], f64)> {
     if ranks.len() > SCATTERED {
         return None;
@@ -415,8 +415,8 @@ fn measured_box(members: &[AssemblyMember], ranks: &[u32], which: &IndexSet) -> 
 fn frame(([min, max], spread): ([DVec3; 2], f64), keeps_frame: bool) -> (DVec3, Aabb) {
     let origin = if keeps_frame { DVec3::ZERO } else { 0.5 * (min + max) };
     let reach = (min - origin).abs().max((max - origin).abs()).max_element();
-    // The map of a record goes wrong by its spread times what is between the origin and the record, twice: the map's
-    // offset and its evaluation.
+    // The map of a record has an error of its spread times the distance between the origin and the record, twice: for
+    // the map's offset and for its evaluation.
     let error = SLACK * (2.0 * spread * reach * MATRIX_ERROR) + FRAME_ERROR * (origin.abs().max_element() + reach);
     let bounds = Aabb {
         min: (min - origin - error).to_array().map(round_down),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What chunks cost on the device, and which cells are too large to stay whole. Pure.
+//! Device memory of chunks, and the rule by which cells that are too large are cut. Pure.
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
@@ -7,11 +7,11 @@ use crate::instancing::assembly::{Assembly, InstanceTarget};
 use crate::mesh::SceneMesh;
 use std::sync::Arc;
 
-/// A cell with several targets may need this many times the chunk size.
+/// Factor of the chunk size that a cell with several targets may need.
 const CLOSURE: u64 = 8;
-/// Records at which a cell is no longer cut for its closure alone.
+/// Number of records below which a cell is no longer cut for its closure alone.
 const FEW_RECORDS: u64 = 1024;
-/// No cell of more than one record may need more than this many times the chunk size.
+/// Factor of the chunk size that no cell of more than one record may exceed.
 const MAX_CLOSURE: u64 = 64;
 
 /// Device bytes of the assets of a snapshot.
@@ -24,14 +24,14 @@ pub(crate) struct AssetCosts {
 #[derive(Debug)]
 struct AssemblyCost {
     own: u64,
-    /// With everything that is placed inside.
+    /// Bytes of a target with everything that is placed inside.
     closure: u64,
-    /// Sorted, each once.
+    /// Targets, sorted, each once.
     targets: Vec<InstanceTarget>,
 }
 
 impl AssetCosts {
-    /// Sums up; children come before parents in `assemblies`.
+    /// Adds up the bytes; children come before parents in `assemblies`.
     pub(crate) fn new(meshes: &[Arc<SceneMesh>], assemblies: &[Arc<Assembly>]) -> Self {
         let mut costs = Self {
             meshes: meshes.iter().map(|m| m.device_bytes()).collect(),
@@ -62,7 +62,7 @@ impl AssetCosts {
         self.assemblies.get(index).map_or(0, |a| a.closure)
     }
 
-    /// Bytes of distinct targets with everything in them, each asset once.
+    /// Bytes of distinct targets with everything in them; each asset counts once.
     pub(crate) fn closure(&self, targets: &[InstanceTarget]) -> u64 {
         self.closure_above(targets, 0)
     }
@@ -92,7 +92,7 @@ impl AssetCosts {
     }
 }
 
-/// Which cells of one assembly must be cut.
+/// The rule that decides which cells of one assembly must be cut.
 #[derive(Debug)]
 pub(crate) struct CutRule<'a> {
     pub(crate) costs: &'a AssetCosts,
@@ -104,7 +104,7 @@ pub(crate) struct CutRule<'a> {
 }
 
 impl CutRule<'_> {
-    /// True when `records` alone are too many.
+    /// Returns true if `records` alone are too many.
     pub(crate) fn is_too_long(&self, records: u64) -> bool {
         records > 1 && records.saturating_mul(self.record_bytes) > self.chunk_bytes
     }
@@ -114,7 +114,8 @@ impl CutRule<'_> {
         (self.chunk_bytes / self.record_bytes.max(1)).max(1)
     }
 
-    /// True when a cell of `records` that places `targets` (each once, with the number of placements) must be cut.
+    /// Returns true if a cell of `records` that places `targets` (each once, with the number of placements) must be
+    /// cut.
     pub(crate) fn must_cut(&self, records: u64, targets: &[(InstanceTarget, u64)]) -> bool {
         if records <= 1 {
             return false;

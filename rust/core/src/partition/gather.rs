@@ -1,28 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Items of many members put into one order, by all threads together: items go to buckets first, told by a sample of
-//! them (samplesort, see `buckets`), and buckets are sorted side by side. Pure; depends on the items only.
+//! Sorts the items of many members into one order, with all threads: items go to buckets first, whose limits come from
+//! a sample (samplesort, see `buckets`), and buckets are sorted in parallel. Pure; the result depends on the items
+//! only.
 
 use rayon::prelude::*;
 
 use crate::instancing::item::PlacementItem;
 
-/// Buckets at most.
+/// Largest number of buckets.
 const BUCKETS: usize = 256;
-/// Items looked at for each of them.
+/// Number of sampled items for each bucket.
 const SAMPLES: usize = 32;
-/// Items that a task reads.
+/// Number of items that a task reads.
 const TASK: usize = 1 << 16;
-/// Fewer are sorted as they are.
+/// Fewer items are sorted without buckets.
 const FEW: usize = 1 << 15;
 
-/// Items of a part, and where each goes.
+/// Items of a task, and the bucket of each.
 struct BucketTask<'a> {
     items: &'a [PlacementItem],
     buckets: Vec<u8>,
     counts: [u32; BUCKETS],
 }
 
-/// The items of all parts, sorted. `most_bytes`: where both they and their copy would take more, parts are appended.
+/// The items of all parts, sorted. `most_bytes`: if they and their copy would take more, parts are appended instead.
 pub(super) fn sorted(mut parts: Vec<Vec<PlacementItem>>, most_bytes: u64) -> Vec<PlacementItem> {
     let total: usize = parts.iter().map(Vec::len).sum();
     if total < FEW || (2 * total * size_of::<PlacementItem>()) as u64 > most_bytes {
@@ -68,7 +69,7 @@ fn splitters(parts: &[Vec<PlacementItem>], total: usize) -> Vec<u64> {
     firsts
 }
 
-/// Puts the items of all tasks into place, bucket by bucket.
+/// Moves the items of all tasks into place, bucket by bucket.
 fn scatter(tasks: &[BucketTask<'_>], out: &mut [PlacementItem]) {
     let lens = (0..BUCKETS).flat_map(|bucket| tasks.iter().map(move |task| task.counts[bucket] as usize));
     let mut slots: Vec<Vec<std::slice::IterMut<'_, PlacementItem>>> =

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The Morton lattice of an assembly, along which its items are sorted.
 //!
-//! Canonical: a function of the assembly's box only, and it changes only when that box's longest side passes a power of
-//! two or its lower corner a multiple of it. The quantum is a power of two, the lattice passes through the frame's 0,
-//! so moving a member never moves the cells of the others. 21 bits per axis (G. M. Morton, "A computer oriented
-//! geodetic data base", 1966), and one bit on top for members too large to share cells with the rest.
+//! The lattice is canonical: a function of the assembly's box only, which changes only when that box's longest side
+//! passes a power of two or its lower corner a multiple of it. The quantum is a power of two, the lattice passes
+//! through the frame's 0, so moving a member never moves the cells of the others. 21 bits per axis (G. M. Morton, "A
+//! computer oriented geodetic data base", 1966), and one bit on top for members too large to share cells with the rest.
 
 use glam::DVec3;
 
@@ -13,17 +13,16 @@ use crate::instancing::item::PlacementItem;
 use crate::instancing::placement::nearest;
 use crate::mesh::Aabb;
 
-/// Bits per axis.
+/// Number of bits per axis.
 const BITS: u32 = 21;
-/// Lattice steps that the longest side of the box takes at most; the code has room for twice as many, wherever it
-/// begins.
+/// Largest number of lattice steps of the box's longest side; the code has room for twice as many, wherever it begins.
 const STEPS: f64 = 1_048_576.0;
 /// Members with a half side above this many quanta are kept apart: between 1/32 and 1/16 of the longest side.
 const LARGE: f64 = 32_768.0;
 /// Slack of a lattice cell in quanta, for the rounding of positions far from 0.
 const CELL_SLACK: f64 = 1.0 / 256.0;
 
-/// Rounding of [`MortonLattice::peaks`], two additions of single precision at most.
+/// Rounding of [`MortonLattice::peaks`]: at most two additions in single precision.
 const NUMBER_ERROR: f64 = 1.0 / 2_097_152.0;
 
 /// A power-of-two lattice with an aligned lower corner.
@@ -31,7 +30,7 @@ const NUMBER_ERROR: f64 = 1.0 / 2_097_152.0;
 pub(crate) struct MortonLattice {
     base: DVec3,
     quantum: f64,
-    /// 1 / `quantum`, exact.
+    /// Exact value of 1 / `quantum`.
     steps: f64,
 }
 
@@ -43,7 +42,8 @@ impl MortonLattice {
         }
         let min = DVec3::from(bounds.min.map(f64::from));
         let side = (DVec3::from(bounds.max.map(f64::from)) - min).max_element();
-        // Coincident points may have no extent at all: any quantum does, down to the smallest difference of floats.
+        // Coincident points may have no extent at all: any quantum is valid then, down to the smallest difference of
+        // floats.
         let quantum = power_of_two(side.max(f64::from(f32::MIN_POSITIVE))) / STEPS;
         let step = quantum * STEPS;
         Self { base: (min / step).floor() * step, quantum, steps: 1.0 / quantum }
@@ -59,8 +59,8 @@ impl MortonLattice {
         item.set_place(code, member);
     }
 
-    /// The outermost numbers of what a placed item places, seen from the lattice's corner, without the rounding of its
-    /// map in the chunk and of the numbers themselves; see [`MortonLattice::box_of`].
+    /// The extreme values of a placed item's box, relative to the lattice's corner, without the rounding of its map in
+    /// the chunk and of the numbers themselves; see [`MortonLattice::box_of`].
     #[inline]
     #[expect(clippy::cast_precision_loss, reason = "21 bits, and a power of two")]
     pub(crate) fn peaks(&self, item: &PlacementItem) -> RecordPeaks {
@@ -74,7 +74,7 @@ impl MortonLattice {
         RecordPeaks([low[0], low[1], low[2], high[0], high[1], high[2], item.spread(), 0.0])
     }
 
-    /// The box that peaks mean, in the assembly's frame, and the largest spread.
+    /// The box of the peaks in the assembly's frame, and the largest spread.
     pub(crate) fn box_of(&self, peaks: RecordPeaks) -> ([DVec3; 2], f64) {
         let [a, b, c, d, e, f, spread, _] = peaks.0.map(f64::from);
         let (low, high) = (-DVec3::new(a, b, c), DVec3::new(d, e, f));
@@ -91,15 +91,15 @@ fn power_of_two(v: f64) -> f64 {
     if bits & MANTISSA == 0 { floor } else { 2.0 * floor }
 }
 
-/// The whole steps in `v`, which is not negative but for rounding.
+/// Number of whole steps in `v`, which is not negative except for rounding.
 #[inline]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 21 bits")]
 fn lattice_step(v: f64) -> u64 {
-    // To 32 bits first: that takes a fraction of the instructions.
+    // Conversion to 32 bits first takes a fraction of the instructions.
     u64::from(v.clamp(0.0, f64::from((1_u32 << BITS) - 1)) as u32)
 }
 
-/// Spreads 21 bits to every third place.
+/// Spreads 21 bits to every third bit.
 #[inline]
 fn spread_bits(v: u64) -> u64 {
     let v = (v | v << 32) & 0x001f_0000_0000_ffff;

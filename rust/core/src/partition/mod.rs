@@ -5,9 +5,9 @@
 //! each placement of an opened assembly puts its chunks into the top level once more, as [`ChunkInstance`]s. Small
 //! assemblies are referenced whole by the records of chunks. Nothing here depends on a memory budget.
 //!
-//! Stages of a commit: `cost` says what is large, `store` opens assemblies and keeps what did not change, `lattice`
-//! and `cells` cut their members into chunks (`stretches` after one another where they are too many, by `buckets`),
-//! `place` composes the placements in f64, `top` builds the hierarchy over them. Pure and deterministic; work is
+//! Stages of a commit: `cost` finds what is large, `store` opens assemblies and keeps what did not change, `lattice`
+//! and `cells` cut their members into chunks (`stretches` one part after the other, by `buckets`, if there are too
+//! many), `place` composes the placements in f64, `top` builds the hierarchy over them. Pure and deterministic; work is
 //! spread over the caller's rayon pool.
 
 mod blocks;
@@ -46,35 +46,35 @@ use crate::mesh::{Aabb, Bvh2};
 
 pub use crate::instancing::assembly::{KEY_BYTES, RECORD_BYTES};
 
-/// Smallest chunk size.
+/// Smallest size of a chunk, bytes.
 pub const MIN_CHUNK_BYTES: u64 = 16 << 10;
-/// Assemblies and meshes above this many times the chunk size are opened and split.
+/// Factor of the chunk size above which assemblies and meshes are opened and split.
 pub(crate) const OPEN_ABOVE: u64 = 4;
 
-/// Bytes of items that a partition holds at once, unless that is less than a sixteenth of all or somebody says
-/// otherwise (`SceneDb::set_partition_memory`).
+/// Bytes of items that a partition holds at once, or a sixteenth of all items if that is more, unless
+/// `SceneDb::set_partition_memory` sets another number.
 pub const ITEM_BYTES: u64 = 1 << 30;
-/// See [`ITEM_BYTES`].
+/// Share of the scene's bytes that items may take, one in so many (see [`ITEM_BYTES`]).
 const ITEM_SHARE: u64 = 16;
-/// See [`cuts_in_stretches`].
+/// Share of new placements above which an assembly is cut in stretches (see [`cuts_in_stretches`]).
 const FRESH_SHARE: u64 = 4;
 
-/// Most of `records` placements that become items at once, where `bytes` of them may be held.
+/// Largest number of `records` placements that become items at once, if `bytes` of them may be held.
 pub(crate) fn at_once(bytes: u64, records: u64) -> u64 {
     (bytes / size_of::<PlacementItem>() as u64).max(records / ITEM_SHARE).max(1)
 }
 
-/// True where all of `records` placements are cut anew, stretch by stretch, since those that are `fresh` are more than
-/// may be items at once. Not where they are a small part: that would cost more time than it saves memory.
+/// Returns true if all of `records` placements are cut anew, stretch by stretch, because there are more `fresh` ones
+/// than may be items at once. False if these are a small part: then it would cost more time than it saves memory.
 pub(crate) fn cuts_in_stretches(fresh: u64, records: u64, at_once: u64) -> bool {
     fresh > at_once && fresh.saturating_mul(FRESH_SHARE) >= records
 }
 
-/// How to partition.
+/// Options of a partition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PartitionOptions {
-    /// What a chunk may cost: its records, their hierarchy, and the targets that no other chunk of the assembly places.
-    /// Taken as [`MIN_CHUNK_BYTES`] when below.
+    /// Most bytes of a chunk: its records, their hierarchy, and the targets that no other chunk of the assembly places.
+    /// Taken as [`MIN_CHUNK_BYTES`] if it is less.
     pub chunk_bytes: u64,
 }
 
@@ -99,21 +99,21 @@ impl PartitionOptions {
 /// A partitioned scene.
 #[derive(Clone, Debug)]
 pub struct PartitionedWorld {
-    /// Chunks of the opened assemblies, children first, in Morton order; [`ChunkInstance::chunk`] indexes this.
+    /// Chunks of the opened assemblies, children first, in Morton order, indexed by [`ChunkInstance::chunk`].
     pub chunks: Vec<Arc<Chunk>>,
     /// Placements of chunks.
     pub instances: Vec<ChunkInstance>,
-    /// Hierarchy over `instances`: every leaf is one item, whose `child` is the instance's number.
+    /// Hierarchy over `instances`: every leaf is one item, whose `child` is the number of the instance.
     pub top: Bvh2,
-    /// Longest chain of records from a chunk's record to a mesh; at least 1.
+    /// Length of the longest chain of records from a chunk's record to a mesh; at least 1.
     pub levels: u32,
     /// Opened assemblies that have placements, children first, the root last.
     pub opened: Vec<OpenedAssembly>,
     /// The chunk size that was asked for, bytes.
     pub chunk_bytes: u64,
-    /// Values of primvars that placements of opened assemblies have.
+    /// Values of primvars at placements of opened assemblies.
     pub placed: PlacedValues,
-    /// Chunk instances left out because their composed transform is beyond single precision.
+    /// Number of chunk instances left out because their composed transform is beyond single precision.
     pub unplaceable: u64,
 }
 
@@ -142,8 +142,8 @@ pub struct ChunkInstance {
     pub instance_id: u32,
     /// Values of primvars of the opened placements: row of [`PartitionedWorld::placed`], or `NO_ROW`.
     pub row: u32,
-    /// Box in the world's frame, minus the snapshot's origin. Holds all records as `chunk_from_world` and `origin`, in
-    /// single precision and as the sum of two floats, put them.
+    /// Box in the world's frame, minus the snapshot's origin. It contains all records as `chunk_from_world` and
+    /// `origin`, in single precision and as the sum of two floats, place them.
     pub bounds: Aabb,
 }
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The partition of one opened assembly, brought up to date by what changed.
 //!
-//! Chunks in which nothing changed stay as they are; those in which little did are patched; the members of the others,
-//! and new ones, are sorted anew and cut together with them. The result is the one that cutting everything anew would
-//! give. Costs: a few steps per chunk, a copy of what is in touched ones, and some measuring per edited record.
+//! Chunks in which nothing changed are kept; those in which little did are patched; the members of the others, and new
+//! ones, are sorted anew and cut together. The result equals that of cutting everything anew. It costs a few steps per
+//! chunk, a copy of the touched chunks, and some measuring per edited record.
 
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ use crate::instancing::instance_primvars::{MemberPrimvar, value_bytes};
 use crate::instancing::item::PlacementItem;
 use crate::mesh::Aabb;
 
-/// Items that a task puts on the lattice.
+/// Number of items that a task puts on the lattice.
 const PLACED: usize = 1 << 12;
 
 /// The partition of one opened assembly.
@@ -36,7 +36,7 @@ pub(crate) struct AssemblyPart {
     lattice: Option<MortonLattice>,
     /// Members with records in chunks, in order.
     members: Vec<KnownMember>,
-    /// In Morton order.
+    /// Chunks in Morton order.
     pub(crate) chunks: Vec<Arc<Chunk>>,
     next_id: u32,
 }
@@ -48,39 +48,39 @@ struct KnownMember {
     member: AssemblyMember,
 }
 
-/// What an update does to a chunk.
+/// The effect of an update on a chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ChunkUpdate {
-    /// Nothing.
+    /// The chunk is kept.
     Keep,
-    /// A copy of other values.
+    /// The chunk is copied with new values.
     Revalue,
-    /// A copy with the edits.
+    /// The chunk is copied with the edits.
     Patch,
-    /// All of its records are sorted in anew.
+    /// The chunk is dissolved, and all of its records are sorted anew.
     Melt,
 }
 
-/// A chunk after that.
+/// A chunk after an update.
 #[derive(Debug)]
 enum UpdatedChunk {
-    /// In its place, with the same records up to values.
+    /// The chunk stays in its place, with the same records up to values.
     Kept(Arc<Chunk>),
     Patched(Arc<Chunk>),
     Melted(Vec<PlacementItem>),
 }
 
-/// What is partitioned, and by which costs.
+/// The inputs of a partition.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PartitionJob<'a> {
     pub(crate) assembly: &'a Assembly,
     pub(crate) costs: &'a AssetCosts,
     pub(crate) chunk_bytes: u64,
-    /// By assembly: whether it is opened.
+    /// By assembly: true if it is opened.
     pub(crate) opened: &'a [bool],
     /// Bytes of items held at once.
     pub(crate) item_bytes: u64,
-    /// Buckets that scans of this commit used.
+    /// Buckets that the scans of this commit used.
     pub(crate) buckets: Option<&'a OrderBuckets>,
 }
 
@@ -133,7 +133,7 @@ impl AssemblyPart {
         self.next_id = changes.next_id;
     }
 
-    /// All chunks, cut in stretches, if what is new is too much to be items at once.
+    /// All chunks, cut in stretches, if there are too many new items to hold them at once.
     fn cut_anew(
         &self,
         cutter: &ChunkCutter<'_>,
@@ -142,7 +142,7 @@ impl AssemblyPart {
     ) -> Option<Vec<Arc<Chunk>>> {
         let members: Vec<(u32, &AssemblyMember)> = job.inside().collect();
         let records: u64 = members.iter().map(|(_, member)| member.run.len() as u64).sum();
-        // A cell that has more is cut whatever it is.
+        // A cell with more items is always cut.
         let most = at_once(job.item_bytes, records).max(cutter.rule.most_records());
         if !cuts_in_stretches(changes.fresh(job.assembly.members()), records, most) {
             return None;
@@ -161,7 +161,7 @@ impl AssemblyPart {
         Some(self.with_known(chunks, changes, cutter.roster.members))
     }
 
-    /// The chunks, those from before in place of new ones that are the same.
+    /// The chunks, with earlier ones in place of new ones that are the same.
     fn with_known(
         &self,
         mut chunks: Vec<Arc<Chunk>>,
@@ -181,7 +181,7 @@ impl AssemblyPart {
         chunks
     }
 
-    /// Chunks made of those from before, with everything that is new sorted at once.
+    /// Chunks made from the earlier ones, with all new items sorted at once.
     fn cut_again(&self, cutter: &ChunkCutter<'_>, changes: &MemberChanges, item_bytes: u64) -> Vec<Arc<Chunk>> {
         let (roster, lattice) = (cutter.roster, cutter.lattice);
         let gained = sorted(new_items(roster.members, changes, lattice), item_bytes);
@@ -216,8 +216,8 @@ impl AssemblyPart {
         cutter.cut(&pieces(done.iter().filter_map(UpdatedChunk::chunk), &items))
     }
 
-    /// Records that go, as they were, with lasting ids in place of members; sorted. Without those of members that are
-    /// gone when they are many.
+    /// The removed records as they were, with lasting ids in place of members; sorted. Records of removed members are
+    /// left out if they are many.
     fn lost_items(&self, changes: &MemberChanges, lattice: &MortonLattice) -> Vec<PlacementItem> {
         let mut lost: Vec<PlacementItem> = Vec::new();
         let mut add = |known: &KnownMember, ranks: &[u32]| {
@@ -239,7 +239,7 @@ impl AssemblyPart {
         lost
     }
 
-    /// What becomes of the chunks. Chunks of equal codes share their fate.
+    /// The update of each chunk. Chunks of equal codes have the same update.
     fn fates(&self, changes: &MemberChanges, edits: &[ChunkEdits]) -> Vec<ChunkUpdate> {
         let is_gone = |id: &u32| !changes.member_of.contains_key(id);
         let fate = |(chunk, edits): (&Arc<Chunk>, &ChunkEdits)| match edits.len() {
@@ -261,7 +261,7 @@ impl AssemblyPart {
         fates
     }
 
-    /// Compares the members with those of the last time; both are in the order of paths and slots.
+    /// Compares the members with those of the last partition; both are in the order of paths and slots.
     fn changes(&self, job: PartitionJob<'_>) -> MemberChanges {
         let mut changes = MemberChanges {
             ids: vec![u32::MAX; job.assembly.members().len()],
@@ -315,7 +315,7 @@ impl UpdatedChunk {
     }
 }
 
-/// Sorted items in no chunk: what melted, and what was gained and is in no patched chunk.
+/// Sorted items that are in no chunk: those of dissolved chunks, and gained items that are in no patched chunk.
 fn loose(gained: Vec<PlacementItem>, edits: &[ChunkEdits], done: &[UpdatedChunk]) -> Vec<PlacementItem> {
     let adds_none = |done: &UpdatedChunk| match done {
         UpdatedChunk::Kept(_) => true,
@@ -342,7 +342,7 @@ fn loose(gained: Vec<PlacementItem>, edits: &[ChunkEdits], done: &[UpdatedChunk]
     items
 }
 
-/// The items of added members and of edited records, in parts, not sorted.
+/// The items of added members and of edited records, in unsorted parts.
 fn new_items(members: &[AssemblyMember], changes: &MemberChanges, lattice: &MortonLattice) -> Vec<Vec<PlacementItem>> {
     let of = |number: u32| members.get(number as usize);
     let (single, many): (Vec<u32>, Vec<u32>) =
@@ -373,7 +373,7 @@ fn new_items(members: &[AssemblyMember], changes: &MemberChanges, lattice: &Mort
     parts.into_iter().map(|(_, part)| part).chain([items]).filter(|part| !part.is_empty()).collect()
 }
 
-/// Makes a kept chunk read the present arrays, so that old ones can go. Changes no record.
+/// Makes a kept chunk read the present arrays, so that old ones can be freed. It changes no record.
 fn rebind(chunk: &Chunk, changes: &MemberChanges, members: &[AssemblyMember]) {
     if chunk.ids.iter().any(|id| changes.rebound.contains(id)) {
         let present = chunk.ids.iter().filter_map(|id| members.get(*changes.member_of.get(id)? as usize).cloned());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Chunks with a few records taken out and put in: the same as made anew of all their items, for the price of a copy,
-//! some measuring for each edited record, and whole blocks only where the outermost records went. Pure.
+//! Removes and adds a few records of a chunk. The result equals that of making the chunk anew from all its items, for
+//! the cost of a copy and some measuring for each edited record; a whole block is measured only if its extreme records
+//! were removed. Pure.
 
 use std::ops::Range;
 
@@ -12,27 +13,28 @@ use super::chunk::{Chunk, ChunkContent, MemberReaders};
 use super::which::IndexSet;
 use crate::instancing::item::PlacementItem;
 
-/// Chunks with fewer records are made anew. Enough for patched ones to have more than [`super::chunk::SCATTERED`].
+/// Chunks with fewer records are made anew. It is large enough for patched chunks to have more than
+/// [`super::chunk::SCATTERED`].
 const FEW: usize = 80;
-/// Chunks of which more than one record in so many is edited are made anew.
+/// Chunks in which more than one in so many records is edited are made anew.
 pub(super) const SHARE: usize = 12;
 /// Chunks of more blocks than this, and four times as many as they need, are made anew.
 const MANY_BLOCKS: usize = 8;
-/// More items than this between two chunks are no edit of either.
+/// If more items than this lie between two chunks, they are not edits of either.
 const GAP: usize = 256;
 
 /// Edits of one chunk.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ChunkEdits {
-    /// Which of the lost items are its.
+    /// Range of its items in the list of lost items.
     pub(crate) lost: Range<usize>,
-    /// Which of the new items.
+    /// Range of its items in the list of gained items.
     pub(crate) gained: Range<usize>,
 }
 
 impl ChunkEdits {
-    /// By chunk: which items, both sorted, are edits of it. Items between two chunks are taken to belong to the one
-    /// with which they share more of their code. Chunks of equal codes may share items.
+    /// Ranges of items, both sorted, that are edits of each chunk. Items between two chunks belong to the one with
+    /// which they share more of their code. Chunks of equal codes may share items.
     pub(crate) fn of_chunks(
         chunks: &[std::sync::Arc<Chunk>],
         lost: &[PlacementItem],
@@ -70,7 +72,7 @@ impl ChunkEdits {
         self.lost.len() + self.gained.len()
     }
 
-    /// True when a chunk is better patched than made anew.
+    /// Returns true if a chunk is better patched than made anew.
     pub(crate) fn are_few(&self, chunk: &Chunk) -> bool {
         chunk.len() >= FEW && self.len() * SHARE <= chunk.len()
     }
@@ -81,19 +83,19 @@ struct ChunkPatch<'a> {
     cutter: &'a ChunkCutter<'a>,
     chunk: &'a Chunk,
     readers: MemberReaders<'a>,
-    /// By member of the chunk: its present number, or that of the next one and false when it is gone.
+    /// By member of the chunk: its present number, or that of the next one and false if it was removed.
     order: Vec<(u32, bool)>,
     /// First record of each block.
     starts: Vec<usize>,
-    /// Places of the lost records.
+    /// Positions of the lost records.
     lost: Vec<(usize, PlacementItem)>,
-    /// Gained records: block, and the old record before which each goes.
+    /// Gained records: block, and the old record before which each is inserted.
     gained: Vec<(usize, usize, PlacementItem)>,
 }
 
 impl ChunkCutter<'_> {
-    /// A chunk after edits, without key; `None` when it cannot be patched: then it must be made anew. `lost` have
-    /// lasting ids in place of members, `gained` are in order; no other chunk has records of the same codes.
+    /// A chunk after edits, without key; `None` if it cannot be patched and must be made anew. `lost` have lasting ids
+    /// in place of members, `gained` are in order; no other chunk has records of the same codes.
     pub(crate) fn patch(&self, chunk: &Chunk, lost: &[PlacementItem], gained: &[PlacementItem]) -> Option<Chunk> {
         let members = chunk.members();
         let starts = chunk.blocks.iter().scan(0, |at, block| Some(std::mem::replace(at, *at + block.len as usize)));
@@ -111,7 +113,7 @@ impl ChunkCutter<'_> {
         let blocks = patch.blocks()?;
         let left = (chunk.len() + gained.len()).saturating_sub(lost.len());
         if blocks.len() > MANY_BLOCKS + 4 * left / BLOCK as usize {
-            // Blocks emptied one by one over many edits.
+            // Such blocks were emptied one by one over many edits.
             return None;
         }
         let codes = [blocks.first()?.first, patch.last_code()?];
@@ -132,7 +134,7 @@ impl ChunkCutter<'_> {
         Chunk::of(content, self.roster, self.lattice)
     }
 
-    /// See [`ChunkPatch::order`].
+    /// The order of the members present, as [`ChunkPatch::order`] needs it.
     fn present_order(&self, chunk: &Chunk) -> Vec<(u32, bool)> {
         let mut next = u32::MAX;
         let mut order: Vec<(u32, bool)> = Vec::with_capacity(chunk.ids.len());
@@ -156,7 +158,7 @@ impl ChunkPatch<'_> {
         Some(item)
     }
 
-    /// Whether an old record, whose code is given, comes before a gained one.
+    /// Returns true if an old record, whose code is given, comes before a gained one.
     fn is_before(&self, at: usize, code: u64, gained: &PlacementItem) -> bool {
         if code != gained.code() {
             return code < gained.code();
@@ -164,7 +166,7 @@ impl ChunkPatch<'_> {
         let place = self.chunk.place(at);
         let order = place.and_then(|(which, rank)| Some((rank, self.order.get(which as usize)?)));
         order.is_some_and(|(rank, &(number, is_there))| {
-            // What is gone comes directly before the next member.
+            // A removed record comes directly before the next member.
             if is_there { (number, rank) < (gained.member(), gained.rank()) } else { number <= gained.member() }
         })
     }
@@ -195,7 +197,7 @@ impl ChunkPatch<'_> {
 
     fn find_gained(&mut self, gained: &[PlacementItem]) -> Option<()> {
         let chunk = self.chunk;
-        // Codes of the records of the last block looked at, as far as known.
+        // Codes of the records of the last block that was measured, as far as they are known.
         let mut known: (usize, Vec<Option<u64>>) = (usize::MAX, Vec::new());
         for item in gained {
             let is_before = |k: usize| self.is_before(self.starts[k], chunk.blocks[k].first, item);
@@ -299,7 +301,7 @@ impl ChunkPatch<'_> {
         }
     }
 
-    /// Everything put together.
+    /// The content of the patched chunk.
     fn content(&self, codes: [u64; 2], blocks: Vec<RecordBlock>) -> Option<ChunkContent> {
         let chunk = self.chunk;
         let mut left = chunk.counts.clone();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where chunks go: the placements of opened assemblies composed in f64, and conservative boxes for what single
-//! precision makes of them. Pure.
+//! Composes the placements of opened assemblies in f64, and computes boxes that are conservative for their rounding to
+//! single precision. Pure.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -42,7 +42,7 @@ fn place_chunk(at: &OpenedPlacement, inverse: Option<DMat3>, chunk: &Chunk, numb
     let spread = |v: DVec3| columns[0] * v.x + columns[1] * v.y + columns[2] * v.z;
     let center = matrix * (0.5 * (min + max));
     let half = spread(0.5 * (max - min));
-    // The rounding E of the map's rows moves a point v (seen from the origin) by M E v.
+    // The rounding E of the map's rows moves a point v (relative to the origin) by M E v.
     let reach = center.abs() + half;
     let error = spread(DVec3::from(rows.map(|row| row.abs().dot(reach)))) * MATRIX_ERROR;
     let error = error + (origin.abs() + reach) * ORIGIN_ERROR;
@@ -56,7 +56,7 @@ fn place_chunk(at: &OpenedPlacement, inverse: Option<DMat3>, chunk: &Chunk, numb
     (sound && regular).then_some(ChunkInstance { chunk: number, chunk_from_world, origin, instance_id, row, bounds })
 }
 
-/// The inverse, scaled first so that tiny and huge matrices do not underflow or overflow; `None` without one.
+/// The inverse, scaled first so that tiny and huge matrices do not underflow or overflow; `None` if there is none.
 fn inverse(m: &DMat3) -> Option<DMat3> {
     let size = m.x_axis.abs().max(m.y_axis.abs()).max(m.z_axis.abs()).max_element();
     let scaled = *m * (1.0 / size);
@@ -64,7 +64,7 @@ fn inverse(m: &DMat3) -> Option<DMat3> {
     (size > 0.0 && scaled.determinant() != 0.0 && inverse.is_finite()).then_some(inverse)
 }
 
-/// The hierarchy over chunk instances; one node with empty boxes when there is none.
+/// The hierarchy over chunk instances; one node with empty boxes if there is none.
 pub(crate) fn top_level(instances: &[ChunkInstance]) -> Bvh2 {
     if instances.is_empty() {
         return Bvh2 { nodes: vec![BvhNode::EMPTY], depth: 1 };
@@ -74,7 +74,7 @@ pub(crate) fn top_level(instances: &[ChunkInstance]) -> Bvh2 {
 }
 
 impl PartitionedWorld {
-    /// True when both place the same chunks at the same places.
+    /// Returns true if both place the same chunks at the same places.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let shared = |a: &[std::sync::Arc<Chunk>], b: &[std::sync::Arc<Chunk>]| {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| std::sync::Arc::ptr_eq(a, b))

@@ -10,20 +10,20 @@ use oocpt_abi::{NO_ROW, NO_VALUE};
 /// The table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PlacedValues {
-    /// Primvars of which there are values.
+    /// Primvars that have values.
     pub columns: Vec<InstanceColumn>,
-    /// By column: bits of floats, [`InstanceColumn::width`] for each row; [`NO_VALUE`] where a row has none.
+    /// Bits of floats by column: [`InstanceColumn::width`] for each row; [`NO_VALUE`] if a row has none.
     pub values: Vec<Vec<u32>>,
 }
 
-/// Reads what a member gives its placements.
+/// Reads the values that a member gives to its placements.
 pub(crate) struct PlacedReader<'a> {
     column: InstanceColumn,
     reader: ColumnReader<'a>,
 }
 
 impl<'a> PlacedReader<'a> {
-    /// One for each primvar of the member.
+    /// Readers, one for each primvar of the member.
     pub(crate) fn all_of(member: &'a AssemblyMember) -> Vec<Self> {
         let columns = member.primvars.iter().map(crate::instancing::instance_primvars::MemberPrimvar::column);
         let reader = |column| Some(Self { column, reader: ColumnReader::new(&member.run, &member.primvars, column)? });
@@ -40,7 +40,7 @@ impl<'a> PlacedReader<'a> {
 }
 
 impl PlacedValues {
-    /// The table of all placements that have values, which are told their rows.
+    /// Makes the table of all placements that have values, and sets their rows.
     pub(crate) fn new(placements: &mut [Vec<OpenedPlacement>]) -> Self {
         let mut table = Self::default();
         for value in placements.iter().flatten().flat_map(|placement| &placement.values) {
@@ -62,7 +62,7 @@ impl PlacedValues {
         table
     }
 
-    /// The values of a row; none of a row that is not there.
+    /// The values of a row; empty if there is no such row.
     pub(crate) fn row(&self, row: u32) -> Vec<PlacedValue> {
         let value = |column: &InstanceColumn, values: &Vec<u32>| {
             let width = column.width.max(1) as usize;

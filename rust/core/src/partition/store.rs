@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Keeps the partition from commit to commit: decides which assemblies are opened, has their members cut into chunks,
-//! and puts the world together.
+//! Keeps the partition from commit to commit: decides which assemblies are opened, cuts their members into chunks, and
+//! assembles the world.
 
 use oocpt_abi::NO_ROW;
 use std::sync::Arc;
@@ -20,10 +20,10 @@ use crate::instancing::assembly::Assembly;
 use crate::instancing::assembly::InstanceTarget;
 use crate::mesh::SceneMesh;
 
-/// Most chunk instances, unless the root alone has more.
+/// Largest number of chunk instances, unless the root alone has more.
 const MAX_INSTANCES: u128 = 1 << 22;
 
-/// What lasts from one commit to the next.
+/// The state that is kept from one commit to the next.
 #[derive(Debug)]
 pub(crate) struct PartitionStore {
     options: PartitionOptions,
@@ -31,7 +31,7 @@ pub(crate) struct PartitionStore {
     next_key: u64,
     parts: FxHashMap<GroupId, AssemblyPart>,
     world: Arc<PartitionedWorld>,
-    /// What `world` is the partition of.
+    /// The inputs of `world`.
     seen: Option<PartitionInputs>,
 }
 
@@ -42,14 +42,14 @@ struct PartitionInputs {
     assemblies: Vec<Arc<Assembly>>,
 }
 
-/// What is partitioned.
+/// The scene that is partitioned.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PartitionSource<'a> {
     pub(crate) groups: &'a [&'a GroupId],
     pub(crate) meshes: &'a [Arc<SceneMesh>],
-    /// One for each group. Children before parents, root last.
+    /// Assemblies, one for each group. Children before parents, root last.
     pub(crate) assemblies: &'a [Arc<Assembly>],
-    /// Buckets that the scans of each used.
+    /// Buckets that the scan of each assembly used.
     pub(crate) buckets: &'a [Option<OrderBuckets>],
 }
 
@@ -67,12 +67,12 @@ impl Default for PartitionStore {
 }
 
 impl PartitionStore {
-    /// Takes other options from the next commit on; true when they differ.
+    /// Sets other options from the next commit on; returns true if they differ.
     pub(crate) fn set_options(&mut self, options: PartitionOptions) -> bool {
         std::mem::replace(&mut self.options, options) != options
     }
 
-    /// Bytes of items that are held at once. Changes no result.
+    /// Sets the bytes of items that are held at once, which does not change the result.
     pub(crate) fn set_item_bytes(&mut self, bytes: u64) {
         self.item_bytes = bytes;
     }
@@ -82,7 +82,7 @@ impl PartitionStore {
         self.item_bytes
     }
 
-    /// How to partition.
+    /// Options of the partition.
     pub(crate) fn options(&self) -> PartitionOptions {
         self.options
     }
@@ -155,7 +155,7 @@ impl PartitionSource<'_> {
     /// The root, and every assembly above `limit` that is placed.
     fn opened(&self, costs: &AssetCosts, limit: u64) -> Vec<bool> {
         let mut opened = vec![false; self.assemblies.len()];
-        // What moves stays an instance: chunk instances have no keys (decisions/0027).
+        // Moving placements stay instances: chunk instances have no keys (decisions/0027).
         let placed = self.assemblies.iter().flat_map(|assembly| assembly.members());
         let moving: FxHashSet<u32> = placed
             .filter(|member| member.run.key_count() != 0)
@@ -181,7 +181,7 @@ impl PartitionSource<'_> {
         opened
     }
 
-    /// Opened assemblies that `at` places, with the run of each member that does.
+    /// Opened assemblies that `at` places, with the run of each member that places one.
     fn openings(
         &self,
         opened: &[bool],
@@ -234,7 +234,7 @@ impl PartitionSource<'_> {
         world
     }
 
-    /// Where each opened assembly is: parents' placements times their own.
+    /// Placements of each opened assembly: parents' placements times their own.
     fn placements(&self, opened: &[bool]) -> Vec<Vec<OpenedPlacement>> {
         let mut placements: Vec<Vec<OpenedPlacement>> = vec![Vec::new(); self.assemblies.len()];
         if let Some(root) = placements.last_mut() {

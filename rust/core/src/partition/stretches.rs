@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Partitions of more placements than may be items at once: the order of an assembly is gone through in stretches, and
-//! items exist while theirs is sorted and cut. Each placement is measured a second time for that.
+//! Partitions more placements than may be items at once: the order of an assembly is processed in stretches, and items
+//! exist only while their stretch is sorted and cut. Each placement is measured a second time for that.
 //!
-//! A stretch is made of whole cells of the cutter, told from the number of items in each bucket; so the chunks are
+//! A stretch consists of whole cells of the cutter, chosen by the number of items in each bucket; so the chunks equal
 //! those of cutting everything together.
 
 use std::ops::Range;
@@ -17,23 +17,23 @@ use crate::instancing::assembly::AssemblyMember;
 use crate::instancing::item::PlacementItem;
 use crate::instancing::reader::RunReader;
 
-/// Ranks read by one task.
+/// Number of ranks read by one task.
 const TASK: usize = 1 << 14;
 /// Members with fewer placements become items at once.
 const FEW: usize = 256;
-/// Ranks that are looked at together for being of a stretch.
+/// Number of ranks that are tested together for being in a stretch.
 const LANES: usize = 32;
-/// Ranks that are measured together.
+/// Number of ranks that are measured together.
 const BATCH: usize = 64;
-/// Bytes of a placement that a chunk keeps, of the 24 of an item: as chunks are made, less is left for items.
+/// Bytes of a placement that a chunk keeps, of the 24 of an item: as chunks are made, less memory remains for items.
 const KEPT_SHARE: u64 = 6;
 
-/// What is to be cut.
+/// The inputs of a partition in stretches.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RankStretches<'a> {
     pub(crate) cutter: &'a ChunkCutter<'a>,
     pub(crate) buckets: &'a OrderBuckets,
-    /// Most items at once when all chunks are made.
+    /// Largest number of items at once.
     pub(crate) most: u64,
 }
 
@@ -42,17 +42,17 @@ struct StretchTask<'a> {
     member: u32,
     reader: &'a RunReader<'a>,
     first: u32,
-    /// Of each rank.
+    /// Bucket of each rank.
     buckets: &'a [u8],
-    /// Buckets that are there, in order, with the number of ranks.
+    /// Buckets in use, in order, with the number of ranks.
     counts: Vec<(u8, u16)>,
 }
 
-/// Where a task puts its items of one bucket.
+/// The place to which a task writes its items of one bucket.
 type BucketSlot<'b> = (u8, std::slice::IterMut<'b, PlacementItem>);
 
 impl RankStretches<'_> {
-    /// Chunks of all placements of `members`, each with its number; `anew`: what scans kept is of other buckets.
+    /// Chunks of all placements of `members`, each with its number; `anew`: the scans kept the ranks of other buckets.
     pub(crate) fn cut(&self, members: &[(u32, &AssemblyMember)], anew: bool) -> Vec<Arc<Chunk>> {
         let (few, many): (Vec<_>, Vec<_>) = members.iter().partition(|(_, member)| member.run.len() < FEW);
         let memos: Vec<Vec<u8>> = many.iter().map(|(_, member)| member.run.take_buckets(self.buckets, anew)).collect();
@@ -74,7 +74,7 @@ impl RankStretches<'_> {
         }
         let mut left: u64 = counts.iter().sum();
         let most = |left: u64| self.most.saturating_add(left / KEPT_SHARE);
-        // As stretches shrink, cells must be no larger than the last ones.
+        // As stretches shrink, cells must not be larger than the last ones.
         let cuts = self.buckets.cuts(&counts, self.most);
         let (mut chunks, mut items): (Vec<Arc<Chunk>>, Vec<PlacementItem>) = (Vec::new(), Vec::new());
         let mut at = 0;
@@ -103,7 +103,7 @@ impl RankStretches<'_> {
         chunks
     }
 
-    /// Items that are in no bucket's count: those of small members, and strays. Sorted.
+    /// Items that no bucket counts: those of small members, and strays; sorted.
     fn loners(&self, few: &[(u32, &AssemblyMember)], tasks: &[StretchTask<'_>]) -> Vec<PlacementItem> {
         let lattice = self.cutter.lattice;
         let of_few = few.par_iter().flat_map_iter(|(number, member)| {
@@ -130,7 +130,7 @@ impl RankStretches<'_> {
         (0..cells.len()).map(|at| self.loners_of(at, loners).len() as u64).collect()
     }
 
-    /// Which loners are in a cell.
+    /// The loners that are in a cell.
     fn loners_of(&self, cell: usize, loners: &[PlacementItem]) -> Range<usize> {
         let start = |cell: usize| {
             let start = self.buckets.cells().get(cell).map(|cell| cell.start);
@@ -145,7 +145,7 @@ impl RankStretches<'_> {
         Some(item)
     }
 
-    /// Fills `items` with those of a stretch, sorted; gives their number.
+    /// Fills `items` with those of a stretch, sorted; returns their number.
     fn gather(
         &self,
         stretch: &[Range<usize>],
@@ -177,7 +177,7 @@ impl RankStretches<'_> {
                 continue;
             }
             for ((task, slots), taken) in tasks.iter().zip(&mut slots).zip(&mut taken) {
-                // Buckets come in order: each is looked for where the last one was.
+                // Buckets come in order: the search for each begins at the last one.
                 let counts = &task.counts[*taken..];
                 *taken += counts.iter().take_while(|(b, _)| *b < bucket).count();
                 if let Some((_, count)) = task.counts.get(*taken).filter(|(b, _)| *b == bucket) {
@@ -200,7 +200,7 @@ impl RankStretches<'_> {
         total as u64
     }
 
-    /// Measures the ranks of a task that are of the slots' buckets, which follow each other but for gaps.
+    /// Measures the ranks of a task that are of the slots' buckets, which are consecutive except for gaps.
     fn fill(&self, task: &StretchTask<'_>, slots: &mut [BucketSlot<'_>]) {
         let [Some(low), Some(high)] = [slots.first(), slots.last()].map(|slot| slot.map(|(bucket, _)| *bucket)) else {
             return;
@@ -210,7 +210,7 @@ impl RankStretches<'_> {
         let is_inside = |bucket: u8| bucket.wrapping_sub(low) <= high - low;
         let mut batch: Vec<(u32, u8)> = Vec::with_capacity(BATCH + LANES);
         let mut flush = |batch: &mut Vec<(u32, u8)>| {
-            // They lie apart in memory: all are touched first, so that the waits for them overlap.
+            // The ranks are apart in memory: all are touched first, so that the waits for them overlap.
             std::hint::black_box(batch.iter().fold(0, |sum, (rank, _)| sum ^ task.reader.touch(*rank)));
             for (rank, bucket) in batch.drain(..) {
                 let slot = slots.get_mut(usize::from(slot_of[usize::from(bucket)])).and_then(|(_, slot)| slot.next());
@@ -235,13 +235,13 @@ impl<'a> StretchTask<'a> {
     fn new(member: u32, reader: &'a RunReader<'a>, first: usize, buckets: &'a [u8]) -> Self {
         let mut all = [0_u16; 256];
         buckets.iter().for_each(|&bucket| all[usize::from(bucket)] += 1);
-        // Without the last one: not usable.
+        // The last bucket, of unusable ranks, is left out.
         let counts = (0..u8::MAX).zip(all).filter(|(_, count)| *count > 0).collect();
         Self { member, reader, first: u32::try_from(first).unwrap_or(u32::MAX), buckets, counts }
     }
 }
 
-/// Ranks of all tasks in each bucket.
+/// Number of ranks of all tasks in each bucket.
 fn bucket_counts(tasks: &[StretchTask<'_>]) -> [u64; 256] {
     let mut all = [0; 256];
     tasks

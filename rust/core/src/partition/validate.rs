@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Walks every invariant of a world. For tests and for `doctor`; measures and encodes every record once.
+//! Checks every invariant of a world, for tests and for `doctor`. It measures and encodes every record once.
 
 use std::sync::Arc;
 
@@ -23,28 +23,28 @@ use crate::mesh::{Aabb, BvhError};
 /// A broken invariant of a [`PartitionedWorld`]: always a bug of this crate.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WorldError {
-    /// A chunk is not what it should be.
+    /// A chunk breaks an invariant.
     #[error("chunk {chunk}: {what}")]
     Chunk {
         /// Chunk number.
         chunk: usize,
-        /// What is wrong.
+        /// The broken invariant.
         what: &'static str,
     },
-    /// The chunks of an assembly do not hold its records, or are not its canonical cells.
+    /// The chunks of an assembly do not contain its records, or are not its canonical cells.
     #[error("chunks of assembly {assembly}: {what}")]
     Assembly {
         /// Assembly index.
         assembly: usize,
-        /// What is wrong.
+        /// The broken invariant.
         what: &'static str,
     },
-    /// A chunk instance is not what it should be.
+    /// A chunk instance breaks an invariant.
     #[error("chunk instance {instance}: {what}")]
     Instance {
         /// Number of the chunk instance.
         instance: usize,
-        /// What is wrong.
+        /// The broken invariant.
         what: &'static str,
     },
     /// The hierarchy is broken.
@@ -63,15 +63,15 @@ struct PartitionCheck<'a> {
     part: OpenedAssembly,
     job: PartitionJob<'a>,
     lattice: MortonLattice,
-    /// Number of each member by the address of its run; the runs of an assembly are all distinct.
+    /// Number of each member by the address of its run; the runs of an assembly are distinct.
     numbers: FxHashMap<usize, u32>,
 }
 
 impl PartitionedWorld {
     /// Checks that it is the partition of a snapshot with these meshes and assemblies: that every record of every
-    /// opened assembly is in exactly one chunk, in Morton order, in canonical cells within the limits; that boxes hold
-    /// what is in them, in f64; that chunk instances are the composed placements; and that the top level reaches each
-    /// of them once.
+    /// opened assembly is in exactly one chunk, in Morton order, in canonical cells within the limits; that boxes
+    /// contain their records, in f64; that chunk instances are the composed placements; and that the top level reaches
+    /// each of them once.
     ///
     /// # Errors
     /// The first broken invariant.
@@ -167,7 +167,7 @@ impl PartitionCheck<'_> {
             let keys = self.chunk(at).map_err(|what| WorldError::Chunk { chunk: at, what })?;
             let ordered = keys.windows(2).all(|pair| pair[0] < pair[1]);
             if !ordered || keys.first().is_none_or(|first| last.is_some_and(|last| last >= *first)) {
-                // Strictly ascending: so no record is there twice either.
+                // The order is strictly ascending, so no record is there twice.
                 return Err(WorldError::Chunk { chunk: at, what: "it is empty or not in order" });
             }
             last = keys.last().copied();
@@ -180,7 +180,7 @@ impl PartitionCheck<'_> {
         self.cells(&self.world.chunks[range]).map_err(wrong)
     }
 
-    /// Checks one chunk by itself; gives the places of its records in the order of the assembly.
+    /// Checks one chunk by itself; returns the positions of its records in the order of the assembly.
     fn chunk(&self, at: usize) -> Result<Vec<ItemKey>, &'static str> {
         let chunk = &self.world.chunks[at];
         let members = chunk.members();
@@ -240,7 +240,7 @@ impl PartitionCheck<'_> {
         }
     }
 
-    /// As the cutter asks, of records measured anew.
+    /// As the cutter's test, with records measured anew.
     fn is_scattered(&self, cell: &[Arc<Chunk>], records: usize) -> Result<bool, &'static str> {
         if records > SCATTERED || self.job.assembly.is_split_mesh() {
             return Ok(false);
@@ -338,7 +338,7 @@ fn holds(b: &Aabb, p: DVec3) -> bool {
     (0..3).all(|k| f64::from(b.min[k]) <= p[k] && p[k] <= f64::from(b.max[k]))
 }
 
-/// True when the instance is the chunk placed by `frame`.
+/// Returns true if the instance is the chunk placed by `frame`.
 fn is_at(instance: &ChunkInstance, frame: &DAffine3, chunk: &Chunk) -> bool {
     let rows = instance.chunk_from_world.map(|row| DVec3::from(row.map(f64::from)));
     let origin = frame.transform_point3(chunk.origin());
@@ -353,7 +353,7 @@ fn is_at(instance: &ChunkInstance, frame: &DAffine3, chunk: &Chunk) -> bool {
     is_near_one && (instance.origin - origin).abs().max_element() <= 1e-9 * (origin.abs() + size).max_element()
 }
 
-/// The box holds the chunk's box as the f32 map and an origin of two floats put it.
+/// Checks that the box contains the chunk's box as the f32 map and an origin of two floats place it.
 fn check_bounds(instance: &ChunkInstance, chunk: &Chunk) -> Result<(), &'static str> {
     let rows = instance.chunk_from_world.map(|row| DVec3::from(row.map(f64::from)));
     let back = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose().inverse();

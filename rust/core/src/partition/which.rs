@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Small numbers, one for each record of a chunk, in as few bytes as the largest of them needs: most chunks have
+//! Stores small numbers, one for each record of a chunk, in as few bytes as the largest of them needs: most chunks have
 //! records of fewer than 256 members.
 
 use std::ops::Range;
@@ -13,10 +13,10 @@ pub(crate) enum IndexSet {
 }
 
 impl IndexSet {
-    /// Of none.
+    /// A set without numbers.
     pub(crate) const NONE: Self = Self::Bytes(Vec::new());
 
-    /// All of `numbers`, which are below `limit`.
+    /// A set of all `numbers`, which are below `limit`.
     pub(crate) fn of(numbers: impl Iterator<Item = u32>, limit: usize) -> Self {
         if limit <= 1 << 8 {
             Self::Bytes(numbers.map(|n| u8::try_from(n).unwrap_or(u8::MAX)).collect())
@@ -42,7 +42,7 @@ impl IndexSet {
         range.map_while(|at| self.get(at))
     }
 
-    /// True without any.
+    /// Returns true if there is no number.
     pub(crate) fn is_empty(&self) -> bool {
         self.get(0).is_none()
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Loads beside those that are worth most now: what few rays wait for, while there is room, and what rays will ask for
-//! next.
+//! Starts loads besides the most valuable ones: units that few rays wait for, while there is room, and units that rays
+//! will ask for next.
 
 use super::entry::UnitState;
 use super::planner::{LoadKind, ResidencyPlanner};
@@ -8,17 +8,17 @@ use super::policy::top;
 use super::step::{DemandPlan, LoadOutcome, LoadPriority, PREFETCH_SHARE, for_each_nonzero};
 use super::{UnitId, at};
 
-/// Bytes in flight up to which units come that hardly any ray waits for: some for each thread that loads, and no more,
-/// since what is asked for next would come after them.
+/// Bytes in flight up to which units with few waiting rays are loaded: some for each thread that loads, and no more,
+/// because later demand would have to wait for them.
 const ROOMY_IN_FLIGHT: u64 = 256 << 20;
-/// Such units that are tried in a step.
+/// Number of units with few rays that are tried in a step.
 const ROOMY: usize = 1024;
-/// Prefetches that are tried in a step.
+/// Number of prefetches that are tried in a step.
 const PREFETCHES: usize = 256;
 
 impl ResidencyPlanner {
-    /// Loads what is waited for at all, as far as it has room beside what there is: it will be asked for until it
-    /// comes, at the latest by the last rays of a render, which have nothing else to do.
+    /// Loads all units that rays wait for, as far as there is free room: they will be asked for until they are loaded,
+    /// at the latest by the last rays of a render, which have nothing else to do.
     pub(super) fn fill_room(&mut self, plan: &mut DemandPlan<'_>) {
         let limit = ROOMY_IN_FLIGHT.min(self.in_flight_limit(plan));
         if self.in_flight[LoadKind::Demanded as usize] >= limit {
@@ -31,7 +31,7 @@ impl ResidencyPlanner {
         let wanted: Vec<UnitId> = plan.demanded.iter().copied().filter(absent).collect();
         let rays = |unit: &UnitId| (f64::from(at(plan.demand.waiting, *unit)), *unit);
         for (_, unit) in top(wanted.iter().map(rays).collect(), ROOMY) {
-            // Worth nothing, so that nothing goes for it.
+            // The value is 0, so that nothing is evicted for it.
             let tried = self.try_load(plan, unit, LoadPriority::Worth(0.0));
             if tried == LoadOutcome::Full || self.in_flight[LoadKind::Demanded as usize] >= limit {
                 break;
@@ -39,7 +39,7 @@ impl ResidencyPlanner {
         }
     }
 
-    /// Loads what rays have further down their lists, when everything demanded is on its way.
+    /// Loads units that rays have further down their lists, when everything demanded is in flight.
     pub(super) fn prefetch(&mut self, plan: &mut DemandPlan<'_>) {
         if self.in_flight[LoadKind::Prefetch as usize] >= self.in_flight_limit(plan) / PREFETCH_SHARE {
             return;
@@ -61,8 +61,8 @@ impl ResidencyPlanner {
         }
     }
 
-    /// With all that is held now, demanded loads still find room for all that may be in flight and one unit more: in
-    /// what is free and what only unpinned units hold.
+    /// Returns true if, with everything held now, demanded loads still find room for all that may be in flight and one
+    /// unit more: in free bytes and in those that only unpinned units hold.
     pub(super) fn leaves_room(&self, plan: &DemandPlan<'_>) -> bool {
         let reserve = self.in_flight_limit(plan).saturating_add(self.largest);
         let mut missing = self.holdings.held().saturating_add(reserve).saturating_sub(self.allowance);

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What there is to load: the bytes of each asset and the assets of each unit. Immutable, shared by planners.
+//! The catalog of everything that can be loaded: the bytes of each asset, and the assets of each unit. Immutable,
+//! shared by planners.
 
 use super::{AssetId, UnitId};
 use std::ops::Range;
 
-/// Bytes per asset and assets per unit (compressed rows). Every unit's own block is an asset of its own.
+/// Bytes per asset and assets per unit (compressed rows). Every unit's own block is an asset.
 #[derive(Clone, Debug, Default)]
 pub struct UnitCatalog {
     bytes: Vec<u64>,
@@ -13,24 +14,24 @@ pub struct UnitCatalog {
     closures: Vec<u64>,
     total: u64,
     bases: usize,
-    /// Units behind these stand alone.
+    /// First of the units that stand alone: those before are bases, or need a base, if there are bases.
     in_pairs: usize,
 }
 
-/// Why a catalog was refused.
+/// Reason why a catalog was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CatalogError {
-    /// An asset that has no bytes entry.
+    /// A unit names an asset that has no bytes.
     #[error("unit {unit} names asset {asset}, there are {count}")]
     UnknownAsset {
         /// The unit.
         unit: UnitId,
-        /// What it names.
+        /// Asset that the unit names.
         asset: AssetId,
-        /// Assets in the catalog.
+        /// Number of assets in the catalog.
         count: usize,
     },
-    /// More than 2^32 - 1 units or assets.
+    /// There are more than 2^32 - 1 units or assets.
     #[error("{0} units or assets are more than ids can name")]
     TooMany(usize),
     /// The sum of all bytes does not fit 64 bits.
@@ -39,7 +40,8 @@ pub enum CatalogError {
 }
 
 impl UnitCatalog {
-    /// `bytes[asset]`, and the assets of every unit in order; an asset named twice by a unit counts once.
+    /// Creates a catalog of `bytes[asset]` and the assets of every unit in order; an asset named twice by a unit counts
+    /// once.
     pub fn new<I>(bytes: Vec<u64>, units: I) -> Result<Self, CatalogError>
     where
         I: IntoIterator,
@@ -58,15 +60,15 @@ impl UnitCatalog {
         Ok(catalog)
     }
 
-    /// The first `count` units are *bases*: a ray that waits for any other of the units that there are by now may need
-    /// one of them at the same time. Units that are added later stand alone, such as tiles of textures.
+    /// Makes the first `count` units *bases*: a ray that waits for any other of the present units may need one of them
+    /// at the same time. Units that are added later stand alone, such as tiles of textures.
     #[must_use]
     pub fn with_bases(self, count: usize) -> Self {
         let in_pairs = self.closures.len();
         Self { bases: count.min(in_pairs), in_pairs, ..self }
     }
 
-    /// Adds `bytes.len()` assets of so many bytes, and for each a unit that consists of it alone.
+    /// Adds `bytes.len()` assets, and for each a unit that consists of it alone.
     pub fn push_singles(&mut self, bytes: &[u64]) -> Result<(), CatalogError> {
         id_count(self.closures.len() + bytes.len())?;
         let first = self.bytes.len();
@@ -131,13 +133,13 @@ impl UnitCatalog {
         }
     }
 
-    /// Device bytes of the unit with all it needs.
+    /// Device bytes of the unit with all its assets.
     pub fn closure_bytes(&self, unit: UnitId) -> u64 {
         self.closures.get(unit as usize).copied().unwrap_or(0)
     }
 
-    /// The largest of what rays need at once, a base with another unit or a unit that stands alone, and its bytes; the
-    /// first of equals.
+    /// The largest set of units that rays need at once (a base with another unit, or a unit that stands alone), and its
+    /// bytes; the first of equals.
     pub fn largest(&self) -> ([Option<UnitId>; 2], u64) {
         let largest = |units: Range<usize>| {
             let closures = (0..).zip(&self.closures).skip(units.start).take(units.len());
@@ -153,7 +155,7 @@ impl UnitCatalog {
         if alone.1 > pair { ([alone.0, None], alone.1) } else { ([base.0, other.0], pair) }
     }
 
-    /// Bytes of that: with less, some ray could never go on.
+    /// Bytes of [`Self::largest`]: with a smaller budget, some ray could never continue.
     pub fn least_budget(&self) -> u64 {
         self.largest().1
     }
@@ -164,7 +166,7 @@ impl UnitCatalog {
     }
 }
 
-/// The last id of `count` things, an error when ids do not reach.
+/// The last id of `count` items, an error if ids do not reach.
 fn id_count(count: usize) -> Result<u32, CatalogError> {
     u32::try_from(count).map(|count| count.saturating_sub(1)).map_err(|_out_of_range| CatalogError::TooMany(count))
 }

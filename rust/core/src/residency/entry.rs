@@ -1,47 +1,47 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the planner remembers of each unit. Steps are counted modulo 2^32; only differences are used.
+//! The planner's record of each unit. Steps are counted modulo 2^32; only differences are used.
 
-/// Where a unit is.
+/// State of a unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum UnitState {
-    /// Not on the device, nobody waits for it.
+    /// It is not on the device, and no ray waits for it.
     #[default]
     Absent,
-    /// Not on the device; the last step saw rays that wait for it.
+    /// It is not on the device, and the last step saw rays that wait for it.
     Requested,
-    /// A load command is out.
+    /// A load command was issued.
     Loading,
-    /// Usable.
+    /// It is usable.
     Resident,
 }
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct UnitEntry {
     pub(super) state: UnitState,
-    /// Loads that completed.
+    /// Number of loads that completed.
     pub(super) loads: u32,
-    /// Step since which rays wait without a gap, and the loads begun before it.
+    /// Step since which rays wait without a gap, and the number of loads begun before it.
     pub(super) since: u32,
     pub(super) since_loads: u32,
     /// The last step that saw waiting rays.
     pub(super) seen: u32,
-    /// The last step in which it was of use: waited for, visited or loaded.
+    /// Last step in which rays waited for it or visited it, or in which it was loaded.
     pub(super) used: u32,
     /// The step after which it became usable.
     pub(super) usable: u32,
-    /// No load before this step (after a failure); 0 = any time.
+    /// First step in which it may be loaded again after a failure; 0 = any.
     pub(super) retry: u32,
     /// Rays that needed it lately; halves every `HALF_LIFE_STEPS`, as of step `used`.
     pub(super) heat: f32,
-    /// Pairs that it is kept for.
+    /// Number of pairs that it is kept for.
     pub(super) holds: u32,
-    /// Place in the list of resident units.
+    /// Index in the list of resident units.
     pub(super) slot: u32,
-    /// It was resident at least once.
+    /// True if it was resident at least once.
     pub(super) touched: bool,
 }
 
-/// Steps after which old demand counts half.
+/// Number of steps after which old demand counts half.
 pub(super) const HALF_LIFE_STEPS: u32 = 16;
 
 /// `2^(-i / HALF_LIFE_STEPS)`; a table, so that no platform's `exp2` takes part in a decision.
@@ -75,18 +75,18 @@ impl UnitEntry {
         self.heat * FRACTIONS[(age % HALF_LIFE_STEPS) as usize] * f32::from_bits((127 - whole) << 23)
     }
 
-    /// A load failed a short time ago.
+    /// Returns true if a load failed a short time ago.
     pub(super) fn pauses(&self, step: u32) -> bool {
         self.retry != 0 && self.retry.wrapping_sub(step).cast_signed() > 0
     }
 
-    /// `rays` visited it in `step`.
+    /// Records that `rays` visited it in `step`.
     pub(super) fn visited(&mut self, step: u32, rays: u32) {
         self.heat = self.heat_at(step) + rays_f32(rays);
         self.used = step;
     }
 
-    /// `rays` wait for it in `step`; the same rays as a step before, hence no sum.
+    /// Records that `rays` wait for it in `step`; they are the same rays as a step before, hence no sum.
     pub(super) fn waited_for(&mut self, step: u32, rays: u32) {
         self.heat = self.heat_at(step).max(rays_f32(rays));
         self.used = step;

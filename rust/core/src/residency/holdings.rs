@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Who holds which asset: reference counts over the units that are loading or resident, and the bytes they come to.
+//! Reference counts of assets by the units that are loading or resident, and the sum of their bytes.
 //!
-//! Also keeps, per unit, the bytes that only it holds (what its eviction would free) at constant cost per change: each
-//! asset remembers the exclusive-or of its holders' ids, which is the holder's id when there is one.
+//! Also keeps, per unit, the bytes that only it holds (those that its eviction would free) at constant cost per change:
+//! each asset remembers the exclusive-or of its holders' ids, which is the holder's id when there is one.
 
 use super::{AssetId, UnitCatalog, UnitId};
 
@@ -35,7 +35,7 @@ impl AssetHoldings {
         self.held
     }
 
-    /// Bytes that go when this unit goes.
+    /// Bytes that are freed when this unit is evicted.
     pub(super) fn exclusive(&self, unit: UnitId) -> u64 {
         self.exclusive[unit as usize]
     }
@@ -44,7 +44,7 @@ impl AssetHoldings {
         self.assets.get(asset as usize).is_some_and(|asset| asset.holders > 0)
     }
 
-    /// Bytes the unit would add, `None` while one of its assets is on its way for another unit.
+    /// Bytes that the unit would add; `None` while one of its assets is being loaded for another unit.
     pub(super) fn missing(&self, catalog: &UnitCatalog, unit: UnitId) -> Option<u64> {
         let mut bytes = 0;
         for &id in catalog.assets(unit) {
@@ -59,7 +59,8 @@ impl AssetHoldings {
         Some(bytes)
     }
 
-    /// The unit becomes a holder of all its assets; `new` gets those nobody held. Not for a unit that holds them.
+    /// Makes the unit a holder of all its assets; `new` gets those that had no holder. Must not be called for a unit
+    /// that holds them.
     pub(super) fn acquire(&mut self, catalog: &UnitCatalog, unit: UnitId, new: &mut Vec<AssetId>) {
         for &id in catalog.assets(unit) {
             let bytes = catalog.bytes(id);
@@ -78,7 +79,7 @@ impl AssetHoldings {
         }
     }
 
-    /// Undoes [`Self::acquire`]; `freed` gets the assets nobody holds any more.
+    /// Undoes [`Self::acquire`]; `freed` gets the assets without a holder.
     pub(super) fn release(&mut self, catalog: &UnitCatalog, unit: UnitId, freed: &mut Vec<AssetId>) {
         for &id in catalog.assets(unit) {
             let bytes = catalog.bytes(id);
@@ -103,7 +104,7 @@ impl AssetHoldings {
         }
     }
 
-    /// The assets are on the device now; returns the bytes of those that had been there before.
+    /// Marks the assets as being on the device; returns the bytes of those that had been there before.
     pub(super) fn arrived(&mut self, catalog: &UnitCatalog, assets: &[AssetId]) -> u64 {
         let mut again = 0;
         for &id in assets {

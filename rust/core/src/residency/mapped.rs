@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Brings units to the device that rays read in host memory: nobody waits for them, but what is visited most is read
-//! fastest there.
+//! Loads units that rays otherwise read in host memory: no ray waits for them, but the units that are visited most are
+//! read fastest on the device.
 
 use super::UnitId;
 use super::entry::UnitState;
@@ -8,14 +8,14 @@ use super::planner::ResidencyPlanner;
 use super::policy::top;
 use super::step::DemandPlan;
 
-/// Units that are tried in a step; bytes in flight bound them too.
+/// Largest number of units that are tried in a step; bytes in flight limit them too.
 const CANDIDATES: usize = 4096;
 
 impl ResidencyPlanner {
-    /// Loads mapped units by the policy's measure of their visits: as far as they are worth more than what goes, and
-    /// where nothing has to go, whatever is visited at all.
+    /// Loads mapped units by the policy's measure of their visits: as long as they are worth more than the units that
+    /// are evicted for them, and without evictions for any visited unit.
     pub(super) fn load_mapped(&mut self, plan: &mut DemandPlan<'_>) {
-        // The bus is for what rays wait for, and the few that still go on read little.
+        // The bus is for units that rays wait for, and the few rays that continue read little.
         if plan.is_idle() || plan.demand.keep_below > 0 {
             return;
         }

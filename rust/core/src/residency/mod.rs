@@ -48,46 +48,46 @@ pub type AssetId = u32;
 /// Index of a unit in the [`UnitCatalog`].
 pub type UnitId = u32;
 
-/// What the rays ask for, per unit. Slices shorter than the catalog read as 0 past their end.
+/// Demand of the rays, per unit. Slices shorter than the catalog read as 0 past their end.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RayDemand<'a> {
     /// Rays that wait for this unit first.
     pub waiting: &'a [u32],
     /// Rays that wait for another unit first and have this one further down their list.
     pub next: &'a [u32],
-    /// 1 + a unit that rays which wait for this one need at the same time; 0: none. Rays that need two units wait for
-    /// both, whether the other one is resident or not.
+    /// 1 + a unit that the rays which wait for this one need at the same time; 0: none. Rays that need two units wait
+    /// for both, whether the other one is resident or not.
     pub partners: &'a [u32],
-    /// Rays that visited this unit since the last step because it was resident or `mapped`. May be empty when nobody
-    /// counts; then what stays resident is judged by the demand that was seen before its load.
+    /// Rays that visited this unit since the last step because it was resident or `mapped`. May be empty if visits are
+    /// not counted; then resident units are judged by the demand that was seen before their load.
     pub visits: &'a [u32],
     /// Units that rays can read in host memory while they are absent, so that none waits for them. They are loaded for
-    /// their visits alone, where the policy has a measure for it.
+    /// their visits alone, if the policy has a measure for it.
     pub mapped: &'a [bool],
-    /// Resident units below this one go only where they are `mapped`, and none is loaded for its visits.
+    /// Resident units below this one are evicted only if they are `mapped`, and none is loaded for its visits.
     pub keep_below: UnitId,
     /// Rays that can be traced now.
     pub active: u64,
     /// The units of which `waiting` or `next` is not 0, ascending, each once; others may be among them. `None`: the
-    /// planner looks at all.
+    /// planner scans all units.
     pub asked: Option<&'a [UnitId]>,
 }
 
-/// What the caller is to do, in the order of the list.
+/// An action for the caller, to be performed in the order of the list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ResidencyCommand {
-    /// Bring `assets` to the device, then say [`ResidencyPlanner::loaded`] or [`ResidencyPlanner::failed`].
+    /// Copy `assets` to the device, then call [`ResidencyPlanner::loaded`] or [`ResidencyPlanner::failed`].
     Load {
         /// The unit that becomes usable.
         unit: UnitId,
-        /// What it needs and the device does not hold.
+        /// Assets of the unit that the device does not hold.
         assets: Vec<AssetId>,
     },
     /// Make the unit unusable (it may be so already after a failure) and free `assets`.
     Evict {
-        /// The unit that goes.
+        /// The unit that is evicted.
         unit: UnitId,
-        /// What no other unit needs.
+        /// Assets that no other unit needs.
         assets: Vec<AssetId>,
     },
 }

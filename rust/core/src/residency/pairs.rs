@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Units that rays need at the same time, such as a mesh and the chunk that places it. A ray gets on once both are
-//! usable: so while one is loaded, the other one stays, and both stay until steps have seen them together.
+//! Units that rays need at the same time, such as a mesh and the chunk that places it. A ray continues once both are
+//! usable: so while one is loaded, the other one is kept, and both are kept until steps have seen them together.
 
 use super::entry::UnitState;
 use super::planner::ResidencyPlanner;
@@ -8,18 +8,18 @@ use super::step::{DemandPlan, LoadOutcome, LoadPriority};
 use super::{RayDemand, UnitId, at};
 
 impl ResidencyPlanner {
-    /// What rays that wait for a unit need with it.
+    /// Unit that the rays which wait for `unit` need with it.
     pub(super) fn partner(&self, demand: &RayDemand<'_>, unit: UnitId) -> Option<UnitId> {
         let partner = at(demand.partners, unit).checked_sub(1)?;
         ((partner as usize) < self.entries.len() && partner != unit).then_some(partner)
     }
 
-    /// Whether the unit is on the device or on its way.
+    /// Returns true if the unit is resident or loading.
     pub(super) fn is_held(&self, unit: UnitId) -> bool {
         matches!(self.entries[unit as usize].state, UnitState::Loading | UnitState::Resident)
     }
 
-    /// Keeps a unit from going, once more.
+    /// Adds a hold, which prevents the eviction of the unit.
     pub(super) fn hold(&mut self, unit: UnitId) {
         self.entries[unit as usize].holds += 1;
     }
@@ -29,7 +29,7 @@ impl ResidencyPlanner {
         self.entries[unit as usize].holds -= 1;
     }
 
-    /// Begins to load a unit, beside what rays need with it.
+    /// Begins to load a unit without evicting its partner.
     pub(super) fn try_load(&mut self, plan: &mut DemandPlan<'_>, unit: UnitId, press: LoadPriority) -> LoadOutcome {
         let partner = self.partner(&plan.demand, unit).filter(|partner| self.is_held(*partner));
         let partner = partner.filter(|_| !matches!(press, LoadPriority::Ahead(_)));
@@ -45,8 +45,8 @@ impl ResidencyPlanner {
         tried
     }
 
-    /// Lets go of pairs that rays could use, and of those that came apart: after a failed load, or because the budget
-    /// was lowered. Cost: the loads under way.
+    /// Releases pairs that rays could use, and those that came apart: after a failed load, or because the budget was
+    /// lowered. The cost is a scan of the loads in flight.
     pub(super) fn settle_pairs(&mut self) {
         let pairs = std::mem::take(&mut self.pairs);
         for pair in pairs {
@@ -63,7 +63,8 @@ impl ResidencyPlanner {
         }
     }
 
-    /// Loads a unit that starves, with its partner if that is gone. `false` when one of them has to wait for room.
+    /// Loads a unit that starves, with its partner if that is absent. Returns `false` if one of them has to wait for
+    /// room.
     pub(super) fn load_with_partner(&mut self, plan: &mut DemandPlan<'_>, unit: UnitId) -> bool {
         let is_mapped = |unit: &UnitId| plan.demand.mapped.get(*unit as usize) == Some(&true);
         let partner = self.partner(&plan.demand, unit).filter(|unit| !self.is_held(*unit) && !is_mapped(unit));
@@ -75,8 +76,9 @@ impl ResidencyPlanner {
         self.pay_owed(plan)
     }
 
-    /// Goes on with two units that starve together. `false` when one of them has to wait for room: then nothing else is
-    /// loaded, so that the room comes, and the other one stays meanwhile. Without that, each could go for the other.
+    /// Continues with two units that starve together. Returns `false` if one of them has to wait for room: then nothing
+    /// else is loaded, so that room becomes free, and the other one is kept meanwhile. Otherwise each could be evicted
+    /// for the other.
     pub(super) fn pay_owed(&mut self, plan: &mut DemandPlan<'_>) -> bool {
         let Some(pair) = self.owed else { return true };
         for (unit, other) in [(pair[0], pair[1]), (pair[1], pair[0])] {
@@ -86,7 +88,7 @@ impl ResidencyPlanner {
             if !self.is_demanded(unit) || self.entries[unit as usize].pauses(self.step) {
                 return self.forgive(pair);
             }
-            // Of partners only this one stays: with another one there might never be room.
+            // Of all partners only this one is kept: with another one there might never be room.
             match self.try_load_beside(plan, unit, Some(other), LoadPriority::Must) {
                 LoadOutcome::Issued => {}
                 LoadOutcome::Refused => return self.forgive(pair),
@@ -99,7 +101,7 @@ impl ResidencyPlanner {
         true
     }
 
-    /// Nobody waits for the two any more, or one cannot be had now.
+    /// Returns true if no ray waits for the two any more, or one cannot be loaded now.
     fn forgive(&mut self, pair: [UnitId; 2]) -> bool {
         self.owed = None;
         pair.into_iter().for_each(|unit| self.let_go(unit));

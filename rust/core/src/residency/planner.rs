@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The planner's public face: making it, what the caller reports, what it may ask. Planning itself is in `step`.
+//! The planner's public interface: construction, reports of the caller, queries. Planning itself is in `step`.
 
 use super::entry::{UnitEntry, UnitState};
 use super::holdings::AssetHoldings;
@@ -8,17 +8,17 @@ use super::{AssetId, ResidencyCommand, ResidencyStats, UnitCatalog, UnitId};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Why a budget was refused.
+/// Reason why a budget was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PlanError {
-    /// Units that can never be resident together.
+    /// The budget is smaller than units that must be resident together.
     #[error("units {units:?} need {bytes} bytes of device memory at once, the budget is {budget}")]
     TooLarge {
-        /// The largest base and the largest other unit, as far as there are such, or a unit that stands alone.
+        /// The largest base and the largest other unit, as far as they exist, or a unit that stands alone.
         units: [Option<UnitId>; 2],
-        /// Bytes of them with all they need.
+        /// Bytes of these units with all their assets.
         bytes: u64,
-        /// What there is.
+        /// The budget, bytes.
         budget: u64,
     },
 }
@@ -26,19 +26,19 @@ pub enum PlanError {
 /// Settings of a planner that depend on the device rather than on the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PlannerOptions {
-    /// Bytes of demanded loads in flight at a time (one load is always allowed; four times as many when the device
-    /// would idle). 0 = an eighth of the budget (a half when idle), 128 MiB at most. Less = demand is read again
-    /// sooner.
+    /// Bytes of demanded loads in flight at a time (one load is always allowed; four times as many if the device would
+    /// idle). 0 = an eighth of the budget (half of it when idle), at most 128 MiB. With fewer bytes demand is read
+    /// again sooner.
     pub in_flight_bytes: u64,
-    /// Steps that see a unit usable before it may be evicted, 0 = 2: with one submission in flight the first step
-    /// after a load still sees the demand of before. More submissions in flight need as many more.
+    /// Number of steps that see a unit usable before it may be evicted, 0 = 2: with one submission in flight the first
+    /// step after a load still sees the earlier demand. Each further submission in flight needs one more.
     pub pin_steps: u32,
-    /// Units from this one on are tiles of textures, of which no visits are counted. They stay while they take less
-    /// than a third of the budget and leave room for the least budget. None = there are none.
+    /// Units from this one on are tiles of textures, whose visits are not counted. They are kept while they take less
+    /// than a third of the budget and leave room for the least budget. `None` = there are none.
     pub first_tile: Option<UnitId>,
 }
 
-/// A load that is under way.
+/// A load in flight.
 #[derive(Clone, Debug)]
 pub(super) struct UnitLoad {
     pub(super) unit: UnitId,
@@ -47,51 +47,51 @@ pub(super) struct UnitLoad {
     pub(super) kind: LoadKind,
 }
 
-/// Why a load was begun.
+/// Reason why a load was begun.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LoadKind {
     Demanded = 0,
     Prefetch = 1,
 }
 
-/// Decides which units live on the device; see the module's documentation.
+/// Decides which units are on the device, step by step.
 #[derive(Debug)]
 pub struct ResidencyPlanner {
     pub(super) catalog: Arc<UnitCatalog>,
     pub(super) policy: Box<dyn LoadPolicy>,
     pub(super) options: PlannerOptions,
     pub(super) budget: u64,
-    /// What loads may fill: the budget, or less for a while after a failed load.
+    /// Bytes that loads may fill: the budget, or less for a while after a failed load.
     pub(super) allowance: u64,
     pub(super) largest: u64,
-    /// Bytes of tiles of textures that are held.
+    /// Bytes of texture tiles that are held.
     tile_bytes: u64,
     pub(super) entries: Vec<UnitEntry>,
     pub(super) holdings: AssetHoldings,
     pub(super) residents: Vec<UnitId>,
     pub(super) loading: BTreeMap<UnitId, UnitLoad>,
-    /// Units that stay until rays could use them together.
+    /// Pairs of units that are kept until rays could use them together.
     pub(super) pairs: Vec<[UnitId; 2]>,
-    /// Two that starve together, of which one has no room yet.
+    /// Two units that starve together, one of which has no room yet.
     pub(super) owed: Option<[UnitId; 2]>,
-    /// Evictions that the next step has to say first: what failed loads held of what was there.
+    /// Evictions with which the next step begins: assets of failed loads that had been on the device.
     pub(super) dropped: Vec<ResidencyCommand>,
     pub(super) stats: ResidencyStats,
     pub(super) step: u32,
     pub(super) loads_begun: u32,
-    /// Bytes of loads in flight, demanded and ahead of demand.
+    /// Bytes of loads in flight: demanded ones, and prefetches.
     pub(super) in_flight: [u64; 2],
-    /// Where the next look for victims begins in `residents`.
+    /// Index in `residents` at which the next search for victims begins.
     pub(super) hand: usize,
 }
 
 impl ResidencyPlanner {
-    /// Nothing is resident. An error when what rays need at once does not fit the budget.
+    /// Creates a planner with nothing resident. An error if units that rays need at once do not fit the budget.
     pub fn new(catalog: Arc<UnitCatalog>, budget: u64, kind: PolicyKind) -> Result<Self, PlanError> {
         Self::with_policy(catalog, budget, kind.policy(), PlannerOptions::default())
     }
 
-    /// As [`Self::new`], with a policy in any state and options.
+    /// As [`Self::new`], with a given policy and options.
     pub fn with_policy(
         catalog: Arc<UnitCatalog>,
         budget: u64,
@@ -122,9 +122,9 @@ impl ResidencyPlanner {
         })
     }
 
-    /// At start, after an edit: the unit's content is on the device already. `false`, and the caller frees it, when it
-    /// is unknown or does not fit the budget beside what is held. Content of which [`Self::holds`] is false once all
-    /// units are kept is the caller's to free.
+    /// Notes, at the start or after an edit, that the unit's content is on the device already. Returns `false`, and the
+    /// caller frees it, if the unit is unknown or does not fit the budget beside what is held. The caller also frees
+    /// content of which [`Self::holds`] is false once all units are kept.
     pub fn keep_resident(&mut self, unit: UnitId) -> bool {
         match self.state(unit) {
             UnitState::Resident => return true,
@@ -144,7 +144,8 @@ impl ResidencyPlanner {
         true
     }
 
-    /// A load is done: the unit is in the unit table of the next submission. Ignored for a unit that is not loading.
+    /// Notes that a load is done: the unit is in the unit table of the next submission. Ignored for a unit that is not
+    /// loading.
     pub fn loaded(&mut self, unit: UnitId) {
         let Some(load) = self.take_load(unit) else { return };
         let again = self.holdings.arrived(&self.catalog, &load.assets);
@@ -163,9 +164,9 @@ impl ResidencyPlanner {
         self.allowance += (self.budget.saturating_sub(self.allowance)).div_ceil(RECOVERY);
     }
 
-    /// A load found no memory. Nothing the load was to bring is on the device; what the unit shared with evicted ones
-    /// is freed by the next step's first commands. The planner fills less until loads succeed again, and tries this
-    /// unit again after some steps. Ignored for a unit that is not loading.
+    /// Notes that a load found no memory. Nothing of the load is on the device; assets that the unit shared with
+    /// evicted ones are freed by the next step's first commands. The planner fills less until loads succeed again, and
+    /// tries this unit again after some steps. Ignored for a unit that is not loading.
     pub fn failed(&mut self, unit: UnitId) {
         let Some(load) = self.take_load(unit) else { return };
         self.holdings.set_in_flight(&load.assets, false);
@@ -186,8 +187,7 @@ impl ResidencyPlanner {
         self.count_bytes();
     }
 
-    /// Sets another budget. What is above it is evicted by the next step. An error, and no change, when a unit does
-    /// not fit.
+    /// Sets another budget. The next step evicts what exceeds it. An error, and no change, if a unit does not fit.
     pub fn set_budget(&mut self, budget: u64) -> Result<(), PlanError> {
         check_budget(&self.catalog, budget)?;
         self.budget = budget;
@@ -210,7 +210,7 @@ impl ResidencyPlanner {
         &self.stats
     }
 
-    /// Where a unit is; `Absent` for an unknown one.
+    /// State of a unit; `Absent` for an unknown one.
     pub fn state(&self, unit: UnitId) -> UnitState {
         match self.entries.get(unit as usize) {
             Some(entry) if entry.state == UnitState::Absent && self.is_demanded(unit) => UnitState::Requested,
@@ -219,27 +219,27 @@ impl ResidencyPlanner {
         }
     }
 
-    /// The unit is usable.
+    /// Returns true if the unit is usable.
     pub fn is_resident(&self, unit: UnitId) -> bool {
         self.state(unit) == UnitState::Resident
     }
 
-    /// The asset is on the device or on its way there.
+    /// Returns true if the asset is on the device or being loaded.
     pub fn holds(&self, asset: AssetId) -> bool {
         self.holdings.is_held(asset)
     }
 
-    /// Times a load of the unit completed.
+    /// Number of loads of the unit that completed.
     pub fn load_count(&self, unit: UnitId) -> u32 {
         self.entries.get(unit as usize).map_or(0, |entry| entry.loads)
     }
 
-    /// The usable units, in no order that means anything (but the same for the same calls).
+    /// The usable units, in no meaningful order (but the same for the same calls).
     pub fn resident_units(&self) -> &[UnitId] {
         &self.residents
     }
 
-    /// Loads in flight.
+    /// Number of loads in flight.
     pub fn loads_in_flight(&self) -> usize {
         self.loading.len()
     }
@@ -248,7 +248,7 @@ impl ResidencyPlanner {
         if self.options.pin_steps == 0 { DEFAULT_PIN_STEPS } else { self.options.pin_steps }
     }
 
-    /// The last step saw rays that wait for the unit.
+    /// Returns true if the last step saw rays that wait for the unit.
     pub(super) fn is_demanded(&self, unit: UnitId) -> bool {
         self.step != 0 && self.entries[unit as usize].seen == self.step
     }
@@ -266,18 +266,18 @@ impl ResidencyPlanner {
         self.tile_bytes = self.tile_bytes.saturating_sub(self.bytes_of_tile(unit));
     }
 
-    /// Bytes that tiles may take before one of them has to go. Failed loads lower it, so that tiles keep no memory in
-    /// pieces for ever.
+    /// Bytes that tiles may take before one of them is evicted. Failed loads lower it, so that tiles do not keep memory
+    /// fragmented for ever.
     fn tile_share(&self) -> u64 {
         (self.budget / TILE_SHARE).min(self.allowance.saturating_sub(self.largest))
     }
 
-    /// Bytes of tiles for which other units go.
+    /// Bytes of tiles for which other units may be evicted.
     pub fn room_for_tiles(&self) -> u64 {
         self.tile_share().saturating_sub(self.tile_bytes)
     }
 
-    /// The unit is a tile, and these take so little that none has to go.
+    /// Returns true if the unit is a tile and tiles take so little that none is evicted.
     pub(super) fn is_tile_to_stay(&self, unit: UnitId) -> bool {
         self.options.first_tile.is_some_and(|first| unit >= first) && self.tile_bytes <= self.tile_share()
     }
@@ -311,11 +311,11 @@ impl ResidencyPlanner {
 }
 
 const DEFAULT_PIN_STEPS: u32 = 2;
-/// Tiles of textures stay below this share of the budget.
+/// Texture tiles stay below one in so many bytes of the budget.
 const TILE_SHARE: u64 = 3;
-/// A load that completes gives back this fraction of what failures took from the allowance.
+/// A completed load restores one in so many bytes that failures took from the allowance.
 const RECOVERY: u64 = 128;
-/// The longest pause after failures is 2 to this power steps.
+/// Base-2 logarithm of the longest pause after failures, in steps.
 const MAX_PAUSE_LOG2: u64 = 4;
 
 /// Bytes of the largest units that rays need at once, if they fit.

@@ -4,88 +4,89 @@
 //!
 //! # Unbiased
 //! A ray is weighted by `1 / p` exactly if a number `u`, drawn for this load alone, is below `p`; `p` is fixed before
-//! `u` is looked at, so the expectation over `u` is what the ray would have brought, whatever `p` was made of (Arvo and
-//! Kirk 1990). One `u` for all rays of a load, since the load is the work: ended one by one, `n` rays would save it
-//! with probability `(1 - p)^n` only. Over consecutive seeds the numbers of a load are stratified, each load's in an
-//! order of its own (Burley 2020): a picture merged from several seeds has less of this variance, and nothing else
-//! changes.
+//! `u` is looked at, so the expectation over `u` is the contribution that the ray would have had, however `p` was
+//! chosen (Arvo and Kirk 1990). One `u` for all rays of a load, since the load is the work: ended one by one, `n` rays
+//! would save it with probability `(1 - p)^n` only. Over consecutive seeds the numbers of a load are stratified, each
+//! load's in an order of its own (Burley 2020): a picture merged from several seeds has less of this variance, and
+//! nothing else changes.
 //!
 //! # p
-//! A load brings a pixel the sum `F` of what its `m` rays there bring, all or nothing, so it adds `(1 / p - 1) E[F^2]`
-//! to the variance of the pixel's sum: `m^2 c^2` where each ray brings `c`. `s` is the sum over the pixels, relative to
-//! them. With `V` the relative variance and `T` the seconds of a path, `N` paths and `c` the seconds that the picture
-//! is done sooner without the load, variance and time of the picture are proportional to `N V + sum (1 / p - 1) s` and
-//! `N T + sum p c`; their product is to be smallest (efficiency: Bolin and Meyer 1997; Vorba and Křivánek 2016).
-//! Playing one load with `p` instead of always loading it changes the logarithm of the product by `-x (1 - p) (1 - p0^2
-//! / p) / N`, with `x = c / T` and `p0 = sqrt((s / V) / x)`: smallest at `p0`, a gain as long as `p0^2 < p`.
+//! A load brings a pixel the sum `F` of the contributions of its `m` rays there, all or nothing, so it adds
+//! `(1 / p - 1) E[F^2]` to the variance of the pixel's sum: `m^2 c^2` where each ray brings `c`. `s` is the sum over
+//! the pixels, relative to them. With `V` the relative variance and `T` the seconds of a path, `N` paths and `c` the
+//! seconds that the picture is done sooner without the load, variance and time of the picture are proportional to
+//! `N V + sum (1 / p - 1) s` and `N T + sum p c`; their product is to be smallest (efficiency: Bolin and Meyer 1997;
+//! Vorba and Křivánek 2016). Playing one load with `p` instead of always loading it changes the logarithm of the
+//! product by `-x (1 - p) (1 - p0^2 / p) / N`, with `x = c / T` and `p0 = sqrt((s / V) / x)`: smallest at `p0`, a gain
+//! as long as `p0^2 < p`.
 //!
 //! # Careful
 //! `s`, `V`, `c` are estimates. [`CARE`] times `s` is taken for `s`, hence `p = sqrt(2) p0`: that loses at most a tenth
-//! of the gain where the estimates are right, and is a gain as long as `s / (V c)` is less than `2 / p` times what was
-//! thought. A load with `p` above [`MOST`] is not played for: what it might save is little, and soon wanted again by
-//! rays nobody knows of yet. Two accounts of the variance spent, `sum (1 / p - 1) s`, bound the harm:
-//! - of a unit, since it was loaded last: a share [`PER_LOAD`] of `V x`, what the load costs. So a unit that is
-//!   wanted again and again is loaded in the end, and what was spent on it in vain is a small part of its price (rent
-//!   or buy; Karlin et al. 1988, "Competitive snoopy caching").
+//! of the gain where the estimates are right, and is a gain as long as `s / (V c)` is less than `2 / p` times the
+//! estimate. A load with `p` above [`MOST`] is not played for: it would save little, and soon be wanted again by rays
+//! that are not known yet. Two accounts of the variance spent, `sum (1 / p - 1) s`, bound the harm:
+//! - of a unit, since it was loaded last: a share [`PER_LOAD`] of `V x`, the cost of the load. So a unit that is wanted
+//!   again and again is loaded in the end, and the variance spent on it in vain is a small part of its price (rent or
+//!   buy; Karlin et al. 1988, "Competitive snoopy caching").
 //! - of all: a share [`PER_PICTURE`] of the picture's own `N V`.
 //!
-//! `p` is raised to what they leave. It is at least [`LEAST`]: nobody knows what a ray brings before it does, and
+//! `p` is raised to what they leave. It is at least [`LEAST`]: the contribution of a ray is not known in advance, and
 //! weights stay bounded.
 //!
 //! # States of a unit
-//! `Open -> Approved` (until it was resident, or nobody waits) or `Open -> Ending`, both at least until the step that
-//! weights or ends its rays was seen: a unit has one verdict in a step. Rays that come to an approved unit get on
+//! `Open -> Approved` (until it was resident, or no ray waits) or `Open -> Ending`, both at least until the step that
+//! weights or ends its rays was seen: a unit has one verdict in a step. Rays that reach an approved unit continue
 //! without a weight: its load is paid for. Pure; called by one thread.
 
 use super::UnitId;
 use oocpt_abi::sampler::{combine, hash, sample_4d};
 
-/// The least probability of a load.
+/// Least probability of a load.
 pub const LEAST: f64 = 1.0 / 16.0;
-/// The greatest one below 1.
+/// Greatest probability below 1; a load with a greater one is not played for.
 pub const MOST: f64 = 0.5;
-/// How many times more may be at stake than was thought.
+/// Factor by which the stakes may be underestimated.
 pub const CARE: f64 = 2.0;
 /// Share of a load's cost, in variance, that may be spent in vain before it.
 pub const PER_LOAD: f64 = 0.25;
 /// Share of the picture's own variance that may be spent in all.
 pub const PER_PICTURE: f64 = 0.125;
-/// A dimension of its own among the uses of the seed.
+/// Dimension of these numbers among the uses of the seed.
 const DIMENSION: u32 = 0x0005_eed0;
 
-/// What the picture costs, as far as it is known.
+/// Costs of the picture, as far as they are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoadPrices {
-    /// Seconds that the picture is done sooner for each byte that is not loaded.
+    /// Seconds by which the picture is finished sooner for each byte that is not loaded.
     pub secs_per_byte: f64,
-    /// Seconds of a path, with all its share of loads.
+    /// Seconds of a path, including its share of loads.
     pub secs_per_path: f64,
     /// Relative variance that a path leaves in its pixel.
     pub variance: f64,
-    /// Paths of the picture.
+    /// Number of paths of the picture.
     pub paths: f64,
 }
 
-/// What is at stake with a load.
+/// Costs and effect of a load.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoadStakes {
     /// The unit.
     pub unit: UnitId,
     /// Bytes to load.
     pub bytes: u64,
-    /// Second moment of what the rays that wait bring to a pixel together, relative to it, over the pixels. Infinite:
-    /// they are to be traced.
+    /// Second moment of the contributions that the waiting rays bring to a pixel together, relative to it, summed over
+    /// the pixels. Infinite: they must be traced.
     pub worth: f64,
-    /// Their share of the load, which others will use as well; 0 to 1.
+    /// Share of these rays in the load, which others will use as well; 0 to 1.
     pub share: f64,
 }
 
-/// What becomes of the rays that wait for a unit.
+/// Decision about the rays that wait for a unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RouletteVerdict {
     /// The unit.
     pub unit: UnitId,
-    /// How often they count from now on; 0: they end.
+    /// Factor that multiplies their weight from now on; 0: they end.
     pub weight: f32,
 }
 
@@ -93,13 +94,13 @@ pub struct RouletteVerdict {
 enum RouletteState {
     #[default]
     Open,
-    /// Its rays are weighted by this step.
+    /// The unit may be loaded; this step weights its rays.
     Approved(u64),
-    /// By this step.
+    /// The rays of the unit end; this step ends them.
     Ending(u64),
 }
 
-/// See the module.
+/// Plays Russian roulette for the loads of units.
 #[derive(Debug)]
 pub struct LoadRoulette {
     seed: u32,
@@ -107,18 +108,18 @@ pub struct LoadRoulette {
     draws: Vec<u32>,
     /// Variance spent on each unit since its last load, and in all.
     lost: Vec<f64>,
-    /// Variance spent in all, in paths' worth of relative variance: over `variance * paths` the share of the picture's
-    /// own.
+    /// Variance spent in all, in units of the relative variance of a path: divided by `variance * paths` it is the
+    /// share of the picture's own.
     pub spent: f64,
-    /// Units that are not open.
+    /// Units whose state is not `Open`.
     judged: Vec<UnitId>,
     verdicts: Vec<RouletteVerdict>,
-    /// Loads that nobody waits for any more.
+    /// Number of loads that no ray waits for any more.
     pub loads_saved: u64,
 }
 
 impl LoadRoulette {
-    /// For so many units.
+    /// Creates the roulette of `units` units, all open.
     #[must_use]
     pub fn new(seed: u32, units: usize) -> Self {
         Self {
@@ -133,7 +134,7 @@ impl LoadRoulette {
         }
     }
 
-    /// Takes note of what step `seen` left: the rays that wait for each unit, and which units are resident.
+    /// Records the state after step `seen`: the rays that wait for each unit, and the units that are resident.
     pub fn observe(&mut self, seen: u64, waiting: &[u32], is_resident: impl Fn(UnitId) -> bool) {
         let states = &mut self.states;
         self.judged.retain(|&unit| {
@@ -149,13 +150,13 @@ impl LoadRoulette {
         });
     }
 
-    /// Whether the unit may be loaded; draws if it was not decided. What has to become of rays is in
-    /// [`Self::take_verdicts`], to be done in step `step` at the latest, and before the unit is shown.
+    /// Returns true if the unit may be loaded; draws if it was not decided. [`Self::take_verdicts`] has the decisions
+    /// about rays, to be carried out in step `step` at the latest, and before the unit is usable.
     pub fn judge(&mut self, stakes: &LoadStakes, prices: &LoadPrices, step: u64) -> bool {
         self.judge_by(stakes, step, |lost, spent| probability(stakes, prices, lost, spent))
     }
 
-    /// As [`Self::judge`], where `p` gives the probability for the variance spent on the unit and in all.
+    /// As [`Self::judge`], where `p` gives the probability from the variance spent on the unit and in all.
     pub fn judge_by(&mut self, stakes: &LoadStakes, step: u64, p: impl FnOnce(f64, f64) -> f64) -> bool {
         let Some(state) = self.states.get_mut(stakes.unit as usize) else { return true };
         if *state != RouletteState::Open {
@@ -181,20 +182,20 @@ impl LoadRoulette {
         is_approved
     }
 
-    /// What was decided since the last call.
+    /// The decisions since the last call.
     pub fn take_verdicts(&mut self) -> Vec<RouletteVerdict> {
         std::mem::take(&mut self.verdicts)
     }
 
-    /// Whether something was decided since.
+    /// Returns true if there are decisions that were not taken.
     #[must_use]
     pub fn has_verdicts(&self) -> bool {
         !self.verdicts.is_empty()
     }
 }
 
-/// The probability of a load, [`LEAST`] to [`MOST`] or 1, where `lost` and `spent` was spent on its unit and in all; 1
-/// where something is not known.
+/// The probability of a load, [`LEAST`] to [`MOST`] or 1, if `lost` and `spent` were spent on its unit and in all; 1 if
+/// something is not known.
 #[must_use]
 pub fn probability(stakes: &LoadStakes, prices: &LoadPrices, lost: f64, spent: f64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "an estimate")]
@@ -205,7 +206,7 @@ pub fn probability(stakes: &LoadStakes, prices: &LoadPrices, lost: f64, spent: f
         return 1.0;
     }
     let wanted = (CARE * stakes.worth / (prices.variance * in_paths)).sqrt();
-    // Of what is left at least so much is spent: 1 / p - 1 = left / worth.
+    // At least this part of the remaining variance is spent: 1 / p - 1 = left / worth.
     let floor = |left: f64| stakes.worth / (stakes.worth + left.max(0.0));
     let floors = floor(PER_LOAD * prices.variance * in_paths - lost)
         .max(floor(PER_PICTURE * prices.variance * prices.paths - spent));

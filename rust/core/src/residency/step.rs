@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One step of planning: read the demand, make room where the budget shrank, load what starves, what is demanded, and
-//! what soon will be. Cost: a scan of the demand where the caller does not
-//! say what was asked for, then the units with demand, the resident units when room is needed.
+//! One step of planning: reads the demand, makes room if the budget shrank, loads units that starve, then units that
+//! are demanded, then units that soon will be. Cost: a scan of the whole demand if the caller does not list the units
+//! with demand, then a visit of the units with demand, and of the resident units if room is needed.
 
 use super::entry::UnitState;
 use super::planner::{LoadKind, ResidencyPlanner, UnitLoad};
@@ -9,40 +9,41 @@ use super::policy::PolicyView;
 use super::victims::{EvictionHeap, EvictionVictim};
 use super::{AssetId, RayDemand, ResidencyCommand, UnitId, at};
 
-/// Candidates a policy is asked for in a step.
+/// Number of candidates that a policy is asked for in a step.
 const CANDIDATES: usize = 256;
-/// As many more that are small, tiles of textures for instance: so many of them weigh no more than a few units.
+/// Number of further candidates that are small, such as tiles of textures: together they weigh no more than a few
+/// units.
 const SMALL_CANDIDATES: usize = 4096;
 const SMALL_BYTES: u64 = 256 << 10;
-/// Candidates that may find no room before the step gives up.
+/// Number of candidates without room after which the step gives up.
 const REFUSALS: usize = 16;
-/// A unit starves when so many loads per demanded unit went before it, or so many steps.
+/// A unit starves when this many loads per demanded unit went before it, or this many steps.
 const PATIENCE: u32 = 4;
 const PATIENCE_MIN: u32 = 64;
-/// The device idles when so many times more rays wait than can be traced.
+/// The device idles if so many times more rays wait than can be traced.
 const IDLE_RATIO: u64 = 64;
-/// Share of the bytes in flight that prefetches have.
+/// Prefetches have one in so many of the bytes in flight.
 pub(super) const PREFETCH_SHARE: u64 = 4;
 const DEFAULT_IN_FLIGHT_SHARE: u64 = 8;
-/// In the simulation all policies are slower with several hundred MiB in flight: what was chosen is stale by then.
+/// In the simulation all policies are slower with several hundred MiB in flight, because the choices are stale by then.
 const DEFAULT_IN_FLIGHT_MAX: u64 = 128 << 20;
-/// So many times more may be in flight when the device idles.
+/// Factor by which more bytes may be in flight when the device idles.
 const IDLE_IN_FLIGHT: u64 = 4;
 
-/// Resident units that are looked at in a step for one to evict, as long as one of them may go.
+/// Number of resident units that are considered for eviction in a step, as long as one of them may be evicted.
 const VICTIMS: usize = 4096;
 
-/// What became of a try to load.
+/// Result of an attempt to load.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum LoadOutcome {
     Issued,
-    /// Nothing may go for it now.
+    /// There is no room, and nothing may be evicted for it now.
     NoRoom,
-    /// Enough is in flight.
+    /// Enough bytes are in flight.
     Full,
-    /// An asset is on its way for another unit.
+    /// An asset is being loaded for another unit.
     Shared,
-    /// The caller of [`ResidencyPlanner::step_if`] does not want it.
+    /// The caller of [`ResidencyPlanner::step_if`] refused it.
     Refused,
 }
 
@@ -53,22 +54,22 @@ pub struct LoadProposal {
     pub unit: UnitId,
     /// Bytes that the device does not hold.
     pub bytes: u64,
-    /// Nearly all rays wait: the device would do nothing else.
+    /// True if nearly all rays wait, so that the device would be idle.
     pub is_idle: bool,
 }
 
-/// How hard a load may press.
+/// Decides which units a load may evict.
 #[derive(Clone, Copy)]
 pub(super) enum LoadPriority {
-    /// Whatever is not pinned may go.
+    /// It may evict every unit that is not pinned.
     Must,
-    /// What the policy lets go for this value.
+    /// It may evict units that the policy gives up for this value.
     Worth(f64),
-    /// As `Worth`, but of units nobody waits for.
+    /// As `Worth`, but only units that no ray waits for.
     Ahead(f64),
 }
 
-/// The demand of a step and what was made of it so far.
+/// The demand of a step, and the commands planned for it so far.
 pub(super) struct DemandPlan<'a> {
     pub(super) demand: RayDemand<'a>,
     pub(super) demanded: Vec<UnitId>,
@@ -80,19 +81,19 @@ pub(super) struct DemandPlan<'a> {
 }
 
 impl DemandPlan<'_> {
-    /// Nearly all rays wait.
+    /// Returns true if nearly all rays wait.
     pub(super) fn is_idle(&self) -> bool {
         self.demand.active.saturating_mul(IDLE_RATIO) < self.rays_waiting
     }
 }
 
 impl ResidencyPlanner {
-    /// Plans one step. Perform the commands in order; see the module's documentation for when memory may be freed.
+    /// Plans one step. The caller performs the commands in order; the lead of the module says when memory may be freed.
     pub fn step(&mut self, demand: &RayDemand<'_>) -> Vec<ResidencyCommand> {
         self.step_if(demand, &mut |_| true)
     }
 
-    /// As [`Self::step`], but begins only such loads of demanded units as `agrees` agrees to; another step asks again.
+    /// As [`Self::step`], but begins only those loads of demanded units that `agrees` accepts; another step asks again.
     pub fn step_if(
         &mut self,
         demand: &RayDemand<'_>,
@@ -122,7 +123,7 @@ impl ResidencyPlanner {
         plan.commands
     }
 
-    /// Ages and heats what is demanded, and lists what could be loaded.
+    /// Ages and heats the demanded units, and lists those that could be loaded.
     fn observe(&mut self, plan: &mut DemandPlan<'_>) {
         let (step, loads) = (self.step, self.loads_begun);
         for_each_nonzero(None, plan.demand.visits, self.entries.len(), |unit, rays| {
@@ -150,7 +151,7 @@ impl ResidencyPlanner {
         });
     }
 
-    /// Evicts down to a budget that was lowered.
+    /// Evicts units until the bytes held fit a budget that was lowered.
     fn shrink(&mut self, plan: &mut DemandPlan<'_>) {
         while self.holdings.held() > self.budget {
             self.find_victims(plan);
@@ -161,8 +162,8 @@ impl ResidencyPlanner {
         }
     }
 
-    /// Loads what waited out of all proportion, oldest first. `false` when one of them has to wait for room: then
-    /// nothing else is loaded, so that the room comes.
+    /// Loads units that waited out of all proportion, oldest first. Returns `false` if one of them has to wait for
+    /// room: then nothing else is loaded, so that room becomes free.
     fn load_starving(&mut self, plan: &mut DemandPlan<'_>) -> bool {
         let demanded = u32::try_from(plan.demanded.len()).unwrap_or(u32::MAX);
         let limit = demanded.saturating_mul(PATIENCE).saturating_add(PATIENCE_MIN);
@@ -201,7 +202,8 @@ impl ResidencyPlanner {
         let small = plan.demanded.iter().filter(is_small).count().min(SMALL_CANDIDATES);
         let candidates = self.policy.order(&view, &plan.demanded, CANDIDATES + small);
         let refusals = self.try_each(plan, &candidates);
-        // Rays wait, none can be traced, nothing comes: whatever the policy thinks of the swap, it is progress.
+        // Rays wait, none can be traced, and nothing is loading: whatever the policy thinks of the swap, it is
+        // progress.
         if plan.issued == 0 && self.loading.is_empty() && plan.is_idle() {
             for &(_, unit) in candidates.iter().take(REFUSALS) {
                 if self.try_load(plan, unit, LoadPriority::Must) == LoadOutcome::Issued {
@@ -209,14 +211,15 @@ impl ResidencyPlanner {
                 }
             }
         }
-        // What was evicted now may have been waited for.
+        // Rays may have waited for a unit that was evicted now.
         let evicted = plan.commands.iter().any(|command| matches!(command, ResidencyCommand::Evict { .. }));
         if refusals == 0 && !evicted && plan.issued == plan.demanded.len() {
             self.prefetch(plan);
         }
     }
 
-    /// Loads units, in this order, where each is worth more than what goes for it; how many found no room.
+    /// Loads units, in this order, as long as each is worth more than the units that are evicted for it; returns how
+    /// many found no room.
     pub(super) fn try_each(&mut self, plan: &mut DemandPlan<'_>, candidates: &[(f64, UnitId)]) -> usize {
         let mut refusals = 0;
         for &(value, unit) in candidates {
@@ -232,8 +235,8 @@ impl ResidencyPlanner {
         refusals
     }
 
-    /// Begins to load a unit, while another one stays. Where loads have failed, all others go at last: what is free is
-    /// in one piece then.
+    /// Begins to load a unit without evicting another one. After failed loads all others may be evicted in the end:
+    /// then the free bytes are contiguous.
     pub(super) fn try_load_beside(
         &mut self,
         plan: &mut DemandPlan<'_>,
@@ -277,7 +280,7 @@ impl ResidencyPlanner {
         LoadOutcome::Issued
     }
 
-    /// Releases victims until no more is held than `allowance`; releases nothing when that cannot be.
+    /// Releases victims until no more than `allowance` is held; releases nothing if that is not possible.
     fn make_room(
         &mut self,
         plan: &mut DemandPlan<'_>,
@@ -320,12 +323,12 @@ impl ResidencyPlanner {
         entry.holds == 0 && self.step.wrapping_sub(entry.usable) >= self.pin_steps()
     }
 
-    /// The next one that may go.
+    /// The next unit that may be evicted.
     fn first_victim(&mut self, plan: &mut DemandPlan<'_>) -> Option<EvictionVictim> {
         loop {
             self.find_victims(plan);
             let first = plan.victims.as_ref().and_then(EvictionHeap::first)?;
-            // Since it was listed, it may have become what is loaded needs, or other tiles may have gone.
+            // Since it was listed, the loaded unit may have come to need it, or other tiles may have been evicted.
             if self.entries[first.unit as usize].holds == 0 && !self.is_tile_to_stay(first.unit) {
                 return Some(first);
             }
@@ -333,8 +336,8 @@ impl ResidencyPlanner {
         }
     }
 
-    /// Lists who may go: first some of the resident units, from a hand that goes round; when these are used up the
-    /// rest.
+    /// Lists units that may be evicted: first some of the resident units, from an index that cycles; after these are
+    /// used up the rest.
     fn find_victims(&mut self, plan: &mut DemandPlan<'_>) {
         let mut victims = plan.victims.take().unwrap_or_else(|| {
             let count = self.residents.len();
@@ -374,7 +377,7 @@ impl ResidencyPlanner {
         ResidencyCommand::Evict { unit, assets }
     }
 
-    /// A resident unit is one no more; its assets were released.
+    /// Removes a unit from the resident ones after its assets were released.
     fn forget(&mut self, unit: UnitId) {
         let slot = self.entries[unit as usize].slot;
         self.residents.swap_remove(slot as usize);
@@ -398,8 +401,8 @@ impl ResidencyPlanner {
     }
 }
 
-/// Calls `visit` for the values above 0 of the first `count`, ascending: those of `asked`, or it skips zeros 16 at a
-/// time.
+/// Calls `visit` for the values above 0 of the first `count`, ascending: those of `asked`, or all, skipping zeros 16 at
+/// a time.
 pub(super) fn for_each_nonzero(
     asked: Option<&[UnitId]>,
     values: &[u32],

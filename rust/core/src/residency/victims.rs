@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The resident units of one step in the order in which they would go.
+//! The resident units of one step, in the order in which they would be evicted.
 
 use super::UnitId;
 use super::policy::{LoadPolicy, PolicyView};
@@ -33,11 +33,11 @@ impl PartialEq for EvictionVictim {
 
 impl Eq for EvictionVictim {}
 
-/// Resident units that may go now, least loss first. Losses are those of the moment they were listed.
+/// Resident units that may be evicted now, least loss first. Losses are those of the moment they were listed.
 #[derive(Debug, Default)]
 pub(super) struct EvictionHeap {
     heap: BinaryHeap<Reverse<EvictionVictim>>,
-    /// Resident when the step began and not looked at yet; from the end.
+    /// Units that were resident when the step began and are not considered yet; taken from the end.
     rest: Vec<UnitId>,
 }
 
@@ -46,7 +46,7 @@ impl EvictionHeap {
         Self { heap: BinaryHeap::new(), rest }
     }
 
-    /// Looks at up to `limit` more units. `false` when there are none.
+    /// Considers up to `limit` more units. Returns `false` if there are none.
     pub(super) fn list(
         &mut self,
         policy: &dyn LoadPolicy,

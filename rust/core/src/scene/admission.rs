@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which meshes are built at a time where there is a budget of host memory: as many as it has room for, and one where
-//! it has none. No thread waits for room: a build that ends starts those that fit then. Runs on the caller's rayon
-//! pool.
+//! Schedules the building of meshes within a budget of host memory: as many at a time as there is room for, and one if
+//! there is room for none. No thread waits for room: a build that ends starts those that then fit. Runs on the caller's
+//! rayon pool.
 
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
@@ -16,21 +16,22 @@ struct BuildQueue<'q, R, F> {
     memory: &'q Arc<HostMemory>,
     footprints: &'q [BuildFootprint],
     build: F,
-    /// Builds and clusters of one that run side by side.
+    /// Number of builds, and of clusters of one build, that run in parallel.
     most: usize,
     state: Mutex<BuildQueueState<R>>,
 }
 
 struct BuildQueueState<R> {
-    /// What each needs at least, and its number: of equal ones the first comes last, and is taken first.
+    /// Bytes that each waiting build needs at least, and its number. Of builds with equal bytes the first one is last
+    /// in the set, and is taken first.
     waiting: BTreeSet<(u64, Reverse<usize>)>,
     running: usize,
     results: Vec<Option<R>>,
 }
 
-/// Runs `build` for each of `footprints`, side by side as far as `memory` has room; gives the results in order.
+/// Runs `build` for each of `footprints`, in parallel as far as `memory` has room; returns the results in order.
 ///
-/// The largest that fits comes first. One that fits beside nothing runs alone, with as little as it can.
+/// The largest that fits comes first. A build that fits beside no other runs alone, with as little memory as it can.
 pub(crate) fn run_within<R: Send>(
     memory: &Arc<HostMemory>,
     footprints: &[BuildFootprint],
@@ -49,11 +50,11 @@ impl<R: Send, F: Fn(usize, BuildGrant) -> R + Sync> BuildQueue<'_, R, F> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Starts what fits now.
+    /// Starts the builds that fit now.
     fn start<'s>(&'s self, scope: &Scope<'s>) {
         while let Some((at, grant)) = self.next() {
             scope.spawn(move |scope| {
-                // What it has reserved is given back with its end.
+                // The reservation ends with the build.
                 let result = (self.build)(at, grant);
                 let mut state = self.state();
                 state.running -= 1;
@@ -79,7 +80,7 @@ impl<R: Send, F: Fn(usize, BuildGrant) -> R + Sync> BuildQueue<'_, R, F> {
         let (at_once, bytes) = self.footprints.get(at)?.within(left, self.most);
         let reserved = match self.memory.try_reserve(bytes) {
             Some(reserved) => reserved,
-            // Somebody else took it meanwhile: who runs comes back.
+            // Another thread took it meanwhile: a running build comes back here.
             None if state.running > 0 => return None,
             None => self.memory.reserve(bytes),
         };
@@ -94,7 +95,7 @@ mod tests {
     use super::*;
     use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-    /// Runs builds of these sizes within a room; gives their order, the most that ran at once, and the most memory
+    /// Runs builds of these sizes within a room; returns their order, the most that ran at once, and the most memory
     /// that was taken.
     fn run(room: u64, sizes: &[u64]) -> (Vec<usize>, usize, u64) {
         let memory = Arc::new(HostMemory::default());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The steps of a commit: build what is missing, plan the groups, make or reuse assemblies, sum up. Everything that did
-//! not change is shared with the snapshot before.
+//! The steps of a commit: build missing meshes, plan the groups, make or reuse assemblies, sum up. Everything that did
+//! not change is shared with the previous snapshot.
 
 use oocpt_abi::{Features, NAME_DISPLAY_OPACITY};
 use std::collections::BTreeMap;
@@ -50,7 +50,8 @@ pub(crate) struct CommittedAssets {
 }
 
 impl AssemblyStore {
-    /// Makes the assemblies of the plan, root last, and settles the origin. `item_bytes`: what items may take at once.
+    /// Makes the assemblies of the plan, root last, and decides the origin. `item_bytes`: bytes that items may take at
+    /// once.
     pub(crate) fn make(
         &mut self,
         plan: &[PlanGroup],
@@ -83,7 +84,7 @@ impl AssemblyStore {
     ) -> MadeAssembly {
         let known = self.groups.get(&group.id);
         let shift = if group.id == GroupId::Root { -self.origin } else { DVec3::ZERO };
-        // Once for all prototypes, before they are looked at side by side.
+        // Compares once for all prototypes, before they are visited in parallel.
         for plan in &group.members {
             if let Some(new) = &plan.instances
                 && let Some(old) = known.and_then(|known| run_of(known, plan))
@@ -115,7 +116,8 @@ impl AssemblyStore {
         let buckets = buckets(&specs, fresh, item_bytes);
         let keep = match &buckets {
             Some(buckets) => ScanOutput::Buckets(buckets),
-            // The root is always opened; others only if large. What is kept for nothing is forgotten soon.
+            // The root is always opened; others only if they are large. Results that were kept for nothing are freed
+            // soon.
             None if group.id == GroupId::Root => ScanOutput::Items,
             None => ScanOutput::Nothing,
         };
@@ -139,7 +141,7 @@ impl AssemblyStore {
     }
 }
 
-/// Buckets of a group's placements, if those that are `fresh` are too many to be items at once.
+/// Buckets of a group's placements, if there are too many `fresh` ones to be items at once.
 fn buckets(specs: &[(&PlanMember, InstanceTarget, i32, RunSpec)], fresh: u64, item_bytes: u64) -> Option<OrderBuckets> {
     let records: u64 = specs.iter().map(|(.., spec)| spec.most_ranks()).sum();
     let most = at_once(item_bytes, records);
@@ -151,7 +153,7 @@ fn buckets(specs: &[(&PlanMember, InstanceTarget, i32, RunSpec)], fresh: u64, it
     Some(OrderBuckets::of_samples(&samples, records, most))
 }
 
-/// Index, prim id and box of what a member places. An empty assembly keeps an empty box, and its run no placement.
+/// Index, prim id and box of a member's target. An empty assembly keeps an empty box, and its run no placement.
 fn target_of(
     plan: &PlanMember,
     assets: &CommittedAssets,
@@ -168,7 +170,7 @@ fn target_of(
     }
 }
 
-/// How far the origin must move for the scene not to be far from it.
+/// How far the origin must move so that the scene is not far from it; `None` if it need not move.
 fn origin_shift(bounds: &Aabb) -> Option<DVec3> {
     let min = DVec3::from(bounds.min.map(f64::from));
     let max = DVec3::from(bounds.max.map(f64::from));
@@ -177,7 +179,7 @@ fn origin_shift(bounds: &Aabb) -> Option<DVec3> {
     (!bounds.is_empty() && is_far).then_some(center)
 }
 
-/// The lights that shine, by path, those inside prototypes once for each of their places; and the numbers of their
+/// The lights that emit, by path, those inside prototypes once for each of their placements; and the numbers of their
 /// categories.
 pub(crate) fn shining(
     lights: &BTreeMap<Arc<str>, LightDesc>,
@@ -295,7 +297,7 @@ impl Snapshot {
                 triangles = triangles.saturating_add(times.saturating_mul(t));
             }
             if assembly.is_split_mesh() {
-                // To users this is one mesh, not an assembly of its clusters.
+                // Users see one mesh, not an assembly of its clusters.
                 totals.push((1, triangles));
                 split_assemblies += 1;
                 if split.insert(assembly.members().first().map(|m| m.target)) {
@@ -317,7 +319,7 @@ impl Snapshot {
         }
     }
 
-    /// True when both describe the same scene, told from shared parts.
+    /// Returns true if both describe the same scene, by the identities of shared parts.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         fn shared<T>(a: &[Arc<T>], b: &[Arc<T>]) -> bool {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Arc::ptr_eq(a, b))

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The images that cut meshes out, each read once, and kept as long as the scene shows its file: as long as tiles of it
-//! are, so that both are of the same file.
+//! The images of cutouts, each read once. An image is kept as long as the scene shows its file, which is as long as
+//! tiles of it are kept, so that both come from the same file.
 
 use std::sync::Arc;
 
@@ -12,13 +12,13 @@ use crate::material::{Cutout, CutoutImage, TextureRef};
 use crate::mesh::{CutoutCover, SlotCovers};
 use crate::texture::{CoveredImage, HeightFiles};
 
-/// Most images: 8 KiB each, and each part of a set.
+/// Largest number of images; an image has 8 KiB, and each part of a set is an image.
 const MOST_IMAGES: usize = 4096;
 
-/// See the module.
+/// The images of cutouts that the scene uses.
 #[derive(Debug, Default)]
 pub(crate) struct CoverStore {
-    /// None: nothing is known of it.
+    /// Images by cutout; `None` if the image could not be had.
     images: FxHashMap<CutoutImage, Option<Arc<CoveredImage>>>,
 }
 
@@ -30,7 +30,7 @@ fn image_of(cutout: &Arc<Cutout>) -> Option<&CutoutImage> {
 }
 
 impl CoverStore {
-    /// Reads the images of meshes that are not known, side by side.
+    /// Reads the unknown images of meshes, in parallel.
     pub(crate) fn read<'a>(
         &mut self,
         meshes: impl Iterator<Item = &'a SlotCutouts>,
@@ -47,7 +47,7 @@ impl CoverStore {
         self.images.extend(read);
     }
 
-    /// What is known of a mesh's cutouts; empty where nothing is.
+    /// The facts about the cutouts of a mesh; empty if nothing is known.
     pub(crate) fn of(&self, cutouts: &SlotCutouts) -> SlotCovers {
         let cover = |cutout: &Arc<Cutout>| {
             let image = match image_of(cutout) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the database keeps per prim.
+//! The data that the database keeps per prim.
 
 use std::sync::{Arc, OnceLock};
 
@@ -14,32 +14,32 @@ use crate::instancing::placement::InstanceArrays;
 use crate::material::Cutout;
 use crate::mesh::{BuildDemand, DicingRate, KeptMesh, SlotDisplacements, WantedPrimvar, is_same_mesh};
 
-/// Cutouts by slot, as [`SlotDisplacements`]. Empty where nothing is cut out.
+/// Cutouts by slot, as [`SlotDisplacements`]. Empty if nothing is cut out.
 pub(crate) type SlotCutouts = Vec<Option<Arc<Cutout>>>;
 
 /// A mesh prim.
 #[derive(Debug)]
 pub(crate) struct MeshEntry {
     pub(crate) desc: MeshDesc,
-    /// The asset, once the prim was needed; none again when the arrays change.
+    /// The asset, once the prim was needed; `None` again after the arrays change.
     pub(crate) built: Option<Arc<KeptMesh>>,
-    /// How finely its limit surface is cut.
+    /// Rate at which its limit surface is cut.
     pub(crate) dicing: DicingRate,
-    /// What [`super::dicing`] has to know of it, once that was asked for; none again when the arrays or `wanted`
-    /// change.
+    /// The facts about it that [`super::dicing`] needs, once they were asked for; `None` again after the arrays or
+    /// `wanted` change.
     pub(crate) outline: OnceLock<MeshOutline>,
     /// Primvars that materials read.
     pub(crate) wanted: Vec<WantedPrimvar>,
-    /// How materials displace it.
+    /// Displacements of its materials.
     pub(crate) displacements: SlotDisplacements,
-    /// How materials cut it out.
+    /// Cutouts of its materials.
     pub(crate) cutouts: SlotCutouts,
     /// Numbers of the primvars that are read here and that the mesh does not have.
     pub(crate) lacks: Vec<u32>,
 }
 
 impl MeshEntry {
-    /// A new entry, or `old` with what changed. Gives whether anything did.
+    /// A new entry, or `old` with the changed parts. Also returns if anything changed.
     pub(crate) fn update(old: Option<Self>, mut desc: MeshDesc) -> (Self, bool) {
         if let Some(old) = &old {
             desc.keep_form(&old.desc);
@@ -72,18 +72,18 @@ impl MeshEntry {
 }
 
 impl MeshEntry {
-    /// There was not enough host memory to build it.
+    /// Returns true if host memory did not suffice to build it.
     pub(crate) fn is_left_out(&self) -> bool {
         self.built.as_ref().is_some_and(|built| built.is_left_out)
     }
 
-    /// What it is built for.
+    /// The inputs of building it.
     pub(crate) fn demand(&self) -> BuildDemand<'_> {
         let Self { wanted, dicing, displacements, .. } = self;
         BuildDemand { wanted, dicing: Some(dicing), displacements, covers: &[], heights: None }
     }
 
-    /// Notes how materials cut it out; forgets what was made for something else.
+    /// Sets the cutouts of its materials; forgets an asset that was built with others.
     pub(crate) fn cut_out(&mut self, cutouts: SlotCutouts) {
         if self.cutouts != cutouts {
             self.cutouts = cutouts;
@@ -91,7 +91,8 @@ impl MeshEntry {
         }
     }
 
-    /// Notes what materials ask for; forgets what was made for something else. `emits`: something of it is a light.
+    /// Sets the demands of its materials; forgets an asset that was built for others. `emits`: some part of it is a
+    /// light.
     pub(crate) fn ask(&mut self, wanted: Vec<WantedPrimvar>, displacements: SlotDisplacements, emits: bool) {
         let is_new_form = self.desc.take_form(emits || !displacements.is_empty());
         if is_new_form || self.wanted != wanted || self.displacements != displacements {
@@ -103,7 +104,7 @@ impl MeshEntry {
     }
 }
 
-/// True when bindings and collections are equal, and there are primvars of the same names.
+/// Returns true if bindings and collections are equal, and there are primvars of the same names.
 fn is_dressed_alike(a: &MeshDesc, b: &MeshDesc) -> bool {
     a.material == b.material
         && a.categories == b.categories
@@ -120,19 +121,19 @@ pub(crate) struct InstancerEntry {
     /// False when an array has the wrong type.
     pub(crate) is_usable: bool,
     pub(crate) dropped: DroppedData,
-    /// What else is to be said of it.
+    /// Further notes for the user.
     pub(crate) notes: Vec<String>,
     /// Its instance-rate primvars.
     pub(crate) primvars: Vec<Arc<InstancePrimvar>>,
-    /// Of these, the usable ones that some mesh lacks.
+    /// Of these, the usable ones that some mesh does not have itself.
     pub(crate) offers: Vec<MemberPrimvar>,
-    /// Its instances by the collections that they are in.
+    /// Its instances, sorted by the collections that they are in.
     pub(crate) classes: LinkClasses,
 }
 
 impl InstancerEntry {
-    /// A new entry; arrays whose contents did not change are taken over from `old`, so that what was made from them
-    /// stays valid. Gives whether anything changed.
+    /// A new entry; arrays whose contents did not change are taken from `old`, so that runs made from them stay valid.
+    /// Also returns if anything changed.
     pub(crate) fn update(old: Option<Self>, mut desc: InstancerDesc) -> (Self, bool) {
         let mut dropped = DroppedData::default();
         let mut arrays = InstanceArrays::of(&desc);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Host memory that the arrays of a scene take. They belong to who lends them, so they can be put nowhere else.
+//! Accounts for the host memory of a scene's arrays. Their owner has lent them, so they cannot be moved to files.
 
 use super::SceneDb;
 use crate::array::TypedArray;
@@ -13,22 +13,22 @@ use std::sync::Arc;
 /// Bytes of arrays, each counted once however many prims share it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LentBytes {
-    /// All of them.
+    /// Bytes of all arrays.
     pub bytes: u64,
-    /// Path and bytes of the prim whose arrays take most, shared or not; the first path where several take as much.
+    /// Path and bytes of the prim whose arrays take most, shared or not; the first path if several take as much.
     pub largest: Option<(Arc<str>, u64)>,
 }
 
-/// Where an array lies, and its bytes.
+/// Address and bytes of an array.
 type ArrayRange = (usize, usize);
 
 /// Counts the arrays of prims that come and go.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct LentArrays {
-    /// How many prims have each array.
+    /// Number of prims that have each array.
     users: FxHashMap<ArrayRange, u32>,
     bytes: u64,
-    /// What the arrays of each prim take, with its path.
+    /// Bytes of the arrays of each prim, with its path.
     prims: BTreeSet<(u64, Reverse<Arc<str>>)>,
 }
 
@@ -46,7 +46,7 @@ impl LentArrays {
         self.prims.insert((sum(&places), Reverse(Arc::clone(path))));
     }
 
-    /// No longer counts the arrays that [`Self::add`] got for a prim.
+    /// Uncounts the arrays that [`Self::add`] counted for a prim.
     pub(super) fn remove<'a>(&mut self, path: &Arc<str>, arrays: impl Iterator<Item = &'a TypedArray>) {
         let places = places(arrays);
         for place in &places {
@@ -67,7 +67,7 @@ impl LentArrays {
     }
 }
 
-/// Where arrays lie, each once.
+/// Address and bytes of arrays, each array once.
 fn places<'a>(arrays: impl Iterator<Item = &'a TypedArray>) -> Vec<ArrayRange> {
     let bytes = arrays.map(|array| array.view().bytes()).filter(|bytes| !bytes.is_empty());
     let mut places: Vec<ArrayRange> = bytes.map(|bytes| (bytes.as_ptr().addr(), bytes.len())).collect();
@@ -81,8 +81,8 @@ fn sum(places: &[ArrayRange]) -> u64 {
 }
 
 impl SceneDb {
-    /// What the arrays of all meshes and instancers take, as they stand. The first call looks at every prim, from then
-    /// on edits keep the count.
+    /// Bytes of the arrays of all meshes and instancers as they are now. The first call visits every prim; from then on
+    /// edits update the count.
     #[must_use]
     pub fn lent(&mut self) -> LentBytes {
         if let Some(lending) = &self.lending {
@@ -110,7 +110,7 @@ fn of_primvars(primvars: &[NamedPrimvar]) -> impl Iterator<Item = &TypedArray> {
     primvars.iter().flat_map(|named| of_primvar(&named.primvar))
 }
 
-/// The arrays of a mesh; none of a solid, whose form is made here and changes with what is asked of it.
+/// The arrays of a mesh; none for a solid, whose polygons are made by this crate and change with the demand.
 pub(super) fn of_mesh(desc: &MeshDesc) -> impl Iterator<Item = &TypedArray> {
     let tags = &desc.subdivision_tags;
     let motion = &desc.point_motion;
@@ -193,7 +193,7 @@ mod tests {
         assert_eq!(db.lent(), LentBytes { bytes: 1288 + 16_000, largest: Some(("/row".into(), 16_000)) });
     }
 
-    /// Numbers that look random.
+    /// A pseudo-random number below `below`.
     fn next(random: &mut u64, below: u64) -> u64 {
         *random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (*random >> 33) % below

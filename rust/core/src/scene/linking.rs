@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Links of lights to instances: which instances of an instancer are in the same collections, and prims that are seen
-//! in several sets of collections. Pure.
+//! Light linking of instances: groups the instances of an instancer by the collections that they are in, and finds
+//! prims that are seen in several sets of collections. Pure.
 //!
-//! A mesh below instancers is in the collections that it is in itself and in those of all instances on the way to it.
+//! A mesh below instancers is in the collections that it is in itself and in those of all instances that contain it.
 //! Instances of one prototype that are in different collections are placed apart, with a copy of the prototype's group
-//! for each set ([`LinkCategories`]); the meshes in it are the same, under prim ids of their own, which are what links
-//! are looked up by ([`LinkedPrims`]). Only collections that some light names count.
+//! for each set ([`LinkCategories`]); the meshes in it are the same, under prim ids of their own, by which links are
+//! looked up ([`LinkedPrims`]). Only collections that some light names count.
 
 use oocpt_abi::MAX_PRIM_ID;
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,7 +17,7 @@ use super::entries::MeshEntry;
 use crate::array::{ElementType, TypedArray};
 use crate::desc::{InstanceLinks, InstancerDesc, LightDesc, LightKind};
 
-/// Most prims that are seen in sets of collections other than their own.
+/// Largest number of prims that are seen in sets of collections other than their own.
 pub(crate) const MAX_LINKED_PRIMS: usize = 1 << 20;
 
 /// A set of collections, sorted; empty for none.
@@ -34,13 +34,13 @@ pub(crate) fn named(lights: &BTreeMap<Arc<str>, LightDesc>) -> BTreeSet<Arc<str>
 #[derive(Clone, Debug)]
 pub(crate) struct LinkClass {
     pub(crate) categories: LinkCategories,
-    /// Of each prototype: the places in its indices; `None`: all of them.
+    /// By prototype: positions in its indices; `None`: all of them.
     chosen: Option<Vec<Arc<Vec<u32>>>>,
 }
 
 impl LinkClass {
-    /// The places in the indices of a prototype that are in it: all where there is nothing inside, and `None` for no
-    /// place at all.
+    /// The positions in the indices of a prototype that are in the class: all if there is nothing inside, and `None` if
+    /// there is none.
     #[expect(clippy::option_option, reason = "none; all; some")]
     pub(crate) fn chosen(&self, prototype: usize) -> Option<Option<Arc<Vec<u32>>>> {
         match &self.chosen {
@@ -50,7 +50,7 @@ impl LinkClass {
     }
 }
 
-/// What classes are made of: the links, the names, the arrays of indices.
+/// The inputs of the classes: the links, the names, the arrays of indices.
 type LinkSources = (Arc<InstanceLinks>, BTreeSet<Arc<str>>, Vec<TypedArray>);
 
 /// The instances of an instancer by their collections, kept while nothing that decides them changes.
@@ -61,12 +61,12 @@ pub(crate) struct LinkClasses {
 }
 
 impl LinkClasses {
-    /// At least one after [`Self::update`].
+    /// The classes; at least one after [`Self::update`].
     pub(crate) fn all(&self) -> &[LinkClass] {
         &self.classes
     }
 
-    /// Works them out, unless nothing is different.
+    /// Computes the classes, unless the inputs are the same as before.
     pub(crate) fn update(&mut self, desc: &InstancerDesc, named: &BTreeSet<Arc<str>>) {
         let arrays = || desc.prototypes.iter().map(|prototype| &prototype.indices);
         let is_known = self.made_of.as_ref().is_some_and(|(links, names, known)| {
@@ -91,7 +91,8 @@ fn classes(desc: &InstancerDesc, named: &BTreeSet<Arc<str>>) -> Vec<LinkClass> {
     let sets: Vec<Vec<Arc<str>>> = links.sets.iter().map(kept).collect();
     let whole = |set: Vec<Arc<str>>| vec![LinkClass { categories: set.into(), chosen: None }];
     let Some(of) = &links.of else { return whole(sets.into_iter().next().unwrap_or_default()) };
-    // Sets that are equal by what lights name are one class; an instance without a set is in the class of none.
+    // Sets that are equal in the collections that lights name are one class; an instance without a set is in the class
+    // of none.
     let mut numbers: BTreeMap<Vec<Arc<str>>, usize> = sets.iter().map(|set| (set.clone(), 0)).collect();
     numbers.insert(Vec::new(), 0);
     numbers.values_mut().enumerate().for_each(|(number, slot)| *slot = number);
@@ -126,7 +127,7 @@ fn classes(desc: &InstancerDesc, named: &BTreeSet<Arc<str>>) -> Vec<LinkClass> {
     }
 }
 
-/// Both sets.
+/// The union of both sets.
 pub(crate) fn union(a: &LinkCategories, b: &LinkCategories) -> LinkCategories {
     if b.iter().all(|name| a.binary_search(name).is_ok()) {
         return Arc::clone(a);
@@ -135,7 +136,7 @@ pub(crate) fn union(a: &LinkCategories, b: &LinkCategories) -> LinkCategories {
     all.into_iter().cloned().collect()
 }
 
-/// A mesh that is seen in collections beside its own, under a prim id that no prim has.
+/// A mesh that is seen in collections besides its own, under a prim id that no prim has.
 #[derive(Clone, Debug)]
 pub(crate) struct LinkedPrim {
     pub(crate) path: Arc<str>,
@@ -143,7 +144,7 @@ pub(crate) struct LinkedPrim {
     pub(crate) categories: LinkCategories,
 }
 
-/// The prims of a plan that are seen in collections beside their own. Numbers go by the order of the plan.
+/// The prims of a plan that are seen in collections besides their own, numbered in the order of the plan.
 #[derive(Debug, Default)]
 pub(crate) struct LinkedPrims {
     known: FxHashMap<(Arc<str>, LinkCategories), i32>,
@@ -153,7 +154,7 @@ pub(crate) struct LinkedPrims {
 }
 
 impl LinkedPrims {
-    /// The prim id of a mesh below instances that are in `categories`; `None`: there are too many such.
+    /// The prim id of a mesh below instances that are in `categories`; `None`: there are too many of them.
     pub(crate) fn prim_id(
         &mut self,
         meshes: &BTreeMap<Arc<str>, MeshEntry>,
@@ -169,7 +170,7 @@ impl LinkedPrims {
         }
         let first = *self.first.get_or_insert_with(|| {
             let ids = meshes.values().filter_map(|mesh| usize::try_from(mesh.desc.prim_id).ok());
-            // A few more prims leave the numbers as they are.
+            // A few more prims do not change the numbers.
             ids.filter(|&id| id < MAX_PRIM_ID as usize).max().map_or(1, |last| (last + 1).next_power_of_two())
         });
         let number =

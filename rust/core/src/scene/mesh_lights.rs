@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Meshes that are lights by `MeshLightAPI`: what their surfaces look like and emit. Pure.
+//! Meshes that are lights by `MeshLightAPI`: gives their surfaces the emission of the light. Pure.
 //!
 //! The emission of such a mesh becomes that of its material, so it is sampled, seen and met as any emissive mesh is.
 //! With `L` the light's radiance (`UsdLux`, as for other lights; normalised: over the mesh's area in the world):
 //! - [`MaterialSync::NoResponse`], or no material: the surface emits `L` and reflects nothing;
 //! - [`MaterialSync::Independent`]: it reflects as its material does, and emits `L`;
-//! - [`MaterialSync::GlowTintsLight`]: it reflects as its material does and emits `L` times what that emits, or `L` if
-//!   that emits nothing.
+//! - [`MaterialSync::GlowTintsLight`]: it reflects as its material does and emits `L` times the material's emission, or
+//!   `L` if the material emits nothing.
 //!
-//! Camera rays see what the mesh emits as a light, also where `UsdLux` would have them see the material's own emission.
+//! Camera rays see the emission of the light, also where `UsdLux` would have them see the material's own emission.
 
 use oocpt_abi::{MaterialFlags, MaterialInput};
 use std::collections::BTreeMap;
@@ -25,7 +25,7 @@ use oocpt_materialx::program::Program;
 
 use crate::material::{InputValue, Material, NEUTRAL};
 
-/// What follows the path of a mesh in the path of its light: no prim is called so.
+/// Suffix that makes the path of a mesh's light from the path of the mesh. No prim has this name.
 pub const MESH_LIGHT: &str = "/{light}";
 
 /// A mesh's light.
@@ -61,7 +61,7 @@ pub(crate) fn mesh_lights(
     found
 }
 
-/// What is asked of a light that a mesh does not do.
+/// Inputs of a light that a mesh light does not support.
 fn unsupported(desc: &LightDesc, is_instanced: bool) -> Vec<&'static str> {
     let is_named = |link: &Option<Arc<str>>| link.as_ref().is_some_and(|name| !name.is_empty());
     let is_one = |value: f32| (value - 1.0).abs() <= 0.0;
@@ -77,7 +77,7 @@ fn unsupported(desc: &LightDesc, is_instanced: bool) -> Vec<&'static str> {
     parts.into_iter().filter(|(asked, _)| *asked).map(|(_, name)| name).collect()
 }
 
-/// Area of a mesh in the world, all of its faces, as fans of triangles.
+/// Area of a mesh in the world: all of its faces, as fans of triangles.
 fn area(desc: &MeshDesc) -> f64 {
     let (counts, indices) = (desc.face_vertex_counts.view(), desc.face_vertex_indices.view());
     let corner = |at: usize| -> Option<DVec3> {

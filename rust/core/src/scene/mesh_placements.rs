@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The placements of some prims' meshes, multiplied out: where traversal finds them, and what a hit there is called.
+//! The placements of the meshes of some prims, multiplied out: their transforms as traversal applies them, and the ids
+//! of hits on them.
 //!
 //! Pure. Records of prims that are not asked for are passed over without being computed; assemblies and chunks without
 //! any are not looked into.
@@ -14,8 +15,8 @@ use crate::instancing::assembly::{AssemblyMember, InstanceRecord, InstanceTarget
 use crate::instancing::motion::{MotionKey, PlacementKeys, norm_of};
 use crate::partition::{PlacedReader, PlacedValue};
 
-/// Roundings of the map of a frame that moves, for one of a frame at rest: it is worked out in single precision, from
-/// keys, and inverted.
+/// Factor of the rounding of a moving frame's map, relative to a frame at rest: the map is computed in single
+/// precision, from keys, and inverted.
 const MOVING_ROUNDINGS: f64 = 4.0;
 
 /// A mesh in the world.
@@ -27,16 +28,16 @@ pub struct MeshPlacement {
     pub prim_id: i32,
     /// Instance id of a hit, wrapping.
     pub instance_id: u32,
-    /// From the mesh's frame to the innermost of `motion`, or, of a mesh at rest, to the world's, minus
-    /// [`Snapshot::origin`]: what the single precision maps that traversal goes through amount to.
+    /// Map from the mesh's frame to the innermost of `motion`, or, for a mesh at rest, to the world's, minus
+    /// [`Snapshot::origin`]: the product of the single-precision maps that traversal applies.
     pub outer_from_object: DAffine3,
-    /// How that frame moves in the world, minus [`Snapshot::origin`].
+    /// Motion of that frame in the world, minus [`Snapshot::origin`].
     pub motion: PlacementMotion,
-    /// Sum of the distances, in the world, from the origins of the frames on that way to the farthest corner of the
-    /// mesh's box: rounding in traversal is in proportion to it. What moves counts as much more as it rounds.
+    /// Sum of the distances, in the world, from the origins of these frames to the farthest corner of the mesh's box:
+    /// rounding in traversal is proportional to it. Moving frames are weighted by their larger rounding.
     pub reach: f64,
-    /// Values that instancers give it, by number of the name: those of the innermost that has one, in single precision.
-    /// What the mesh itself has wins over them, and is not looked at here.
+    /// Values that instancers give it, by number of the name: those of the innermost instancer that has one, in single
+    /// precision. Values of the mesh itself win over them, and are not considered here.
     pub values: Vec<(u32, [f32; 4])>,
 }
 
@@ -58,8 +59,8 @@ impl MeshPlacement {
         (min.to_array(), max.to_array())
     }
 
-    /// The least determinant of the map at any time, without its sign, and no less than the largest length of what has
-    /// the length 1 in the mesh's frame.
+    /// The least magnitude of the map's determinant at any time, and an upper bound of the factor by which it stretches
+    /// lengths.
     #[must_use]
     pub fn extent(&self) -> (f64, f64) {
         let (least, most) = self.motion.extent();
@@ -68,36 +69,37 @@ impl MeshPlacement {
     }
 }
 
-/// What [`Snapshot::mesh_placements`] finds.
+/// The result of [`Snapshot::mesh_placements`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshPlacements {
-    /// In an order that depends on the snapshot only.
+    /// Placements in an order that depends on the snapshot only.
     pub all: Vec<MeshPlacement>,
-    /// There are no more than were asked for.
+    /// True if there are no more placements than these.
     pub is_complete: bool,
-    /// Some are left out because the points of their mesh move.
+    /// True if some are left out because the points of their mesh move.
     pub leaves_out_deforming: bool,
 }
 
-/// Whether a prim is asked for, by its id.
+/// A predicate on prim ids that is true for the prims that are asked for.
 type PrimFilter<'a> = &'a dyn Fn(i32) -> bool;
 
-/// The way from the world to a frame.
+/// The chain of transforms from the world to a frame.
 struct FramePath {
-    /// What moves on it.
+    /// Motions in the chain.
     motion: PlacementMotion,
-    /// To the frame from the innermost that moves, or from the world.
+    /// Map to the frame from the innermost moving frame, or from the world.
     here_from_outer: DAffine3,
-    /// Origins of the frames on it, each in the innermost frame that moves around it, and how many do.
+    /// Origins of the frames in the chain, each in the innermost moving frame around it, and the number of moving
+    /// frames.
     frames: Vec<(usize, DVec3)>,
     instance_id: u32,
 }
 
-/// A record with what it needs of its member.
+/// A record, with the data of its member that are needed.
 struct FoundRecord {
     record: InstanceRecord,
     values: Vec<PlacedValue>,
-    /// Of what moves.
+    /// Keys of a moving record.
     keys: Option<Arc<[MotionKey]>>,
 }
 
@@ -110,14 +112,14 @@ impl FoundRecord {
 struct PlacementTraversal<'a> {
     snapshot: &'a Snapshot,
     wanted: PrimFilter<'a>,
-    /// By assembly: whether a prim that is asked for is in it.
+    /// By assembly: true if it contains a prim that is asked for.
     holds: Vec<bool>,
     most: usize,
     found: MeshPlacements,
 }
 
 impl Snapshot {
-    /// Placements of the prims that `wanted` says yes to, at most `most`. Those whose map cannot be inverted are left
+    /// Placements of the prims for which `wanted` is true, at most `most`. Those whose map cannot be inverted are left
     /// out, and those of meshes whose points move.
     #[must_use]
     pub fn mesh_placements(&self, wanted: &dyn Fn(i32) -> bool, most: usize) -> MeshPlacements {
@@ -168,7 +170,7 @@ impl PlacementTraversal<'_> {
         }
     }
 
-    /// Notes a record's mesh, or those below it. As deep as assemblies are nested.
+    /// Notes a record's mesh, or those below it. The recursion is as deep as assemblies are nested.
     fn visit(&mut self, found: &FoundRecord, way: &FramePath) {
         if self.found.all.len() >= self.most {
             self.found.is_complete = false;
@@ -226,7 +228,7 @@ impl PlacementTraversal<'_> {
     }
 }
 
-/// See [`MeshPlacement::reach`]. `farthest`: of the mesh's box from its origin, along each axis.
+/// Computes [`MeshPlacement::reach`]. `farthest`: distance of the mesh's box from its origin, along each axis.
 fn reach(motion: &PlacementMotion, map: &DAffine3, farthest: [f64; 3], frames: &[(usize, DVec3)]) -> f64 {
     let at = |time: Option<f64>| {
         let outer = |count: usize| time.map_or(DAffine3::IDENTITY, |time| motion.outer_at(count, time));
@@ -243,7 +245,7 @@ fn reach(motion: &PlacementMotion, map: &DAffine3, farthest: [f64; 3], frames: &
     if motion.is_empty() {
         return at(None);
     }
-    // Between two of the times no more than a small part of it is added.
+    // Between two of the times the reach grows only by a small part.
     let (times, _) = motion.times();
     MOVING_ROUNDINGS * motion.magnification() * times.into_iter().map(|time| at(Some(time))).fold(0.0, f64::max)
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The store of mesh assets shared by content.
+//! Stores mesh assets, shared by content.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use crate::mesh::{
 use crate::partition::PartitionOptions;
 use crate::texture::HeightCache;
 
-/// Clusters that are put away together, for each thread: fewer, and threads would wait for each other.
+/// Number of clusters that are stored together, for each thread: with fewer, threads would wait for each other.
 const BATCHES: usize = 4;
 
 /// A mesh that is to be built.
@@ -34,23 +34,23 @@ pub(crate) struct MeshStore {
     built: FxHashMap<u128, Arc<KeptMesh>>,
     /// Content hash at each mesh index of the last snapshot.
     slots: Vec<u128>,
-    /// What `built` was made for.
+    /// Partition options that `built` was made with.
     options: PartitionOptions,
     /// Meshes that were built or found in files so far.
     pub(crate) made: u64,
     /// Where assets are put.
     pub(crate) shelf: MeshStorage,
-    /// Images that cut meshes out.
+    /// Images of cutouts.
     pub(crate) covers: CoverStore,
 }
 
 impl MeshStore {
-    /// Forgets the assets that would not be built like that with `options`: those in pieces, and large ones.
+    /// Forgets the assets that would be built differently with `options`: those in pieces, and large ones.
     pub(crate) fn set_options(&mut self, meshes: &mut BTreeMap<Arc<str>, MeshEntry>, options: PartitionOptions) {
         if std::mem::replace(&mut self.options, options) == options {
             return;
         }
-        // Splitting goes by expected bytes, which are within a fifth of the real ones.
+        // Splitting uses expected bytes, which are within a fifth of the real ones.
         let stays = |b: &KeptMesh| {
             let bytes = b.asset.as_ref().map_or(0, |a| a.device_bytes());
             b.clusters.is_empty() && bytes < options.mesh_limit() / 2
@@ -61,8 +61,8 @@ impl MeshStore {
         }
     }
 
-    /// Makes sure that every mesh of `wanted` is built, subdivision surfaces cut as `cuts` says and displaced by
-    /// `heights`, the missing ones in parallel.
+    /// Ensures that every mesh of `wanted` is built, with subdivision surfaces cut by `cuts` and displaced by
+    /// `heights`; missing ones are built in parallel.
     pub(crate) fn build(
         &mut self,
         meshes: &mut BTreeMap<Arc<str>, MeshEntry>,
@@ -70,7 +70,7 @@ impl MeshStore {
         mut cuts: FxHashMap<Arc<str>, DicingRate>,
         heights: &HeightCache,
     ) {
-        // The budget may be another one now.
+        // The budget may have changed.
         self.built.retain(|_, built| !built.is_left_out);
         for (path, entry) in meshes.iter_mut() {
             let dicing = cuts.remove(path).unwrap_or_default();
@@ -102,7 +102,7 @@ impl MeshStore {
         }
     }
 
-    /// Finds meshes in files or builds them, side by side.
+    /// Finds meshes in files or builds them, in parallel.
     fn make(&self, new: &[NewMesh<'_>], heights: &HeightCache) -> Vec<(u128, Arc<KeptMesh>)> {
         let (limit_bytes, cluster_bytes) = (self.options.mesh_limit(), self.options.chunk_bytes());
         let recipe = |NewMesh { key, entry, covers }: &NewMesh<'_>| {
@@ -132,7 +132,7 @@ impl MeshStore {
                 self.build_within(budget, &footprints, found, |at, grant| Some(build(new.get(at)?, grant)))
             }
             None => {
-                // Clusters are put away in batches: all of them together would take as much as the mesh itself.
+                // Clusters are stored in batches: all of them together would take as much memory as the mesh itself.
                 let at_once = BATCHES * rayon::current_num_threads();
                 all.map(|new| find(new).unwrap_or_else(|| build(new, BuildGrant { reserved: None, at_once }))).collect()
             }
@@ -140,7 +140,8 @@ impl MeshStore {
         new.iter().zip(made).map(|(new, made)| (new.key, Arc::new(made))).collect()
     }
 
-    /// Builds what was not found, side by side as far as there is room. What needs more than the budget is left out.
+    /// Builds the meshes that were not found, in parallel as far as there is room. A mesh that needs more than the
+    /// budget is left out.
     fn build_within(
         &self,
         budget: u64,
@@ -165,7 +166,7 @@ impl MeshStore {
     }
 
     /// Assigns mesh indices to the assets in use, moving as few as possible: freed indices go to new assets first, then
-    /// to the last ones. Gives the assets by index, and the index of each content hash.
+    /// to the last ones. Returns the assets by index, and the index of each content hash.
     pub(crate) fn assign(&mut self, used: &[u128]) -> (Vec<Arc<SceneMesh>>, FxHashMap<u128, u32>) {
         let in_use: FxHashSet<u128> = used.iter().copied().collect();
         let known: FxHashSet<u128> = self.slots.iter().copied().filter(|k| in_use.contains(k)).collect();

@@ -72,15 +72,15 @@ use surfaces::{MaterialEntry, ShownMeshes, SurfaceStore};
 /// The result of [`SceneDb::commit`].
 #[derive(Clone, Debug)]
 pub struct SceneCommit {
-    /// The scene as of now; the same `Arc` as before when nothing changed.
+    /// The scene as of now; the same `Arc` as before if nothing changed.
     pub snapshot: Arc<Snapshot>,
     /// Warnings that were not given before, in path order.
     pub warnings: Vec<SceneWarning>,
-    /// True when the snapshot differs from the one of the commit before.
+    /// True if the snapshot differs from that of the commit before.
     pub changed: bool,
 }
 
-/// What a prim can be.
+/// The kind of a prim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum PrimKind {
     Mesh,
@@ -89,18 +89,18 @@ enum PrimKind {
     Material,
 }
 
-/// The scene under edit. Edits are cheap and only noted; [`SceneDb::commit`] does the work.
+/// The scene under edit. Edits are cheap: they are only recorded, and [`SceneDb::commit`] applies them.
 #[derive(Debug)]
 pub struct SceneDb {
     meshes: BTreeMap<Arc<str>, MeshEntry>,
     instancers: BTreeMap<Arc<str>, InstancerEntry>,
     lights: BTreeMap<Arc<str>, LightDesc>,
     materials: BTreeMap<Arc<str>, MaterialEntry>,
-    /// Edits of materials so far.
+    /// Number of edits of materials so far.
     material_edits: u64,
-    /// Normalised; empty = all.
+    /// Normalised purposes that are shown; empty = all.
     purposes: Vec<String>,
-    /// True when something was edited since the last commit.
+    /// True if something was edited since the last commit.
     edited: bool,
     mesh_store: MeshStore,
     surface_store: SurfaceStore,
@@ -108,7 +108,7 @@ pub struct SceneDb {
     partition: PartitionStore,
     dicing: DicingCamera,
     height_files: Option<Arc<dyn HeightFiles>>,
-    /// The count of [`Self::lent`], once somebody asked for it.
+    /// The count of [`Self::lent`], after the first call.
     lending: Option<LentArrays>,
     /// Last message given for each prim.
     warned: BTreeMap<Arc<str>, String>,
@@ -145,7 +145,7 @@ impl SceneDb {
         }
     }
 
-    /// Adds a mesh or replaces the prim of the same path. Cheap when the arrays are the ones given before.
+    /// Adds a mesh or replaces the prim of the same path. Cheap if the arrays are those given before.
     pub fn upsert_mesh(&mut self, desc: MeshDesc) {
         let path = desc.prim.path.clone();
         let others = self.remove_other(&path, PrimKind::Mesh);
@@ -157,7 +157,7 @@ impl SceneDb {
         self.edited |= changed | others;
     }
 
-    /// Adds an instancer or replaces the prim of the same path. Arrays are compared with the ones given before (by
+    /// Adds an instancer or replaces the prim of the same path. Arrays are compared with those given before (by
     /// address, else by content).
     pub fn upsert_instancer(&mut self, desc: InstancerDesc) {
         let path = desc.prim.path.clone();
@@ -216,7 +216,7 @@ impl SceneDb {
         Some(entry)
     }
 
-    /// Removes a prim of this path that is of another kind. Gives whether there was one.
+    /// Removes a prim of this path that is of another kind. Returns true if there was one.
     fn remove_other(&mut self, path: &str, kind: PrimKind) -> bool {
         (kind != PrimKind::Mesh && self.take_mesh(path).is_some())
             | (kind != PrimKind::Instancer && self.take_instancer(path).is_some())
@@ -258,8 +258,8 @@ impl SceneDb {
     }
 
     /// Sets how many bytes of items, 24 for each placement that a commit sorts, a first partition holds at once, unless
-    /// a sixteenth of all is more. What is larger is sorted in parts: slower, with the same result. 1 GiB before the
-    /// first call.
+    /// a sixteenth of all is more. Larger partitions are sorted in parts, which is slower and gives the same result.
+    /// The default is 1 GiB.
     pub fn set_partition_memory(&mut self, bytes: u64) {
         self.partition.set_item_bytes(bytes);
     }
@@ -287,19 +287,20 @@ impl SceneDb {
         self.height_files = Some(files);
     }
 
-    /// For tests: whether the boxes of triangles that are cut out are those of all of them. Changes no picture.
+    /// For tests: sets if the boxes of triangles with cutouts enclose the whole triangles. It does not change the
+    /// picture.
     pub fn set_whole_bounds(&mut self, are_whole: bool) {
         self.edited |= std::mem::replace(&mut self.surface_store.has_whole_bounds, are_whole) != are_whole;
     }
 
-    /// Says where meshes that are built from now on are kept when [`Self::mesh_memory`] is full.
+    /// Sets the files that keep meshes which are built from now on when [`Self::mesh_memory`] is full.
     pub fn set_mesh_files(&mut self, files: Option<Arc<dyn MeshFiles>>) {
         self.mesh_store.shelf.files = files;
     }
 
-    /// Sets what host memory there may be in all, bytes, from the next commit on. A mesh that needs more to be built is
-    /// left out, with a warning; all others are built side by side as far as there is room
-    /// ([`HostMemory::set_room`]). No limit before the first call. Changes nothing else of the result.
+    /// Sets the budget of all host memory, bytes, from the next commit on. A mesh that needs more to be built is left
+    /// out, with a warning; all others are built in parallel as far as there is room ([`HostMemory::set_room`]). There
+    /// is no limit before the first call. Nothing else of the result changes.
     pub fn set_host_budget(&mut self, bytes: u64) {
         let memory = &self.mesh_store.shelf.memory;
         if memory.budget() != Some(bytes).filter(|bytes| *bytes < u64::MAX) {
@@ -320,7 +321,7 @@ impl SceneDb {
         &self.snapshot
     }
 
-    /// Works out the edits since the last commit. Builds what is new on the rayon pool; everything else is shared with
+    /// Applies the edits since the last commit. New data are built on the rayon pool; everything else is shared with
     /// the snapshot before.
     pub fn commit(&mut self) -> SceneCommit {
         if !std::mem::take(&mut self.edited) {
@@ -397,7 +398,7 @@ impl SceneDb {
         (plan, CommittedAssets { meshes, indices, surfaces })
     }
 
-    /// The warnings that say something else than the last one for the same prim.
+    /// The warnings that differ from the last one for the same prim.
     fn new_warnings(&mut self, reports: &CommitReports) -> Vec<SceneWarning> {
         let warnings = reports.warnings();
         let is_new = |warning: &&SceneWarning| self.warned.get(&warning.path) != Some(&warning.message);
@@ -408,7 +409,7 @@ impl SceneDb {
 }
 
 impl Snapshot {
-    /// The scene of nothing, before the first commit.
+    /// An empty snapshot, before the first commit.
     fn nothing() -> Self {
         Self {
             version: 0,
@@ -432,7 +433,7 @@ fn plain_purpose(purpose: &str) -> &str {
     if matches!(purpose, "" | "geometry") { "default" } else { purpose }
 }
 
-/// A path and all paths below it that are there.
+/// Those of `prims` that are at a path or below it.
 fn below<T>(prims: &BTreeMap<Arc<str>, T>, path: &str) -> Vec<Arc<str>> {
     let below = format!("{}/", path.trim_end_matches('/'));
     let mut found: Vec<Arc<str>> = prims

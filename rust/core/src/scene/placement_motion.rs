@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How a placement moves: the motions of all that it is in, one around the other, as traversal goes through them. So
-//! what is worked out here is where rays find it, whatever turns within what turns. Pure; any thread.
+//! The motion of a placement: the motions of everything that contains it, composed in the order of traversal, so that
+//! the result is exactly where rays find the placement, also where rotations are nested. Pure; any thread.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -11,28 +11,28 @@ use crate::instancing::motion::{MotionKey, PlacementKeys, map_at, norm_of, swept
 
 /// Largest turn of a normal from one sampled time to the next, radians.
 const STEP: f64 = 0.1;
-/// Most sampled times between two keys.
+/// Largest number of sampled times between two keys.
 const MOST_STEPS: f64 = 64.0;
-/// What stretches may differ by and count as the same, relative.
+/// Relative difference up to which stretches count as the same.
 const SAME_STRETCH: f64 = 1e-6;
 
-/// See the module.
+/// The motions of the frames that contain a placement, composed as traversal does.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlacementMotion {
-    /// Maps from each frame to the one around it, the outermost first: two keys or more, in the order of time. Empty of
-    /// what is at rest. What is at rest between two that move has two keys that are the same.
+    /// Maps from each frame to the one around it, the outermost first: two keys or more, in the order of time. Empty if
+    /// nothing moves. A frame at rest between two that move has two equal keys.
     pub levels: Vec<Arc<[MotionKey]>>,
 }
 
 impl PlacementMotion {
-    /// True of what does not move.
+    /// Returns true if it does not move.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.levels.is_empty()
     }
 
-    /// With a frame inside, which is at rest at `place` and moves there by `keys`; `None` where the place cannot be
-    /// decomposed.
+    /// The motion with an inner frame added, which is at rest at `place` and moves there by `keys`; `None` if `place`
+    /// cannot be decomposed.
     pub(crate) fn within(&self, place: &DAffine3, keys: &[MotionKey]) -> Option<Self> {
         let mut levels = self.levels.clone();
         let mut keys: Arc<[MotionKey]> = keys.into();
@@ -76,7 +76,7 @@ impl PlacementMotion {
     }
 
     /// Times from the opening of the shutter to its closing, and the largest angle by which a normal turns between two
-    /// that follow each other: half a circle where there is no telling, as where a stretch changes its shape.
+    /// consecutive ones: half a circle if it is not known, as for a stretch that changes its shape.
     #[must_use]
     pub fn times(&self) -> (Vec<f64>, f64) {
         let own = self.key_times();
@@ -96,7 +96,7 @@ impl PlacementMotion {
         (times, if self.only_turns() { most } else { PI })
     }
 
-    /// Whether normals turn by no more than the rotations of all levels.
+    /// Returns true if normals turn by no more than the rotations of all levels.
     fn only_turns(&self) -> bool {
         let mut has_turned = false;
         self.levels.iter().rev().all(|keys| {
@@ -106,9 +106,9 @@ impl PlacementMotion {
         })
     }
 
-    /// The least determinant of the map at any time, without its sign, and the largest length of what has the length 1
-    /// inside. Of the sum of two stretches that are definite the root of the determinant is at least the sum of theirs
-    /// (Minkowski), so keys tell.
+    /// The least magnitude of the map's determinant at any time, and an upper bound of the factor by which it stretches
+    /// lengths. For a sum of two definite stretches the root of the determinant is at least the sum of their roots
+    /// (Minkowski), so the keys bound it.
     pub(crate) fn extent(&self) -> (f64, f64) {
         self.levels.iter().fold((1.0, 1.0), |(least, most), keys| {
             let determinants = keys.iter().map(|key| key.stretch.determinant().abs());
@@ -117,7 +117,7 @@ impl PlacementMotion {
         })
     }
 
-    /// What rounding is magnified by where single precision inverts the maps. Along axes each number of an inverse has
+    /// Factor by which rounding grows where single precision inverts the maps. Along axes each number of an inverse has
     /// its own rounding only; others are differences of products.
     pub(crate) fn magnification(&self) -> f64 {
         let of = |keys: &Arc<[MotionKey]>| {
@@ -131,12 +131,12 @@ impl PlacementMotion {
     }
 }
 
-/// Keys of a record as the device has them: with the place in single precision.
+/// The keys of a record as the device has them, with the position in single precision.
 pub(crate) fn as_rounded(keys: &PlacementKeys) -> Arc<[MotionKey]> {
     keys.as_slice().iter().map(|key| MotionKey { translation: key.translation.as_vec3().as_dvec3(), ..*key }).collect()
 }
 
-/// The turn between two times, which no key is between.
+/// Angle of rotation between two times that have no key between them.
 fn turn(keys: &[MotionKey], begin: f64, end: f64) -> f64 {
     let pair = keys.windows(2).find(|pair| {
         let middle = 0.5 * (begin + end);
@@ -151,7 +151,7 @@ fn trace(m: &DMat3) -> f64 {
     m.x_axis.x + m.y_axis.y + m.z_axis.z
 }
 
-/// Whether stretches differ in size only.
+/// Returns true if stretches differ in size only.
 fn is_steady(keys: &[MotionKey]) -> bool {
     let Some(first) = keys.first().map(|key| key.stretch) else { return true };
     let first = first * (1.0 / trace(&first));
@@ -161,7 +161,7 @@ fn is_steady(keys: &[MotionKey]) -> bool {
     })
 }
 
-/// Whether stretches are the same in all directions.
+/// Returns true if stretches are the same in all directions.
 fn is_even(keys: &[MotionKey]) -> bool {
     keys.iter().all(|key| {
         let even = DMat3::from_diagonal(DVec3::splat(trace(&key.stretch) / 3.0));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which of the authored primvars were built, and which were left out because nothing reads them.
+//! Lists the authored primvars that were built, and those that were left out because nothing reads them.
 
 use super::SceneDb;
 use super::entries::{InstancerEntry, MeshEntry};
@@ -8,14 +8,14 @@ use crate::inventory::PrimvarUse;
 use crate::mesh::AttributeSummary;
 use rustc_hash::FxHashMap;
 
-/// Sums by name.
+/// Sums of bytes by the name of a primvar.
 #[derive(Default)]
 struct PrimvarUses<'a> {
     by_name: FxHashMap<&'a str, PrimvarUse>,
 }
 
 impl<'a> PrimvarUses<'a> {
-    /// Notes one prim's primvar, of so many bytes when it was built.
+    /// Adds one prim's primvar; `built`: its bytes if it was built.
     fn note(&mut self, name: &'a str, built: Option<u64>, authored: impl FnOnce() -> u64) {
         let entry = self.by_name.entry(name).or_default();
         match built {
@@ -66,8 +66,8 @@ impl<'a> PrimvarUses<'a> {
 }
 
 impl SceneDb {
-    /// The authored primvars of meshes that are shown and of instancers, by name: what of them the last commit built,
-    /// and what it left out.
+    /// The authored primvars of the meshes that are shown and of the instancers, by name: the bytes that the last
+    /// commit built, and the bytes that it left out.
     #[must_use]
     pub fn primvar_uses(&self) -> Vec<PrimvarUse> {
         let mut uses = PrimvarUses::default();
@@ -84,7 +84,7 @@ fn bytes_of(attribute: Option<AttributeSummary>) -> u64 {
     attribute.map_or(0, |attribute| attribute.bytes())
 }
 
-/// What the values would take as floats, one for each index where there are indices.
+/// Bytes that the values would take as floats, one value for each index if there are indices.
 fn authored_bytes(primvar: &Primvar) -> u64 {
     let count =
         primvar.indices.as_ref().filter(|indices| !indices.is_empty()).map_or(primvar.values.len(), |i| i.len());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What was dropped because it was bad: one line of warning per prim.
+//! Counts the data that were dropped because they were bad; a commit gives one warning per prim.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,18 +9,18 @@ use crate::desc::DroppedData;
 /// One warning about one prim.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SceneWarning {
-    /// The prim.
+    /// Path of the prim.
     pub path: Arc<str>,
-    /// What is wrong and how often, one line, without the path.
+    /// The problem and its count, on one line, without the path.
     pub message: String,
-    /// Of that, what was dropped, by kind.
+    /// The part of the message that counts dropped data, by kind.
     pub dropped: DroppedData,
-    /// Of that, the rest.
+    /// The rest of the message.
     pub notes: Vec<String>,
 }
 
 impl SceneWarning {
-    /// The warning about a prim; none where there is nothing to say.
+    /// The warning about a prim; `None` if there is no problem.
     pub(crate) fn new(path: Arc<str>, notes: Vec<String>, dropped: DroppedData) -> Option<Self> {
         let mut message = String::new();
         notes.iter().for_each(|note| join(&mut message, note));
@@ -37,11 +37,11 @@ impl SceneWarning {
     }
 }
 
-/// What was dropped, by prim, during one commit.
+/// Data dropped during one commit, by prim.
 #[derive(Debug, Default)]
 pub(crate) struct CommitReports {
     dropped: BTreeMap<Arc<str>, DroppedData>,
-    /// What is no dropped data, in words.
+    /// Problems other than dropped data, in words.
     notes: BTreeMap<Arc<str>, Vec<String>>,
 }
 
@@ -76,7 +76,7 @@ impl CommitReports {
         paths.filter_map(warning).collect()
     }
 
-    /// Says something about a prim that is no count of dropped data.
+    /// Adds a note about a prim that is no count of dropped data.
     pub(crate) fn note(&mut self, path: &Arc<str>, text: String) {
         let notes = self.notes.entry(path.clone()).or_default();
         if !notes.iter().any(|note| note.contains(&text)) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Who is placed where: the prims' `instanced_by` references turned into groups (the world and the prototypes with more
+//! Resolves placement: turns the prims' `instanced_by` references into groups (the world and the prototypes with more
 //! than one member), children before parents. Keeps nesting, finds cycles, reads no array. Pure.
 
 use std::collections::BTreeMap;
@@ -20,10 +20,10 @@ use crate::instancing::placement::usable_affine;
 use crate::instancing::run::{PrototypeInstances, TransformKey};
 use crate::mesh::SceneMesh;
 
-/// Most levels of instancers in each other.
+/// Largest depth of nested instancers.
 pub const MAX_NESTING: u32 = 32;
 
-/// What a planned member places.
+/// The target of a planned member.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum PlanTarget {
     /// The asset with this content hash.
@@ -35,23 +35,24 @@ pub(crate) enum PlanTarget {
 /// One prim's contribution to a group.
 #[derive(Clone, Debug)]
 pub(crate) struct PlanMember {
-    /// The mesh, or the instancer.
+    /// Path of the mesh or the instancer.
     pub(crate) path: Arc<str>,
-    /// Prototype of the instancer, and above its number of prototypes that of a set of collections; 0 for meshes.
+    /// Index of the prototype of the instancer; from the number of prototypes on, that of a prototype in a set of
+    /// collections; 0 for meshes.
     pub(crate) slot: usize,
     /// Group frame from the prim's frame.
     pub(crate) before: DAffine3,
     /// Instance frame from the target's frame.
     pub(crate) after: DAffine3,
-    /// `None`: placed once.
+    /// Instances; `None` if it is placed once.
     pub(crate) instances: Option<PrototypeInstances>,
-    /// What is placed.
+    /// The mesh or group that is placed.
     pub(crate) target: PlanTarget,
     /// Primvars of the instancer that something below reads.
     pub(crate) primvars: Vec<MemberPrimvar>,
-    /// Numbers of the primvars that are read below, and that nothing from here down has. Sorted.
+    /// Numbers of the primvars that are read below, and that nothing from here down has, sorted.
     pub(crate) lacks: Vec<u32>,
-    /// `before` at times of the shutter, of what is placed once and moves.
+    /// Values of `before` at times of the shutter, for a moving member that is placed once.
     pub(crate) motion: Option<Arc<Vec<TransformKey>>>,
 }
 
@@ -59,11 +60,11 @@ pub(crate) struct PlanMember {
 #[derive(Clone, Debug)]
 pub(crate) struct PlanGroup {
     pub(crate) id: GroupId,
-    /// By path and slot.
+    /// Members, sorted by path and slot.
     pub(crate) members: Vec<PlanMember>,
     /// Longest chain of records down to a mesh.
     pub(crate) levels: u32,
-    /// What its members lack. Sorted.
+    /// Primvars that its members read and do not have themselves, sorted.
     pub(crate) lacks: Vec<u32>,
 }
 
@@ -89,7 +90,7 @@ pub(crate) struct ScenePrims<'a> {
 }
 
 impl PrimHierarchy {
-    /// Sorts the prims into groups. `shows` says which purposes are shown.
+    /// Sorts the prims into groups. `shows` tells which purposes are shown.
     pub(crate) fn new(prims: ScenePrims<'_>, shows: impl Fn(&str) -> bool, reports: &mut CommitReports) -> Self {
         let mut hierarchy = Self::default();
         for entry in prims.meshes.values().filter(|e| e.desc.prim.visible && shows(&e.desc.prim.purpose)) {
@@ -130,8 +131,8 @@ impl PrimHierarchy {
         self.groups.get(id).unwrap_or(&self.nothing)
     }
 
-    /// Paths of the meshes and instancers that can be reached from the world, and which instancers cannot because they
-    /// contain themselves.
+    /// Paths of the meshes and instancers that can be reached from the world, and the instancers that cannot because
+    /// they contain themselves.
     pub(crate) fn reachable(&self, prims: ScenePrims<'_>, reports: &mut CommitReports) -> FxHashSet<Arc<str>> {
         let mut reached: FxHashSet<Arc<str>> = FxHashSet::default();
         let mut open = vec![&GroupId::Root];
@@ -155,8 +156,8 @@ impl PrimHierarchy {
         reached
     }
 
-    /// Peels off the unreached instancers whose parents are all reached, missing or peeled; what remains is on a cycle
-    /// or below one.
+    /// Removes the unreached instancers whose parents are all reached, missing or removed; the remaining ones are on a
+    /// cycle or below one.
     fn report_cycles(&self, prims: ScenePrims<'_>, reached: &FxHashSet<Arc<str>>, reports: &mut CommitReports) {
         let mut waits: BTreeMap<&Arc<str>, usize> = BTreeMap::new();
         let mut children: FxHashMap<&Arc<str>, Vec<&Arc<str>>> = FxHashMap::default();
@@ -188,20 +189,21 @@ impl PrimHierarchy {
     }
 }
 
-/// What became of a group.
+/// Result of resolving a group.
 #[derive(Clone, Debug)]
 enum GroupOutcome {
-    /// Being resolved further up: meeting it again is a cycle.
+    /// The group is being resolved further up: meeting it again is a cycle.
     Open,
-    /// Nothing to see.
+    /// The group has nothing visible.
     Nothing,
     /// Exactly one mesh, placed by the members of the parents directly.
     OneMesh(Box<PlanMember>),
-    /// An assembly of its own.
+    /// The group is an assembly of its own.
     Group(usize),
 }
 
-/// Makes the plan, in which all meshes that have assets are placed; and those seen in collections beside their own.
+/// Makes the plan, in which all meshes that have assets are placed; and the list of prims seen in collections besides
+/// their own.
 pub(crate) fn resolve(
     prims: ScenePrims<'_>,
     hierarchy: &PrimHierarchy,
@@ -268,7 +270,7 @@ impl SceneResolver<'_> {
             let Some(before) = usable_affine(&entry.desc.prim.transform) else {
                 continue;
             };
-            // Its instances are in a frame of their own, which is what moves: their keys are those of one placement.
+            // Its instances are in a frame of their own, which moves as a whole: their keys are those of one placement.
             let motion = self.motion(&entry.desc.prim);
             let moves = motion.is_some();
             let depth = depth + u32::from(moves);
@@ -340,8 +342,8 @@ impl SceneResolver<'_> {
         }
         self.outcomes.insert(id.clone(), GroupOutcome::Open);
         let mut members = self.members(plain, above, depth);
-        // What moves by itself, or turns about a point that is not its own origin, keeps its own record: only so is its
-        // way that of its keys.
+        // A target that moves by itself, or turns about a point other than its own origin, keeps its own record: only
+        // then do its keys describe its path.
         let turns = match plain {
             GroupId::Prototype(by) => {
                 self.prims.instancers.get(&by.instancer).is_some_and(|entry| entry.arrays.motion.is_some())
@@ -388,7 +390,7 @@ impl SceneResolver<'_> {
         })
     }
 
-    /// How a prim moves. What cannot be used is told, and the prim stays where it is.
+    /// The motion of a prim. An unusable motion is reported, and the prim stays where it is.
     fn motion(&mut self, prim: &PrimDesc) -> Option<Arc<Vec<TransformKey>>> {
         match transform_keys(prim) {
             Ok(keys) => keys.map(Arc::new),
@@ -399,7 +401,7 @@ impl SceneResolver<'_> {
         }
     }
 
-    /// The group of a split mesh: every cluster placed as it is.
+    /// The group of a split mesh: every cluster is placed untransformed.
     fn clusters(&mut self, first: u128, prim_id: i32, clusters: &[Arc<SceneMesh>], lacks: &[u32]) -> usize {
         if let Some(&known) = self.split.get(&(first, prim_id)) {
             return known;
@@ -422,8 +424,8 @@ impl SceneResolver<'_> {
     }
 }
 
-/// The prototypes of an instancer, each once for each set of collections that instances of it are in; with the place of
-/// both among all, and the places in the prototype's indices.
+/// The prototypes of an instancer, each once for each set of collections that instances of it are in; with its slot,
+/// and the positions in the prototype's indices.
 fn placed_apart(
     entry: &InstancerEntry,
 ) -> impl Iterator<Item = (usize, &InstancerPrototype, &LinkClass, Option<Arc<Vec<u32>>>)> {
@@ -436,7 +438,8 @@ fn placed_apart(
     })
 }
 
-/// The transforms of a prim that moves at times of the shutter; `None` where it does not; or why they cannot be used.
+/// The transforms of a moving prim at times of the shutter; `None` if it does not move; an error with the reason if
+/// they cannot be used.
 #[expect(clippy::cast_possible_truncation, reason = "keys have times in single precision")]
 fn transform_keys(prim: &PrimDesc) -> Result<Option<Vec<TransformKey>>, String> {
     let Some(samples) = transform_motion(&prim.motion)? else { return Ok(None) };

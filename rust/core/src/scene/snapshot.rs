@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The immutable result of a commit. Shared between threads by `Arc`; nothing in it ever changes.
+//! The immutable result of a commit. It is shared between threads by `Arc` and never changes.
 
 use oocpt_abi::{Features, MaterialFlags};
 use std::collections::BTreeSet;
@@ -32,7 +32,7 @@ pub struct SceneCounts {
     pub instanced_triangles: u128,
     /// Unique meshes.
     pub meshes: u64,
-    /// Assemblies.
+    /// Number of assemblies.
     pub assemblies: u64,
 }
 
@@ -67,7 +67,7 @@ pub struct SurfaceTables {
 }
 
 impl SurfaceTables {
-    /// What the materials need.
+    /// Features that the materials need.
     #[must_use]
     pub fn features(&self) -> Features {
         let flags = self.materials.iter().fold(MaterialFlags::empty(), |all, material| all | material.flags);
@@ -84,26 +84,26 @@ pub struct Snapshot {
     pub version: u64,
     /// World point that is (0, 0, 0) in the root assembly's frame. Kept across edits unless the scene moves far.
     pub origin: DVec3,
-    /// Unique meshes in use; [`InstanceTarget::Mesh`] indexes this. Indices of kept meshes change as little as
-    /// possible.
+    /// Unique meshes in use, indexed by [`InstanceTarget::Mesh`]. Indices of kept meshes change as little as possible.
     pub meshes: Vec<Arc<SceneMesh>>,
-    /// [`InstanceTarget::Assembly`] indexes this. Children come before parents, the root is last and always there.
+    /// Assemblies, indexed by [`InstanceTarget::Assembly`]. Children come before parents; the root always exists and is
+    /// the last.
     pub assemblies: Vec<Arc<Assembly>>,
     /// Lights that shine, by path.
     pub lights: Vec<Light>,
-    /// Materials, textures, and who has them.
+    /// Materials, textures, and their assignment to prims.
     pub surfaces: SurfaceTables,
     /// Categories of light linking.
     pub links: LinkTable,
-    /// What the scene uses.
+    /// Features that the scene uses.
     pub features: Features,
-    /// What its meshes are made of.
+    /// Kinds of the items of its meshes.
     pub leaf_kinds: BTreeSet<LeafKind>,
-    /// Deepest chain of instance records from the root to a mesh; at least 1.
+    /// Length of the longest chain of instance records from the root to a mesh; at least 1.
     pub max_levels: u32,
-    /// Sizes.
+    /// Numbers of instances, triangles, meshes and assemblies.
     pub counts: SceneCounts,
-    /// Bad data left out.
+    /// Data left out because they were bad.
     pub dropped: DroppedData,
     /// The same scene cut into chunks.
     pub world: Arc<PartitionedWorld>,
@@ -130,7 +130,7 @@ pub enum SnapshotError {
         assembly: usize,
         /// Record number.
         record: usize,
-        /// What is wrong.
+        /// The broken invariant.
         what: &'static str,
     },
     /// A mesh breaks an invariant.
@@ -138,7 +138,7 @@ pub enum SnapshotError {
     Mesh {
         /// Mesh index.
         mesh: usize,
-        /// What is wrong.
+        /// The broken invariant.
         what: String,
     },
     /// Levels or counts are wrong.

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Makes few lines of the warnings of many prims: where more than a few say the like, one line names the first of them,
-//! how many more there are, and what was dropped in all.
+//! Condenses the warnings of many prims into a few lines: if more than [`FEW`] prims have similar warnings, one line
+//! names the first prim, the number of others, and the sum of what was dropped.
 //!
-//! Pure. Lines come in the order of the first prims; nobody is left out of the counts.
+//! Pure. Lines come in the order of the first prims; the counts include every prim.
 
 use super::report::SceneWarning;
 use crate::desc::DroppedData;
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::fmt::Write as _;
 
-/// Prims that say the like and are still told one by one.
+/// Number of prims with similar warnings that are still listed one by one.
 const FEW: usize = 4;
-/// Most lines of one summary. Kinds of warning are few, but texts come from scenes.
+/// Largest number of lines of one summary. Kinds of warning are few, but texts come from scenes.
 const MOST_LINES: usize = 100;
 
-/// Prims that say the like.
+/// Prims with similar warnings.
 struct WarningGroup<'a> {
     members: Vec<&'a SceneWarning>,
     dropped: DroppedData,
-    /// Whether all say the same notes.
+    /// True if all have the same notes.
     is_same: bool,
 }
 
@@ -37,7 +37,7 @@ pub fn summary(warnings: &[SceneWarning]) -> Vec<String> {
         group.dropped.add(&warning.dropped);
         group.members.push(warning);
     }
-    // In path order, as they came, those that are told one by one.
+    // Lines in path order, for the prims that are listed one by one.
     let mut lines: Vec<(&str, String)> = groups.iter().flat_map(WarningGroup::lines).collect();
     lines.sort_by_key(|(path, _)| *path);
     let more = lines.len().saturating_sub(MOST_LINES);
@@ -69,7 +69,7 @@ impl<'a> WarningGroup<'a> {
     }
 }
 
-/// The text without what is a prim's own: numbers, paths and what stands in quotes.
+/// The text without the parts that depend on the prim: numbers, paths and quoted text.
 fn kind(text: &str) -> String {
     let mut kind = String::with_capacity(text.len());
     for word in text.split(' ') {

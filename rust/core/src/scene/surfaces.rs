@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Who has which material: bindings of meshes and subsets worked out to the tables of a snapshot, and what the meshes
-//! have to build for them. A material is compiled once after an edit, and only when a mesh shows it.
+//! Resolves material bindings of meshes and subsets to the tables of a snapshot, and decides what the meshes have to
+//! build for their materials. A material is compiled once after an edit, and only if a mesh shows it.
 
 use oocpt_abi::{MAX_PRIM_ID, MaterialFlags, MaterialInput, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_MATERIAL};
 use std::collections::BTreeMap;
@@ -35,12 +35,12 @@ pub(crate) struct ShownMeshes<'a> {
 pub(crate) struct MaterialEntry {
     pub(crate) desc: MaterialDesc,
     compiled: Option<Arc<CompiledMaterial>>,
-    /// Of `compiled`.
+    /// Cutout of `compiled`.
     cutout: Option<Arc<Cutout>>,
 }
 
 impl MaterialEntry {
-    /// A new entry, or `old` where nothing changed. Gives whether anything did.
+    /// A new entry, or `old` if nothing changed. Also returns if anything changed.
     pub(crate) fn update(old: Option<Self>, desc: MaterialDesc) -> (Self, bool) {
         match old {
             Some(old) if old.desc == desc => (old, false),
@@ -58,14 +58,14 @@ impl MaterialEntry {
     }
 }
 
-/// What is kept from commit to commit.
+/// The state that is kept from commit to commit.
 #[derive(Debug)]
 pub(crate) struct SurfaceStore {
-    /// Numbers of primvar names; they never change. Those of what surfaces without a material show come first.
+    /// Numbers of primvar names; they never change. The primvars that surfaces without a material show come first.
     names: FxHashMap<Arc<str>, u32>,
     /// Materials of the last commit by path.
     materials: FxHashMap<Arc<str>, Arc<Material>>,
-    /// For tests: boxes do not know of cutouts.
+    /// True if boxes ignore cutouts, for tests.
     pub(crate) has_whole_bounds: bool,
 }
 
@@ -77,7 +77,7 @@ impl Default for SurfaceStore {
     }
 }
 
-/// Path of a binding; empty is none.
+/// Path of a binding; `None` if it is empty.
 fn bound(path: Option<&Arc<str>>) -> Option<&Arc<str>> {
     path.filter(|path| !path.is_empty())
 }
@@ -87,25 +87,25 @@ fn bindings(desc: &MeshDesc) -> impl Iterator<Item = Option<&Arc<str>>> {
     std::iter::once(bound(desc.material.as_ref())).chain(desc.subsets.iter().map(|s| bound(s.material.as_ref())))
 }
 
-/// Whether a mesh has a primvar, be it empty.
+/// Returns true if a mesh has an authored primvar, even an empty one.
 fn has_authored(desc: &MeshDesc, name: &str) -> bool {
     desc.authored_primvar(name).is_some()
 }
 
-/// Whether a mesh has a primvar of its own.
+/// Returns true if a mesh has a primvar itself.
 fn has(desc: &MeshDesc, name: &str) -> bool {
     desc.authored_primvar(name).is_some_and(|primvar| !primvar.values.is_empty())
 }
 
-/// What is said of a material that the host does not have. Hosts leave out those whose surfaces are all for other
+/// Warning about a material that the host does not have. Hosts leave out materials all of whose surfaces are for other
 /// renderers.
 const MISSING_MATERIAL: &str = "does not exist, or has no surface that is read (UsdPreviewSurface or MaterialX)";
 
-/// What is said of hair that is no curve.
+/// Warning about a hair material on a prim that is not a curve.
 const NO_CURVE: &str = "its hair material is for curves: fibres go along the first texture coordinate, and are met \
                         where the normal says";
 
-/// Whether one of a mesh's materials emits light.
+/// Returns true if one of a mesh's materials emits light.
 fn is_emissive(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -> bool {
     bindings(desc).flatten().any(|material| {
         let compiled = materials.get(material).and_then(|entry| entry.compiled.as_ref()?.material.as_ref());
@@ -113,7 +113,7 @@ fn is_emissive(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -
     })
 }
 
-/// How materials cut a mesh out.
+/// Cutouts of the materials of a mesh, by slot.
 fn cutouts(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -> SlotCutouts {
     let cutout = |material: Option<&Arc<str>>| materials.get(material?)?.cutout.clone();
     let all: SlotCutouts = bindings(desc).map(cutout).collect();
@@ -122,8 +122,8 @@ fn cutouts(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -> Sl
 }
 
 impl SurfaceStore {
-    /// Compiles the materials of the meshes `shown` and tells every mesh which primvars it has to build and how it is
-    /// displaced; a mesh that was built otherwise forgets its asset. Solids that emit become polygons.
+    /// Compiles the materials of the meshes `shown`, and sets on every mesh the primvars that it has to build and its
+    /// displacement; a mesh that was built with others forgets its asset. Solids that emit become polygons.
     pub(crate) fn prepare(
         &mut self,
         materials: &mut BTreeMap<Arc<str>, MaterialEntry>,
@@ -156,7 +156,7 @@ impl SurfaceStore {
                     reports.note(path, NO_CURVE.to_owned());
                 }
                 for name in material.primvar_names() {
-                    // Only ribbons have it, and they make it.
+                    // Only ribbons have this primvar, and they make it.
                     if &**name == ACROSS_NAME {
                         names.extend(Some(name).filter(|_| is_curve && entry.desc.normals.is_some()));
                         continue;
@@ -193,8 +193,8 @@ impl SurfaceStore {
         }
     }
 
-    /// Tells every instancer `shown` which of its primvars some mesh lacks. A `displayOpacity` that is 1 everywhere
-    /// says nothing.
+    /// Sets on every instancer `shown` the primvars that some mesh lacks. A `displayOpacity` that is 1 everywhere is
+    /// left out.
     pub(crate) fn offer(
         &self,
         meshes: &BTreeMap<Arc<str>, MeshEntry>,
@@ -297,7 +297,7 @@ impl SurfaceStore {
         tables
     }
 
-    /// The material with the numbers that names and textures have in the snapshot.
+    /// The material with the numbers of names and textures in the snapshot.
     fn linked(&mut self, material: &Material, local: &[TextureRef], textures: &mut Vec<TextureRef>) -> Material {
         let mut linked = material.clone();
         for set in &mut linked.uv_sets {
@@ -331,7 +331,7 @@ impl SurfaceStore {
 }
 
 impl SurfaceTables {
-    /// Notes the bindings of one mesh: its record as far as it is known, its collections, its slots.
+    /// Adds the bindings of one mesh: its record as far as it is known, its collections, its slots.
     fn add(
         &mut self,
         path: &Arc<str>,
@@ -379,7 +379,7 @@ impl SurfaceTables {
         self.material_slots.extend(slots);
     }
 
-    /// Slots of a prim id; empty when it has none.
+    /// Slots of a prim id; empty if it has none.
     #[must_use]
     pub fn slots(&self, prim_id: i32) -> &[u32] {
         let index = usize::try_from(i64::from(prim_id) + 1).unwrap_or(usize::MAX);
@@ -388,20 +388,20 @@ impl SurfaceTables {
         self.material_slots.get(first..first + record.slot_count as usize).unwrap_or_default()
     }
 
-    /// Most texture lookups that a material makes where it is shaded.
+    /// Largest number of texture lookups of a material where it is shaded.
     #[must_use]
     pub fn most_lookups(&self) -> usize {
         self.materials.iter().map(|material| material.lookups()).max().unwrap_or(0)
     }
 
-    /// Empties what says nothing: without a material there are no prims, unless some is in a collection.
+    /// Clears tables without content: without a material there are no prims, unless some is in a collection.
     pub(crate) fn trim(&mut self) {
         if self.materials.is_empty() && self.category_sets.len() <= 1 {
             *self = Self::default();
         }
     }
 
-    /// True when both are equal, materials told from their addresses.
+    /// Returns true if both are equal; materials are compared by address.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         self.materials.len() == other.materials.len()
             && self.materials.iter().zip(&other.materials).all(|(a, b)| Arc::ptr_eq(a, b))
@@ -411,7 +411,7 @@ impl SurfaceTables {
             && self.category_sets == other.category_sets
     }
 
-    /// Checks every invariant.
+    /// Checks every invariant of the tables.
     pub(crate) fn check(&self) -> Result<(), &'static str> {
         let slots = self.material_slots.len() as u64;
         let in_range = |p: &PrimRecord| {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Walks every invariant of a snapshot. For tests and for `doctor`; costs one encode of everything.
+//! Checks every invariant of a snapshot, for tests and for `doctor`. It encodes every record once.
 
 use super::snapshot::{InstanceRecord, InstanceTarget, Snapshot, SnapshotError};
 use crate::instancing::validate::validate_record;
 use crate::mesh::{Aabb, AnyAttribute, Attribute, MeshAsset, MeshSummary};
 use oocpt_abi::AttributeRate;
 
-/// Records encoded at a time.
+/// Number of records encoded at a time.
 const BATCH: usize = 4096;
 
 impl Snapshot {
@@ -41,7 +41,7 @@ impl Snapshot {
         Ok(())
     }
 
-    /// Gives the levels below the records and the placements of meshes.
+    /// Returns the levels below the records and the placements of meshes.
     fn validate_assembly(&self, at: usize, levels: &[u32], placed: &[u128]) -> Result<(u32, u128), SnapshotError> {
         let assembly = &self.assemblies[at];
         let mut batch = vec![InstanceRecord::default(); BATCH.min(assembly.len())];

@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Why a setting is not taken.
+//! Errors about settings.
 
 use super::SettingValue;
 
-/// Why a setting was not taken; it keeps its value.
+/// Reason why a setting was not taken; it keeps its value.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingError {
-    /// No setting of this name.
+    /// There is no setting of this name.
     #[error("unknown setting {0:?}")]
     Unknown(String),
-    /// No setting of this name, and the one whose name is nearest.
+    /// There is no setting of this name, but one with a similar name.
     #[error("there is no setting {name}; did you mean {nearest}?")]
     Misspelt {
         /// The name as given.
         name: String,
-        /// A key.
+        /// Key of the setting with the nearest name.
         nearest: &'static str,
     },
     /// The value has the wrong type.
@@ -22,9 +22,9 @@ pub enum SettingError {
     Type {
         /// The key as given.
         key: String,
-        /// What it takes.
+        /// The type that it takes.
         expected: &'static str,
-        /// What came.
+        /// The value as given.
         value: SettingValue,
     },
     /// The text is not one of those that the setting knows.
@@ -32,9 +32,9 @@ pub enum SettingError {
     Choice {
         /// The key as given.
         key: String,
-        /// What came.
+        /// The text as given.
         value: String,
-        /// What it takes.
+        /// The texts that it takes.
         allowed: Vec<&'static str>,
     },
     /// The value is out of bounds.
@@ -42,7 +42,7 @@ pub enum SettingError {
     Range {
         /// The key as given.
         key: String,
-        /// What came.
+        /// The value as given.
         value: f64,
         /// Smallest accepted value.
         min: f64,

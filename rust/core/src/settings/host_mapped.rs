@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Whether the device reads geometry in host memory. Pure, any thread.
+//! The setting that lets the device read geometry in host memory. Pure, any thread.
 
 use serde::{Deserialize, Serialize};
 
-/// Whether rays may read geometry that has no room on the device where it lies in host memory, across the bus.
+/// Decides if rays may read geometry that has no room on the device from host memory, across the bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum HostMapped {
-    /// Where the device has memory of its own.
+    /// On devices that have memory of their own.
     #[default]
     Auto,
-    /// Always: for tests, on devices whose memory is the host's.
+    /// Always; for tests, on devices that share the memory of the host.
     On,
-    /// Never: rays wait until geometry has come.
+    /// Never: rays wait until geometry is loaded.
     Off,
 }
 
 impl HostMapped {
-    /// All, in the order of the documentation.
+    /// All values, in the order of the documentation.
     pub const ALL: [Self; 3] = [Self::Auto, Self::On, Self::Off];
 
     /// The name in settings and reports.
@@ -30,7 +30,7 @@ impl HostMapped {
         }
     }
 
-    /// The one of this name.
+    /// The value of this name.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)

@@ -1,34 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One row per setting: its field, type, default and range, its names, whom it is for, and who may set it.
+//! The table of settings, one row each: its field, type, default and range, its names, its audience, and who may set
+//! it.
 
 use serde::{Deserialize, Serialize};
 
 use super::{HostMapped, SettingError, TraversalKind};
 use crate::residency::PolicyKind;
 
-/// Whom a setting is for.
+/// The users to whom a setting is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SettingAudience {
-    /// People who render: hosts list it.
+    /// Users who render: hosts list it.
     User,
-    /// People who develop the renderer: hosts do not list it.
+    /// Developers of the renderer: hosts do not list it.
     Developer,
 }
 
-/// What a setting is about, which says who may set it. Scenes come from strangers: what a machine has and keeps is not
-/// for them to say. The environment and the host's own settings set all.
+/// The subject of a setting, which decides who may set it. Scenes come from strangers, so they may not set what a
+/// machine has and keeps. The environment and the host's own settings may set all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SettingScope {
-    /// What the picture is: a scene may set it.
+    /// The content of the picture: a scene may set it.
     Scene,
-    /// How an application shows it: a scene may set it.
+    /// The way in which an application shows it: a scene may set it.
     Host,
     /// The machine's device, memory, files and folders: a scene may not set it.
     Machine,
 }
 
 impl SettingScope {
-    /// As the book calls it.
+    /// Name in the book.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -39,23 +40,23 @@ impl SettingScope {
     }
 }
 
-/// A setting's names.
+/// The names of a setting.
 pub(super) struct Row {
     /// Hydra's key. Several keys may share a field.
     pub(super) key: &'static str,
     /// Environment variable.
     pub(super) variable: &'static str,
-    /// Name for people.
+    /// Label for user interfaces.
     pub(super) name: &'static str,
-    /// One line of help.
+    /// Help text of one line.
     pub(super) help: &'static str,
-    /// Whom it is for.
+    /// Users to whom it is shown.
     pub(super) audience: SettingAudience,
-    /// Who may set it.
+    /// Hosts that may set it.
     pub(super) scope: SettingScope,
 }
 
-/// How a value is checked and stored.
+/// The place of a value, with its check.
 pub(super) enum SettingField<'a> {
     Bool(&'a mut bool),
     Int(&'a mut u32, u32, u32),
@@ -66,19 +67,19 @@ pub(super) enum SettingField<'a> {
     HostMapped(&'a mut HostMapped),
 }
 
-/// Most samples per pixel: sample indices stay exact in f32.
+/// Largest number of samples per pixel: sample indices stay exact in f32.
 const MAX_SAMPLES: u32 = 1 << 24;
 
-/// A row is all there is to declare of a setting: how it is checked, its field, type, default and what its help leaves
-/// out (a second key of a field has none), whom it is for, who may set it, Hydra's key, the environment's, a name for
-/// people, one line of help.
+/// Declares the settings. A row is the only declaration of a setting: its check, its field, type, default and the parts
+/// that its help leaves out (a second key of a field has none), its audience, who may set it, Hydra's key, the
+/// environment variable, a label for users, one line of help.
 macro_rules! settings {
     ($(
         $kind:ident($field:ident $(, $bound:expr)*)$(: $type:ty = $default:expr $(, $more:literal)?)?;
         $audience:ident $scope:ident $key:literal $variable:literal $name:literal
         $help:literal;
     )+) => {
-        /// All settings. Values are inside their bounds as long as they are changed through [`Settings::set`].
+        /// All settings. Values stay inside their bounds if they are changed through [`Settings::set`] only.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(default)]
         pub struct Settings {
@@ -95,7 +96,7 @@ macro_rules! settings {
         }
 
         impl Settings {
-            /// Where the value of a key is, and how it is checked.
+            /// The place of the value of a key, with its check.
             pub(super) fn field(&mut self, key: &str) -> Result<SettingField<'_>, SettingError> {
                 Ok(match key {
                     $($key => SettingField::$kind(&mut self.$field $(, $bound)*),)+
@@ -104,7 +105,7 @@ macro_rules! settings {
             }
         }
 
-        /// In the order in which hosts show them.
+        /// The rows of all settings, in the order in which hosts show them.
         pub(super) const TABLE: &[Row] = &[$(Row {
             key: $key,
             variable: $variable,

@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Who walks the rays. Pure, any thread.
+//! The setting of the traversal backend. Pure, any thread.
 
 use serde::{Deserialize, Serialize};
 
-/// Who walks the rays through the scene.
+/// The traversal backend, which finds the hits of rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TraversalKind {
-    /// The host where the device is a processor, else the device.
+    /// The host if the device is a processor, else the device.
     #[default]
     Auto,
-    /// The device's compute shaders.
+    /// Compute shaders of the device.
     Compute,
-    /// The host's threads; only where device memory is host memory.
+    /// The host's threads; only if the device shares the memory of the host.
     Native,
 }
 
 impl TraversalKind {
-    /// All, in the order of the documentation.
+    /// All values, in the order of the documentation.
     pub const ALL: [Self; 3] = [Self::Auto, Self::Compute, Self::Native];
 
     /// The name in settings and reports.
@@ -30,7 +30,7 @@ impl TraversalKind {
         }
     }
 
-    /// The one of this name.
+    /// The value of this name.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)

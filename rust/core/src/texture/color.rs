@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which images are sRGB, the curve, and images of one and two channels.
+//! Decides which images are sRGB, converts with the sRGB curve, and expands images of one and two channels.
 
 use super::{ColorSpace, TexelFormat};
 
-/// Whether red, green and blue go through the sRGB curve. `Auto` asks the file's own word (`metadata`) first; without
-/// one, an image of 8 bits with three or four channels is sRGB and every other is not. Texels of a named space go
-/// through a conversion instead.
+/// Returns true if red, green and blue go through the sRGB curve. `Auto` asks the file's own word (`metadata`) first;
+/// without one, an image of 8 bits with three or four channels is sRGB and every other is not. Texels of a named space
+/// go through a conversion instead.
 pub fn is_srgb(space: &ColorSpace, metadata: Option<bool>, format: TexelFormat, channels: u32) -> bool {
     match space {
         ColorSpace::Raw | ColorSpace::Named(_) => false,
@@ -14,12 +14,12 @@ pub fn is_srgb(space: &ColorSpace, metadata: Option<bool>, format: TexelFormat, 
     }
 }
 
-/// Its inverse.
+/// Encodes a value with the sRGB curve.
 pub fn srgb_from_linear(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// The four channels that an image of fewer stands for: (r, r, r, 1), (r, r, r, g), (r, g, b, 1).
+/// Expands an image with fewer channels to four: (r, r, r, 1), (r, r, r, g), (r, g, b, 1).
 pub fn expand(channels: &[f64]) -> [f64; 4] {
     match *channels {
         [r] => [r, r, r, 1.0],

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where an image cuts a surface out, coarsely: bounds of what is there around a place. A cell that is left out is met
-//! by no ray, from whatever distance ([`super::opacity_mask`]). Pure but for the images that it reads; any thread.
+//! Coarse images of cutouts, which bound the part of a surface around a position that a texture keeps. No ray hits the
+//! surface in a cell that is left out, from whatever distance ([`super::opacity_mask`]). Pure but for the images that
+//! it reads; any thread.
 
 use xxhash_rust::xxh3::Xxh3;
 
@@ -8,47 +9,47 @@ use super::opacity_mask::{OpacityMask, OpacityMaskMaker, OpacityQuery};
 use super::{HeightFiles, Wrap};
 use crate::material::CutoutImage;
 
-/// Most cells along a side.
+/// Largest number of cells along a side.
 const MOST_SIDE: u32 = 256;
-/// What is longer along an axis, in images, is not looked at: most of a picture that repeats is there somewhere.
+/// Longest side, in images, of a region that is looked up: most of a repeated picture is kept somewhere.
 const LONGEST: f64 = 1.5;
-/// What is farther away is not looked at.
+/// Largest coordinate that is looked up.
 const FARTHEST: f64 = 1.0e5;
-/// Parts of a set of files along a side.
+/// Number of parts of a set of files along a side.
 const PARTS: usize = 10;
 /// Number of the first file of a set.
 const FIRST_MEMBER: u32 = 1001;
 
-/// Corners of a rectangle of places in a texture.
+/// Corners of a rectangle in texture coordinates.
 pub(crate) type UvRegion = [[f64; 2]; 2];
 
-/// What is there of an image, or of a set of images.
+/// The cells that an image or a set of images keeps.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CoveredImage(CoveredParts);
 
 #[derive(Clone, Debug, PartialEq)]
 enum CoveredParts {
     One(CellBits),
-    /// What is not there is not known.
+    /// A set of images; a member that is missing is unknown.
     Set(Vec<Option<CellBits>>),
 }
 
-/// Cells of an image, a bit each.
+/// The cells of an image, one bit each.
 #[derive(Clone, Debug, PartialEq)]
 struct CellBits {
     size: [u32; 2],
-    /// Words of a row.
+    /// Number of words of a row.
     stride: usize,
     bits: Vec<u64>,
     wrap: [Wrap; 2],
-    /// How far around a picture that is not continued lookups mix with it.
+    /// Width of the ring around a picture that is not continued in which lookups mix with it.
     ring: [f64; 2],
-    /// Something is there around it.
+    /// True if something is kept around the picture.
     is_around: bool,
 }
 
 impl CutoutImage {
-    /// What is asked of an image that is continued so.
+    /// The query about an image that is continued in this way.
     pub(crate) fn query(&self, wrap: [Wrap; 2]) -> OpacityQuery {
         let Self { texture, channel, scale, bias, threshold } = self;
         let border = if texture.has_border { texture.fallback } else { [0.0; 4] };
@@ -58,7 +59,7 @@ impl CutoutImage {
 }
 
 impl CoveredImage {
-    /// Reads an image; none where nothing is known of it, or all of it is there.
+    /// Reads an image; `None` if nothing is known of it, or all of it is kept.
     pub(crate) fn read(image: &CutoutImage, files: &dyn HeightFiles) -> Option<Self> {
         if !image.texture.is_udim() {
             return CellBits::read(image, 0, files).map(|grid| Self(CoveredParts::One(grid)));
@@ -68,7 +69,7 @@ impl CoveredImage {
         parts.iter().any(Option::is_some).then_some(Self(CoveredParts::Set(parts)))
     }
 
-    /// Adds all that it says.
+    /// Adds all bits to the hash.
     pub(crate) fn hash(&self, hasher: &mut Xxh3) {
         match &self.0 {
             CoveredParts::One(grid) => grid.hash(hasher),
@@ -79,8 +80,8 @@ impl CoveredImage {
         }
     }
 
-    /// Bounds of what is there in a rectangle; none where nothing is. `seam`: what is narrower than this beyond the
-    /// edge of an image does not count.
+    /// Bounds of the kept part of a rectangle; `None` if nothing is kept. `seam`: parts narrower than this beyond the
+    /// edge of an image are ignored.
     pub(crate) fn within(&self, region: UvRegion, seam: [f64; 2]) -> Option<UvRegion> {
         let [low, high] = region;
         let is_near = |axis: usize| {
@@ -106,7 +107,7 @@ impl CoveredImage {
         all.filter_map(|unit| self.within_unit(region, unit)).reduce(union)
     }
 
-    /// The same for the part of the rectangle in a unit square.
+    /// The kept part of a rectangle within a unit square.
     fn within_unit(&self, region: UvRegion, unit: [i64; 2]) -> Option<UvRegion> {
         match &self.0 {
             CoveredParts::One(grid) => grid.within(region, unit, grid.wrap),
@@ -133,7 +134,7 @@ fn inside([low, high]: UvRegion, unit: [i64; 2]) -> UvRegion {
     [[0, 1].map(|i| low[i].max(unit[i])), [0, 1].map(|i| high[i].min(unit[i] + 1.0))]
 }
 
-/// Cells along an axis, and where they are.
+/// Cells along an axis, and their positions.
 #[derive(Clone, Copy)]
 struct CellSpan {
     first: u32,
@@ -143,16 +144,16 @@ struct CellSpan {
 
 #[derive(Clone, Copy)]
 enum SpanPlace {
-    /// Counted from here.
+    /// Cells are counted forwards from this coordinate.
     Forward(f64),
-    /// Counted backwards up to here.
+    /// Cells are counted backwards from this coordinate.
     Backward(f64),
-    /// All are here.
+    /// All cells are at this interval.
     Fixed([f64; 2]),
 }
 
 impl CellSpan {
-    /// From where to where some of so many cells are.
+    /// Ends of the interval of cells `first` to `last` of `count`.
     fn ends(self, [first, last]: [u32; 2], count: u32) -> [f64; 2] {
         let at = |cell: u32| f64::from(cell) / f64::from(count);
         match self.place {
@@ -173,7 +174,7 @@ impl CellBits {
             wrap => wrap,
         });
         let mut maker = OpacityMaskMaker::new(&file.layout(), &image.query(wrap), MOST_SIDE)?;
-        // Whoever looks at its tiles tells what is wrong with it.
+        // The reader of its tiles reports what is wrong with the file.
         file.rows(image.channel, &mut |rows| maker.push(rows)).ok()?;
         Self::new(&maker.finish()?, file.layout().size(), wrap)
     }
@@ -203,13 +204,13 @@ impl CellBits {
         hasher.update(bytemuck::cast_slice(ring));
     }
 
-    /// A rectangle goes to where something is around the picture.
+    /// Returns true if a rectangle extends to where something is kept around the picture.
     fn leaves(&self, [low, high]: UvRegion) -> bool {
         let is_out = |axis: usize| self.wrap[axis] == Wrap::Black && (low[axis] < 0.0 || high[axis] > 1.0);
         self.is_around && (is_out(0) || is_out(1))
     }
 
-    /// Cells along an axis in the part of a range that lies in a unit; none where nothing can be.
+    /// Cells along an axis in the part of a range that lies in a unit; `None` if there is none.
     fn span(&self, axis: usize, [low, high]: [f64; 2], unit: i64, wrap: Wrap) -> Option<CellSpan> {
         let last = self.size[axis] - 1;
         #[expect(clippy::cast_precision_loss, reason = "not far away")]
@@ -240,7 +241,7 @@ impl CellBits {
         }
     }
 
-    /// Bounds of what is there in the part of a rectangle that lies in a unit square.
+    /// Bounds of the kept part of a rectangle within a unit square.
     fn within(&self, [low, high]: UvRegion, unit: [i64; 2], wrap: [Wrap; 2]) -> Option<UvRegion> {
         let span = |axis: usize| self.span(axis, [low[axis], high[axis]], unit[axis], wrap[axis]);
         let (across, up) = (span(0)?, span(1)?);

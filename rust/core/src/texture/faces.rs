@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Texels of a Ptex file in one row: blocks of faces and of their reductions. The shaders' twin is in
+//! Arranges the texels of a Ptex file in one row: blocks of faces and of their reductions. The shaders' twin is in
 //! `texture/texture.glsl`.
 //!
 //! A face has `2^u` by `2^v` texels. Its reduction of class `c` halves both sides until the longer one has `2^c`
@@ -12,9 +12,9 @@
 use super::layout::LayoutError;
 use oocpt_abi::TILE_SIDE;
 
-/// Texels of a tile.
+/// Number of texels of a tile.
 pub const TILE_TEXELS: u32 = TILE_SIDE * TILE_SIDE;
-/// Most texels a side of a face, as a power of two.
+/// Largest number of texels along a side of a face, as a power of two.
 pub const MAX_FACE_LOG2: u8 = 14;
 
 /// The texels of one reduction of a face.
@@ -34,11 +34,11 @@ impl FaceBlock {
     }
 }
 
-/// Where the texels of all faces are.
+/// Positions of the texels of all faces.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FaceLayout {
     log2: Vec<[u8; 2]>,
-    /// By class, then by face; 0 where the face has no such reduction.
+    /// First texels of blocks by class, then by face; 0 if the face has no such reduction.
     first: Vec<u32>,
     classes: u32,
     texels: u32,
@@ -89,13 +89,13 @@ impl FaceLayout {
         self.classes
     }
 
-    /// Texels of all blocks and of the gaps between them, a multiple of [`TILE_SIDE`].
+    /// Number of texels of all blocks and of the gaps between them, a multiple of [`TILE_SIDE`].
     #[must_use]
     pub fn texels(&self) -> u32 {
         self.texels
     }
 
-    /// The block of a face in a class; `None` where it has none.
+    /// The block of a face in a class; `None` if it has none.
     #[must_use]
     pub fn block(&self, class: u32, face: u32) -> Option<FaceBlock> {
         let size = class_size(*self.log2.get(face as usize)?, class)?;
@@ -103,8 +103,8 @@ impl FaceLayout {
         Some(FaceBlock { first, size })
     }
 
-    /// What the shaders read: for each face log2 of its texels along u and, from bit 8 on, along v; then the first
-    /// texels of blocks, by class and face.
+    /// The words that the shaders read: for each face log2 of its texels along u and, from bit 8 on, along v; then the
+    /// first texels of blocks, by class and face.
     #[must_use]
     pub fn directory(&self) -> Vec<u32> {
         let sizes = self.log2.iter().map(|[u, v]| u32::from(*u) | u32::from(*v) << 8);
@@ -118,7 +118,7 @@ impl FaceLayout {
     }
 }
 
-/// Texels of a face's reduction of a class; `None` above its own size.
+/// Texels along the sides of a face's reduction of a class; `None` above its own size.
 #[must_use]
 pub fn class_size(log2: [u8; 2], class: u32) -> Option<[u32; 2]> {
     let level = u32::from(log2[0].max(log2[1])).checked_sub(class)?;

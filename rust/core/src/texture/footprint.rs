@@ -9,13 +9,13 @@ use glam::{DMat2, DVec2, DVec3};
 /// [`oocpt_abi::MOST_ANISOTROPY`] in f64.
 pub const MOST_ANISOTROPY: f64 = oocpt_abi::MOST_ANISOTROPY as f64;
 
-/// The longer and the shorter axis of the ellipse that a cone of width 1 covers: a cone along `direction`, cutting a
-/// plane with normal `normal` on which the texture's coordinates have the `gradients`, which `map` (by columns) takes
-/// to the unit square of an image of `size` texels. The cosine is not 0.
+/// The longer and the shorter axis of the ellipse that a cone of width 1 covers: a cone along `direction` that cuts a
+/// plane with normal `normal`, on which the texture's coordinates have the `gradients`; `map` (by columns) maps these
+/// to the unit square of an image of `size` texels. The cosine must not be 0.
 #[must_use]
 pub fn ellipse(gradients: [DVec3; 2], normal: DVec3, direction: DVec3, map: DMat2, size: [u32; 2]) -> [f64; 2] {
     let (x, y) = direction.normalize().any_orthonormal_pair();
-    // Where a point of the section lands on the plane.
+    // The position of a point of the section on the plane.
     let landed = |p: DVec3| p - direction * (normal.dot(p) / normal.dot(direction));
     let coordinates = |p: DVec3| DVec2::new(gradients[0].dot(p), gradients[1].dot(p));
     let texels = DMat2::from_diagonal(DVec2::new(f64::from(size[0]), f64::from(size[1])));
@@ -28,7 +28,7 @@ pub fn ellipse(gradients: [DVec3; 2], normal: DVec3, direction: DVec3, map: DMat
     [longer, if longer > 0.0 { area / longer } else { 0.0 }]
 }
 
-/// How wide a filter for such an ellipse is.
+/// Width of the filter for such an ellipse, texels of level 0.
 #[must_use]
 pub fn filter_width([longer, shorter]: [f64; 2]) -> f64 {
     shorter.max(longer / MOST_ANISOTROPY)

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Textures that displace surfaces: who decodes them says so through a trait, what they mean is worked out here.
+//! Textures that displace surfaces. The caller decodes files through a trait; levels, colour spaces and filtering are
+//! handled here.
 //!
 //! One level of an image is read for a mesh, whole: the coarsest one whose texels are not larger than the pieces that
-//! the mesh is cut into. It is filtered bilinearly, as the shaders do. Of its channels those are decoded that are
-//! asked for. Any thread.
+//! the mesh is cut into. It is filtered bilinearly, as the shaders do. Only the channels that are asked for are
+//! decoded. Any thread.
 
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,77 +13,78 @@ use rustc_hash::FxHashMap;
 
 use super::{ColorSpace, TextureRef, TextureSampler, TileLayout, Wrap};
 
-/// Most texels of a level, each channel counted: a quarter of a gibibyte.
+/// Largest number of texels of a level, each channel counted: a quarter of a gibibyte.
 const MOST_TEXELS: u64 = 1 << 26;
 /// Number of the first member of a set of files.
 const FIRST_MEMBER: u32 = 1001;
 
-/// Opens height textures. Called by several threads at once; must not wait for work of the rayon pool.
+/// Opens height textures. It is called by several threads at once, and must not wait for work of the rayon pool.
 pub trait HeightFiles: Send + Sync + Debug {
-    /// Opens the file of a texture, or where that is a set, the member of that number (1001 to 1100); `None` for a
-    /// member that is not there.
+    /// Opens the file of a texture, or, if that is a set, the member of that number (1001 to 1100); `None` for a
+    /// missing member.
     ///
     /// # Errors
-    /// Why it cannot be had, for the user.
+    /// The reason why it cannot be read, for the user.
     fn open(&self, texture: &TextureRef, member: u32) -> Result<Option<Arc<dyn HeightImage>>, String>;
 }
 
 /// An open image.
 pub trait HeightImage: Send + Sync + Debug {
-    /// Its levels.
+    /// Levels and tiles of the image.
     fn layout(&self) -> TileLayout;
 
-    /// How the file says that it is continued outside; never [`Wrap::UseMetadata`].
+    /// Continuation of the image outside, as the file has it; never [`Wrap::UseMetadata`].
     fn wrap(&self) -> Option<[Wrap; 2]>;
 
     /// A channel (0 to 3; of images with fewer, as [`super::expand`] says) of all texels of a level: linear values, row
     /// by row from the bottom.
     ///
     /// # Errors
-    /// Why it cannot be had, for the user.
+    /// The reason why it cannot be read, for the user.
     fn channel(&self, level: u32, channel: u8) -> Result<Vec<f32>, String>;
 
-    /// Gives a channel of level 0 to `sink`, some rows at a time from the bottom on, with the bits that the device has.
+    /// Gives a channel of level 0 to `sink`, some rows at a time from the bottom on, with the same bits as on the
+    /// device.
     ///
     /// # Errors
-    /// Why it cannot be had, for the user.
+    /// The reason why it cannot be read, for the user.
     fn rows(&self, channel: u8, sink: &mut dyn FnMut(&[f32])) -> Result<(), String> {
         sink(&self.channel(0, channel)?);
         Ok(())
     }
 }
 
-/// Path, member, colour space.
+/// Path, member and colour space of a file.
 type FileKey = (Arc<str>, u32, ColorSpace);
 type OpenedHeights = Result<Option<Arc<dyn HeightImage>>, String>;
 type DecodedHeights = Result<Arc<Vec<f32>>, String>;
 
-/// Height textures, decoded as they are needed; what was decoded is kept as long as this is.
+/// Height textures, decoded when they are needed, and kept as long as the cache.
 #[derive(Debug, Default)]
 pub struct HeightCache {
     files: Option<Arc<dyn HeightFiles>>,
     open: Mutex<FxHashMap<FileKey, OpenedHeights>>,
-    /// By file, level and channel.
+    /// Decoded channels, by file, level and channel.
     decoded: Mutex<FxHashMap<(FileKey, u32, u8), DecodedHeights>>,
 }
 
 impl HeightCache {
-    /// Textures that `files` opens; without, none can be read.
+    /// Creates a cache of textures that `files` opens; without `files`, none can be read.
     #[must_use]
     pub fn new(files: Option<Arc<dyn HeightFiles>>) -> Self {
         Self { files, ..Self::default() }
     }
 
-    /// Who opens them.
+    /// The interface that opens files.
     pub(crate) fn files(&self) -> Option<&Arc<dyn HeightFiles>> {
         self.files.as_ref()
     }
 
     /// The `channels` (bit k: channel k) of the level of a texture (or of the member of a set) for pieces that cover
-    /// `area` of its unit square each; `None` for a member that is not there.
+    /// `area` of its unit square each; `None` for a missing member.
     ///
     /// # Errors
-    /// Why it cannot be had, for the user.
+    /// The reason why it cannot be read, for the user.
     pub(crate) fn level(
         &self,
         texture: &TextureRef,
@@ -120,7 +122,7 @@ impl HeightCache {
     }
 }
 
-/// The value of a key, made if it is not there. Two threads may make the same one: nobody waits while it is made.
+/// The value of a key, computed if it is absent. Two threads may compute the same value, so that none waits.
 fn once<K: Clone + Eq + std::hash::Hash, V: Clone>(
     known: &Mutex<FxHashMap<K, V>>,
     key: &K,
@@ -134,34 +136,35 @@ fn once<K: Clone + Eq + std::hash::Hash, V: Clone>(
     })
 }
 
-/// The coarsest level whose texels are not larger than pieces of `area`, and that has not too many texels in so many
-/// channels.
+/// The coarsest level whose texels are not larger than pieces of `area`, and that does not have too many texels in this
+/// number of channels.
 fn level_for(layout: &TileLayout, area: f64, channels: u32) -> u32 {
     let texels =
         |level: u32| layout.level_size(level).into_iter().map(u64::from).product::<u64>() * u64::from(channels.max(1));
     let coarsest = layout.levels().saturating_sub(1);
     let [width, height] = layout.size().map(f64::from);
-    // Texels of level 0 in a piece: each level has a quarter as many.
+    // Number of texels of level 0 in a piece: each level has a quarter as many.
     let wanted = 0.5 * (area * width * height).log2();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 32; NaN is 0")]
     let wanted = wanted.floor().clamp(0.0, 32.0) as u32;
     (wanted.min(coarsest)..coarsest).find(|&level| texels(level) <= MOST_TEXELS).unwrap_or(coarsest)
 }
 
-/// Channels of a level of an image.
+/// Decoded channels of a level of an image.
 #[derive(Clone, Debug)]
 pub(crate) struct HeightLevel {
-    /// Of an image that has this level only.
+    /// Layout of an image that has only this level.
     layout: TileLayout,
     wrap: [Wrap; 2],
-    /// As of [`TextureSampler`].
+    /// Value outside the image, as in [`TextureSampler`].
     outside: [f64; 4],
-    /// Those that were asked for.
+    /// Texels of the channels that were asked for.
     texels: [Option<Arc<Vec<f32>>>; 4],
 }
 
 impl HeightLevel {
-    /// The value at a place; of a member of a set, within the member. 0 in channels that were not asked for.
+    /// The value at texture coordinates, which for a member of a set are within the member. 0 in channels that were not
+    /// asked for.
     pub(crate) fn at(&self, st: [f64; 2]) -> [f64; 4] {
         let width = self.layout.size()[0] as usize;
         let texel = |_: u32, x: u32, y: u32| {
@@ -174,14 +177,14 @@ impl HeightLevel {
     }
 }
 
-/// The member of a set of files that a place is in, counted from 1 (the one that ends on 1001); 0 for places that no
-/// member can have.
+/// The member of a set of files that contains texture coordinates, counted from 1 (the one whose name ends in 1001); 0
+/// for coordinates that no member can have.
 pub(crate) fn member_of(st: [f64; 2]) -> u8 {
     let (number, _) = member_at(st);
     u8::try_from(number.saturating_sub(FIRST_MEMBER - 1)).unwrap_or(0)
 }
 
-/// Number in the file's name and lower left corner of a member counted from 1; 0 and the origin of 0.
+/// Number in the file's name and lower left corner of a member counted from 1; 0 and the origin for member 0.
 pub(crate) fn numbered(member: u8) -> (u32, [f64; 2]) {
     match member.checked_sub(1) {
         Some(at) => (u32::from(at) + FIRST_MEMBER, [f64::from(at % 10), f64::from(at / 10)]),
@@ -189,7 +192,8 @@ pub(crate) fn numbered(member: u8) -> (u32, [f64; 2]) {
     }
 }
 
-/// The member of a set of files that a place is in, and its lower left corner; 0 for places that no member can have.
+/// The member of a set of files that contains texture coordinates, and its lower left corner; 0 for coordinates that no
+/// member can have.
 fn member_at(st: [f64; 2]) -> (u32, [f64; 2]) {
     let corner = st.map(f64::floor);
     let is_there = (0.0..10.0).contains(&corner[0]) && (0.0..10.0).contains(&corner[1]);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Levels and tiles of an image. The shaders' twin is `texture/texture.glsl`.
+//! The levels and tiles of an image. The shaders' twin is `texture/texture.glsl`.
 //!
 //! Level `l` has `max(1, size >> l)` texels a side, down to 1 x 1. A tile is up to 128 x 128 texels of one level,
-//! numbered row by row, level by level, the finest first; at the right and upper border it is cut to what there is. All
+//! numbered row by row, level by level, the finest first; at the right and upper border it is cut to the image. All
 //! levels of at most 64 x 64 share the last tile, one after the other, each at a multiple of 4 bytes.
 //!
 //! A layout of rows has one level, 128 texels wide and of any height: tile `i` has its texels `i * 128 * 128` and
@@ -13,19 +13,19 @@ use oocpt_abi::{TAIL_SIDE, TILE_SIDE};
 /// Longest side of an image, texels.
 pub const MAX_SIDE: u32 = 1 << 16;
 
-/// How an image is cut.
+/// The levels and tiles of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct TileLayout {
     size: [u32; 2],
     texel_bytes: u32,
-    /// One level, whatever its size, and no shared tile.
+    /// True if it has one level, whatever its size, and no shared tile.
     is_flat: bool,
 }
 
-/// Why an image cannot be a texture.
+/// Reason why an image cannot be a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutError {
-    /// No texel, or too many.
+    /// The image has no texel, or too many.
     #[error("an image of {width} x {height} texels is not supported (1 to {MAX_SIDE} a side)")]
     Size {
         /// Texels along s.
@@ -33,30 +33,30 @@ pub enum LayoutError {
         /// Texels along t.
         height: u32,
     },
-    /// A Ptex file without faces.
+    /// The Ptex file has no face.
     #[error("it has no faces")]
     NoFaces,
-    /// A face of too many texels.
+    /// A face has too many texels.
     #[error("a face of 2^{0} texels a side is not supported (2^14)")]
     Face(u8),
-    /// Faces of too many texels in all.
+    /// The faces have too many texels in all.
     #[error("its faces have more than 2^32 texels")]
     Texels,
-    /// Not 1 to 16 bytes.
+    /// A texel has not 1 to 16 bytes.
     #[error("texels of {0} bytes are not supported")]
     Texel(u32),
 }
 
-/// Texels of one level: all of a tile, or a level of the tail.
+/// Texels of one level in a tile: the whole tile, or a level of the tail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TilePiece {
-    /// Level.
+    /// Level of the texels.
     pub level: u32,
     /// The lowest left texel.
     pub at: [u32; 2],
     /// Texels along s and t.
     pub size: [u32; 2],
-    /// Where it begins in the tile, bytes.
+    /// Offset in the tile, bytes.
     pub offset: u64,
 }
 
@@ -79,7 +79,7 @@ impl TileLayout {
         Ok(Self { size: [TILE_SIDE, height], is_flat: true, ..Self::new([1, 1], texel_bytes)? })
     }
 
-    /// Whether it has one level of rows ([`Self::of_rows`]).
+    /// Returns true if it has one level of rows ([`Self::of_rows`]).
     pub fn is_flat(&self) -> bool {
         self.is_flat
     }
@@ -136,7 +136,7 @@ impl TileLayout {
         self.first_tile(self.tail()) + u32::from(!self.is_flat)
     }
 
-    /// What a tile consists of.
+    /// The pieces of a tile, one for each level in it.
     pub fn pieces(&self, tile: u32) -> Vec<TilePiece> {
         let mut first = 0;
         for level in 0..self.tail() {
@@ -176,7 +176,7 @@ impl TileLayout {
         (0..self.tail()).flat_map(of_level).chain(shared)
     }
 
-    /// Bytes of so many texels, rounded up to 4.
+    /// Bytes of `size` texels, rounded up to 4.
     fn bytes_of(&self, size: [u32; 2]) -> u64 {
         let texels = u64::from(size[0]) * u64::from(size[1]);
         (texels * u64::from(self.texel_bytes)).next_multiple_of(4)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Textures without a device: how an image is cut into tiles, how coarser levels are made, which images are sRGB, a
-//! reference of the shaders' filter in f64, heights that displace surfaces, and what is known of cutouts.
+//! Textures without a device: the tiles and the coarser levels of an image, the choice of sRGB, a reference of the
+//! shaders' filter in f64, heights that displace surfaces, and opacity masks of cutouts.
 //!
 //! Guarantees: pure functions, any thread, no panic on any input. Rows are counted from the bottom: texel (0, 0) is at
 //! the origin of st. Sources: `UsdUVTexture` of the `UsdPreviewSurface` specification 2.6 (wrap modes, colour spaces,
@@ -32,14 +32,14 @@ pub use twin::{PtexSampler, TextureSampler, pack_ptex, select_level, unpack_ptex
 
 pub use crate::material::{ColorSpace, TextureRef, Wrap};
 
-/// What a channel of a texel is stored as.
+/// The storage of a channel of a texel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum TexelFormat {
-    /// 0 to 255 for 0 to 1.
+    /// Bytes: 0 to 255 for 0 to 1.
     U8,
-    /// Half precision.
+    /// Floats of half precision.
     F16,
-    /// Single precision.
+    /// Floats of single precision.
     F32,
 }
 

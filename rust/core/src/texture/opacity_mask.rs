@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is known of a cutout without its texture: how much of each part of the picture is there. The threshold comes
-//! before the filter: a cell says in what share of its area the texture, looked up at its finest level, is at or above
-//! the threshold, or what its opacity is there in the mean. The cell that a ray meets decides, however wide the ray is:
-//! where nothing of it is there or all is, that is sure; else a wide lookup has the cell's probability, a narrow one is
-//! made at the finest level. So coverage is the same from every distance, by the rays of a pixel, and what lies
-//! outside of cells that have something is there for no ray: bounds may leave it out.
+//! Opacity masks answer alpha tests without the texture: a mask has the coverage of each cell of the picture. The
+//! threshold comes before the filter: a cell has the share of its area in which the texture, looked up at its finest
+//! level, is at or above the threshold, or its mean opacity. The cell that a ray meets decides, however wide the ray
+//! is: an empty or a full cell is certain; in other cells a wide lookup takes the cell's probability, and a narrow one
+//! is made at the finest level. So coverage, averaged over the rays of a pixel, is the same from every distance. No ray
+//! hits the surface in an empty cell, so bounds may leave such cells out.
 //!
 //! Words, u32: width | height << 16 of level 0; a word of modes; cells, a byte each, row by row. Modes: wrap of s and
 //! of t (two bits each), a bit that is `MASK_SET`'s, the fineness (3 bits from 4 on), the level (5 bits from 8 on), and
-//! from 24 on the byte of what is around the picture. Cells are texels of the level: level 0 with 2^fine cells along a
-//! texel, or the first one whose sides are short enough. A byte is 0 only where nothing is there, but for a rim of no
-//! area to speak of, which then is not there; 255 only where all is, whatever rounds.
+//! from 24 on the byte of the border around the picture. Cells are texels of the level: level 0 with 2^fine cells along
+//! a texel, or the first one whose sides are short enough. A byte is 0 only if the cell is empty up to a rim of
+//! negligible area, which is then dropped; 255 only if it is full under any rounding.
 //!
 //! A record of a set of files has modes `MASK_SET` and, for each of 100 parts, the distance of its mask in units of 16
 //! bytes from the first word, or 0.
@@ -22,28 +22,28 @@ use cells::OpacityCell;
 use grid::GridReduction;
 use rayon::prelude::*;
 
-/// Cells along a side of level 0 that are parts of a texel.
+/// Largest side of level 0, in texels, for which cells are parts of a texel.
 const FINE_SIDE: u32 = 256;
-/// Of what a lookup can give, on either side, as a share of what the texels around can: the shader may be off by less
-/// than that of a texel when it picks the cell.
+/// Slack on either side of the values that a lookup can give, as a share of the range of the texels around: when the
+/// shader picks the cell, its error is less than that part of a texel.
 const PLACE_SLACK: f64 = 1.0 / 1024.0;
-/// What is there of a cell in no more than this part of the range of its values is not there.
+/// A cell that is kept only within this part of the range of its values counts as empty.
 const RIM: f64 = 1.0 / 1024.0;
-/// The same, as a share of the largest texel: rounding of the mean of four.
+/// As [`RIM`], as a share of the largest texel: rounding of the mean of four.
 const ROUNDING: f64 = 1.0e-5;
 
-/// How a material asks.
+/// The parameters by which a material compares a texture with its threshold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OpacityQuery {
-    /// Along s and t.
+    /// Continuation along s and t.
     pub wrap: [Wrap; 2],
-    /// The texel around a picture that is not continued.
+    /// Texel around a picture that is not continued.
     pub outside: f32,
     /// Factor of the texel's channel.
     pub scale: f32,
-    /// Summand.
+    /// Summand after the factor.
     pub bias: f32,
-    /// As `Material::opacity_threshold`; 0: the opacity is a probability.
+    /// Threshold, as `Material::opacity_threshold`; 0: the opacity is a probability.
     pub threshold: f32,
 }
 
@@ -62,19 +62,21 @@ impl OpacityQuery {
         }
     }
 
-    /// Whether lookups that give `low` to `high` may meet the surface, and whether they may miss it. `largest`: of the
-    /// texels around. `rim`: what they may be off where the place is, in one patch; 0: there may be several.
+    /// Returns true if lookups that give `low` to `high` may meet the surface, and true if they may miss it. `largest`:
+    /// the largest magnitude of the texels around. `rim`: the error of these values that an error of the position
+    /// causes, if it is in one patch; 0 if there may be several.
     fn may(&self, [low, high]: [f64; 2], rim: f64, largest: f64) -> [bool; 2] {
         if !largest.is_finite() || !self.scale.is_finite() || !self.bias.is_finite() || self.threshold.is_nan() {
             return [true; 2];
         }
-        // There from this opacity on, and missed below the other one: a number from 0 up to but not 1 is compared.
+        // The surface exists from this opacity on, and is missed below the other one: it is compared with a number in
+        // [0, 1).
         let [least, sure] = if self.is_chance() { [0.0, 1.0] } else { [self.threshold; 2] }.map(f64::from);
         let factor = f64::from(self.scale).abs();
         let rounding = 2.0 * ROUNDING * (largest * factor + f64::from(self.bias).abs());
         let is_exact = low == high && rim == 0.0;
         let (a, b) = match is_exact {
-            // The mean of equal texels is that texel, and the rest is worked out as the shaders do.
+            // The mean of equal texels is that texel, and the rest is computed as in the shaders.
             #[expect(clippy::cast_possible_truncation, reason = "a texel")]
             true => [f64::from(low as f32 * self.scale + self.bias); 2].into(),
             false => {
@@ -92,32 +94,32 @@ impl OpacityQuery {
     }
 }
 
-/// See the module.
+/// A mask of cells with coverage, for one image or one set of files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OpacityMask {
-    /// What the shaders read.
+    /// Words that the shaders read.
     pub words: Vec<u32>,
-    /// The surface is there whatever the place and the width.
+    /// True if the surface is opaque at every position and width.
     pub is_opaque: bool,
 }
 
 impl OpacityMask {
-    /// Cells along both sides, and the cells row by row.
+    /// Number of cells along both sides, and the cells row by row.
     pub(super) fn cells(&self) -> Option<([u32; 2], &[u8])> {
         let [size, modes, cells @ ..] = self.words.as_slice() else { return None };
         let sides = [size & 0xffff, size >> 16].map(|side| (side >> (modes >> 8 & 31)).max(1) << (modes >> 4 & 7));
-        // Shaders read little-endian bytes; so are those of all hosts that have a device.
+        // Shaders read little-endian bytes; all hosts that have a device are little-endian too.
         let cells: &[u8] = bytemuck::cast_slice(cells);
         Some((sides, cells.get(..sides[0] as usize * sides[1] as usize)?))
     }
 
-    /// The byte of what is around the picture.
+    /// Byte of the border around the picture.
     pub(super) fn around(&self) -> u8 {
         self.words.get(1).map_or(u8::MAX, |modes| modes.to_le_bytes()[3])
     }
 }
 
-/// What is kept of an image.
+/// The level of an image from which cells are made.
 #[derive(Clone, Copy, Debug)]
 struct KeptLevel {
     level: u32,
@@ -151,22 +153,22 @@ pub fn mask_bytes(layout: &TileLayout, most_side: u32) -> usize {
         + KeptLevel::new(layout, most_side).cells(layout).map(|side| side as usize).iter().product::<usize>()
 }
 
-/// A mask that is made of the rows of level 0 as they come, from the bottom: what is held of them are four.
+/// Makes a mask of the rows of level 0 in order, from the bottom; it holds four rows.
 #[derive(Debug)]
 pub struct OpacityMaskMaker {
     query: OpacityQuery,
     layout: TileLayout,
     kept: KeptLevel,
     base: GridReduction,
-    /// Rows that came.
+    /// Number of rows received.
     rows: u32,
-    /// The first two, and the last two.
+    /// The first two rows, and the last two.
     opening: Vec<Vec<f32>>,
     recent: Vec<Vec<f32>>,
 }
 
 impl OpacityMaskMaker {
-    /// Of an image, of at most `most_side` texels a side; none where its sides are too long for a mask.
+    /// Begins the mask of an image, of at most `most_side` texels a side; `None` if its sides are too long for a mask.
     #[must_use]
     pub fn new(layout: &TileLayout, query: &OpacityQuery, most_side: u32) -> Option<Self> {
         let size = layout.size();
@@ -179,7 +181,7 @@ impl OpacityMaskMaker {
         Some(Self { query: *query, layout: *layout, kept, base, rows: 0, opening: rows.clone(), recent: rows })
     }
 
-    /// Takes the next rows, whole ones of one channel; what is more than the image has is left out.
+    /// Takes the next whole rows of one channel; rows beyond the image are ignored.
     pub fn push(&mut self, values: &[f32]) {
         let [width, height] = self.layout.size();
         let left = height.saturating_sub(self.rows) as usize;
@@ -198,7 +200,7 @@ impl OpacityMaskMaker {
         self.recent = rows[rows.len().saturating_sub(2)..].iter().map(|row| row.to_vec()).collect();
     }
 
-    /// The cells of a row of texels, those along a texel's side one row after the other.
+    /// The cells of a row of texels; the cells along a texel's side are in consecutive rows.
     fn cells_of(&self, rows: [&[f32]; 3]) -> Vec<OpacityCell> {
         cells::of_row(&self.query, rows, self.kept.fine)
     }
@@ -210,7 +212,7 @@ impl OpacityMaskMaker {
         }
     }
 
-    /// The mask; none before all rows have come.
+    /// The mask; `None` before all rows were given.
     #[must_use]
     pub fn finish(mut self) -> Option<OpacityMask> {
         let [width, height] = self.layout.size();
@@ -250,7 +252,7 @@ impl OpacityMaskMaker {
     }
 }
 
-/// As `WRAP_*` of the shaders.
+/// Wrap mode as `WRAP_*` of the shaders.
 fn wrap_bits(wrap: Wrap) -> u32 {
     match wrap {
         Wrap::UseMetadata | Wrap::Black => 0,

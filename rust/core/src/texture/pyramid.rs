@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Coarser levels by box filter, row by row: a row of level 0 goes in, finished rows of all coarser levels come out.
 //!
-//! A texel of a level is the mean of what it covers of the level before, weighted by area (for sides that are not even
-//! three texels share: "polyphase" box, NVIDIA 2002, Guthe and Heckbert 2005). Memory: two rows of sums a level, 4/3 of
-//! a row of level 0 in all for each channel. Values are decoded ones; whoever stores rows encodes them.
+//! A texel of a level is the mean of the texels that it covers in the finer level, weighted by area (for sides that are
+//! not even three texels share: "polyphase" box, NVIDIA 2002, Guthe and Heckbert 2005). Memory: two rows of sums a
+//! level, 4/3 of a row of level 0 in all for each channel. Values are decoded; the caller encodes the rows that it
+//! stores.
 
 use super::TileLayout;
 
@@ -22,19 +23,19 @@ pub fn weights(fine: u32, at: u32) -> (u32, [f64; 3]) {
     (2 * at, [(n - k) / whole, n / whole, (k + 1.0) / whole])
 }
 
-/// A level under way.
+/// A level under construction.
 #[derive(Debug)]
 struct PyramidLevel {
     size: [u32; 2],
-    /// Rows of the finer level that came in.
+    /// Number of rows of the finer level that came in.
     taken: u32,
-    /// Rows that went out.
+    /// Number of rows that went out.
     done: u32,
     /// Sums of rows `done` and `done + 1`.
     sums: [Vec<f32>; 2],
 }
 
-/// See the module.
+/// The coarser levels of an image, computed row by row.
 #[derive(Debug)]
 pub struct TexturePyramid {
     channels: usize,
@@ -43,7 +44,7 @@ pub struct TexturePyramid {
 }
 
 impl TexturePyramid {
-    /// Of an image of `layout` with so many channels.
+    /// Creates the pyramid of an image with this layout and number of channels.
     pub fn new(layout: &TileLayout, channels: usize) -> Self {
         let level = |level| {
             let size = layout.level_size(level);
@@ -53,14 +54,14 @@ impl TexturePyramid {
         Self { channels, base: layout.size(), levels: (1..layout.levels()).map(level).collect() }
     }
 
-    /// Takes the next row of level 0, from the bottom; gives (level, row number, row) of what it finishes. Rows of
-    /// another length are taken as far as they reach.
+    /// Takes the next row of level 0, from the bottom; calls `out` with (level, row number, row) of the rows that it
+    /// completes. Rows of another length are used as far as they reach.
     pub fn push(&mut self, row: &[f32], out: &mut impl FnMut(u32, u32, &[f32])) {
         self.push_to(0, row, out);
     }
 
-    /// Takes the next row of level 1 from whoever has halved two rows of level 0 himself; for images whose sides are
-    /// even, in place of two calls of [`Self::push`].
+    /// Takes the next row of level 1 from a caller that has itself halved two rows of level 0; for images whose sides
+    /// are even, in place of two calls of [`Self::push`].
     pub fn push_halved(&mut self, row: &[f32], out: &mut impl FnMut(u32, u32, &[f32])) {
         let Some(level) = self.levels.first_mut() else { return };
         level.taken += 2;
@@ -105,7 +106,7 @@ impl TexturePyramid {
     }
 }
 
-/// A row of `fine` texels made one of `coarse`.
+/// Reduces a row of `fine` texels to one of `coarse`.
 fn narrowed(row: &[f32], fine: u32, coarse: u32, channels: usize) -> Vec<f32> {
     let mut out = vec![0.0; coarse as usize * channels];
     // Most sides are even; the same sums as below.
@@ -135,7 +136,7 @@ fn narrowed(row: &[f32], fine: u32, coarse: u32, channels: usize) -> Vec<f32> {
     out
 }
 
-/// Means of two neighbours each.
+/// Means of each two neighbours.
 fn halved<const CHANNELS: usize>(row: &[f32], mut out: Vec<f32>) -> Vec<f32> {
     let pairs = row.as_chunks::<CHANNELS>().0.as_chunks::<2>().0;
     for (to, [left, right]) in out.as_chunks_mut::<CHANNELS>().0.iter_mut().zip(pairs) {

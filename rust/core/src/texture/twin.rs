@@ -2,8 +2,8 @@
 //! The filter of `shaders/texture/texture.glsl` in f64, for tests.
 //!
 //! Widths of filters are in texels of level 0 (`footprint.rs`). Between widths of 2^l and 2^(l+1) texels the levels l
-//! and l + 1 are mixed linearly in the width (the usual choice is linear in its logarithm;
-//! the two agree at powers of two and differ by at most 0.086 of a level; this one needs no transcendental function).
+//! and l + 1 are mixed linearly in the width (the usual choice is linear in its logarithm; the two agree at powers of
+//! two and differ by at most 0.086 of a level; this one needs no transcendental function).
 
 use super::{FaceLayout, TileLayout, Wrap};
 
@@ -21,11 +21,11 @@ pub fn select_level(width: f64, levels: u32) -> (u32, f64) {
     if level == coarsest { (level, 0.0) } else { (level, width / scale - 1.0) }
 }
 
-/// Steps along u and v of a packed Ptex place.
+/// Number of steps along u and v of a packed Ptex position.
 const PTEX_STEPS: f64 = oocpt_abi::PTEX_STEPS as f64;
 
-/// A place in a Ptex file as two floats, `pack_ptex` of `shaders/texture/ptex.glsl`: 26 bits for the face, 17 each for
-/// u and v in 0 to 1.
+/// A position in a Ptex file as two floats, `pack_ptex` of `shaders/texture/ptex.glsl`: 26 bits for the face, 17 each
+/// for u and v in 0 to 1.
 pub fn pack_ptex(face: u32, uv: [f64; 2]) -> [f32; 2] {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2^17 - 1")]
     let [u, v] = uv.map(|x| (x * PTEX_STEPS).clamp(0.0, PTEX_STEPS - 1.0) as u32);
@@ -33,7 +33,7 @@ pub fn pack_ptex(face: u32, uv: [f64; 2]) -> [f32; 2] {
     [float(face | (u >> 13) << 26), float((u & 0x1fff) | v << 13)]
 }
 
-/// Face, u and v of what [`pack_ptex`] gave: in the middle of a step.
+/// Face, u and v of a position that [`pack_ptex`] packed: in the middle of a step.
 pub fn unpack_ptex(st: [f32; 2]) -> (u32, [f64; 2]) {
     let [x, y] = st.map(|v| (v.to_bits() >> 31) << 29 | (v.to_bits() & 0x1fff_ffff));
     let steps = [(x >> 26) << 13 | (y & 0x1fff), y >> 13];
@@ -43,15 +43,15 @@ pub fn unpack_ptex(st: [f32; 2]) -> (u32, [f64; 2]) {
 /// A Ptex file and its texels, by their numbers in the layout.
 #[derive(Clone, Copy, Debug)]
 pub struct PtexSampler<'a, T> {
-    /// Where texels are.
+    /// Positions of the texels.
     pub layout: &'a FaceLayout,
     /// The decoded texel of a number.
     pub texel: T,
 }
 
 impl<T: Fn(u32) -> [f64; 4]> PtexSampler<'_, T> {
-    /// The value at a place of a face, by a filter of `width` texels of its own size; `None` for a face that is not
-    /// there.
+    /// The value at a position of a face, by a filter of `width` texels of its own size; `None` if there is no such
+    /// face.
     pub fn lookup(&self, face: u32, uv: [f64; 2], width: f64) -> Option<[f64; 4]> {
         let own = (0..self.layout.classes()).rev().find(|class| self.layout.block(*class, face).is_some())?;
         let (level, blend) = select_level(width, own + 1);
@@ -62,7 +62,7 @@ impl<T: Fn(u32) -> [f64; 4]> PtexSampler<'_, T> {
         Some(mix(fine, self.bilinear(face, uv, own - level - 1)?, blend))
     }
 
-    /// The value at a place of a reduction of a face.
+    /// The value at a position of a reduction of a face.
     pub fn bilinear(&self, face: u32, uv: [f64; 2], class: u32) -> Option<[f64; 4]> {
         let block = self.layout.block(class, face)?;
         let place = |axis: usize| {
@@ -76,14 +76,14 @@ impl<T: Fn(u32) -> [f64; 4]> PtexSampler<'_, T> {
     }
 }
 
-/// An image and how to look it up.
+/// An image with the parameters of its lookup.
 #[derive(Clone, Copy, Debug)]
 pub struct TextureSampler<T> {
-    /// Levels.
+    /// Levels and tiles of the image.
     pub layout: TileLayout,
-    /// Along s and t.
+    /// Continuation along s and t.
     pub wrap: [Wrap; 2],
-    /// The texels around the image, where it is not continued.
+    /// Texel around the image, where it is not continued.
     pub outside: [f64; 4],
     /// The decoded texel (x, y) of a level.
     pub texel: T,
@@ -122,7 +122,7 @@ fn mix(a: [f64; 4], b: [f64; 4], t: f64) -> [f64; 4] {
     [0, 1, 2, 3].map(|i: usize| a[i] + (b[i] - a[i]) * t)
 }
 
-/// The texel that stands for texel `x` of `size`; `None` is what lies around the image.
+/// The texel that stands for texel `x` of `size`; `None` is the border around the image.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a non-negative integer below size")]
 fn wrapped(x: f64, size: u32, wrap: Wrap) -> Option<u32> {
     let n = f64::from(size);

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Adaptive sampling: every sample once, no more than there may be, where they are worth most, and no bias.
+//! Adaptive sampling: every sample is taken once, no more samples than allowed, where they reduce the error most, and
+//! without bias.
 
 use oocpt_abi::sampler::{pixel_seed, sample_4d};
 use oocpt_core::adaptive::{AdaptiveSchedule, FIRST, SPAN, STREAMS, VarianceEstimate, pixel_position};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 
-/// Samples that an epoch gives: (pixel in trace order, stream) -> (first, how many), checked to be without gaps.
+/// Samples that an epoch distributes: (pixel in trace order, stream) -> (first, number), checked to be without gaps.
 fn given(course: &AdaptiveSchedule, begin: u64) -> BTreeMap<(u32, u32), (u32, u32)> {
     let epoch = course.epoch();
     let mut given: BTreeMap<(u32, u32), (u32, u32)> = BTreeMap::new();
@@ -96,7 +97,8 @@ fn each_half_stream_steers_only_the_other() {
     assert_ne!(entries(0, 1, 1), entries(2, 1, 1));
 }
 
-/// Halves of the picture whose standard deviations are as 1 to 8: their counts are, and all samples are spent.
+/// Halves of the picture have standard deviations of 1 to 8: their counts have the same ratio, and all samples are
+/// spent.
 #[test]
 fn counts_follow_standard_deviations() {
     let size = [64_u32, 32];
@@ -124,14 +126,14 @@ fn counts_follow_standard_deviations() {
         let counts: Vec<f64> = have.iter().filter(of).map(|(_, count)| f64::from(*count)).collect();
         counts.iter().sum::<f64>() / counts.len() as f64
     };
-    // 32 and 256 of each stream would be best, and are what there is.
+    // The ideal counts are 32 and 256 of each stream, and these are the result.
     let (easy, hard) = (mean(0..28), mean(36..64));
     assert!((30.0..40.0).contains(&easy) && (200.0..257.0).contains(&hard), "{easy} and {hard}");
     let all: u64 = have.values().map(|count| u64::from(*count)).sum();
     assert!((0.97..=1.0).contains(&(all as f64 / (64.0 * 32.0 * 288.0))), "{all} spent");
 }
 
-/// A pixel that is bright in one of 30 samples, beside others like it.
+/// A pixel that is bright in one of 30 samples, besides others like it.
 fn value(seed: u32, pixel: u32, stream: u32, sample: u32) -> f64 {
     let u = sample_4d(sample, 1, pixel_seed(pixel, 7, seed ^ (stream * 0x5bd1_e995)));
     if u[0] < 1.0 / 30.0 { 30.0 } else { 0.05 * f64::from(u[1]) }
@@ -144,7 +146,7 @@ fn adaptive_mean(seed: u32, naive: bool) -> f64 {
     let size = [16, 8];
     let pixels = 128_usize;
     let mut course = AdaptiveSchedule::new(size, 64);
-    // Sum, sum of squares, samples, what was said; by stream and pixel.
+    // Sum, sum of squares, samples, estimate; by stream and pixel.
     let mut film = vec![(0.0_f64, 0.0_f64, 0_u32, VarianceEstimate::default()); pixels * STREAMS];
     loop {
         for ((index, stream), (first, count)) in given(&course, course.epoch().bands[0].first) {
@@ -165,7 +167,7 @@ fn adaptive_mean(seed: u32, naive: bool) -> f64 {
         }
         let words: Vec<VarianceEstimate> = film.iter().map(|pixel| pixel.3).collect();
         let words = [&words[..pixels], &words[pixels..]];
-        // Decided once more only: the octave that decides is the first.
+        // Only one more decision is made: the octave that decides is the first.
         if !(if naive { course.advance_by(words) } else { course.advance(words) }) {
             break;
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Typed views.
+//! Typed views of arrays.
 
 use std::sync::Arc;
 
@@ -69,7 +69,7 @@ fn matrices_are_normalized_by_the_homogeneous_term() {
     };
     let moved = |corner| transform(corner).transform_point3(DVec3::ONE);
     assert_eq!(moved([0.0, 0.0, 0.0, 1.0]), DVec3::new(7.0, 10.0, 13.0), "as it is");
-    // What GfMatrix4d::Transform does.
+    // This is the result of GfMatrix4d::Transform.
     assert_eq!(moved([0.0, 0.0, 0.0, 2.0]), DVec3::new(3.5, 5.0, 6.5), "points are homogeneous");
     assert_eq!(moved([0.0, 0.0, 0.0, -2.0]), DVec3::new(-3.5, -5.0, -6.5), "and so are negative ones");
     assert_eq!(transform([0.0, 0.0, 0.0, 3.0]).row(3), DVec4::W, "affine");

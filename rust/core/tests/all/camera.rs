@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Camera rays against unprojection with the full matrices in f64.
+//! Compares camera rays with unprojection by the full matrices in f64.
 
 use glam::{DMat4, DQuat, DVec3, DVec4, Vec3};
 use oocpt_core::{Camera, CameraError, CameraRays};
@@ -171,7 +171,7 @@ proptest! {
         let corner = if ortho { camera.world_from_view.transform_vector3(DVec3::new(-3.0, 2.0, 0.0)) } else { DVec3::ZERO };
         let wanted = position + corner;
         let sum = Vec3::from(rays.o).as_dvec3() + Vec3::from(rays.o_lo).as_dvec3();
-        // Beside 2^-48 of the sum itself, what f64 loses on other ways to the same point.
+        // Besides 2^-48 of the sum itself, this is the loss of f64 on other ways to the same point.
         let slack = wanted.abs() * 2.0_f64.powi(-48) + DVec3::splat(1e-13 * corner.length() + 1e-30);
         prop_assert!((sum - wanted).abs().cmple(slack).all(), "{sum} for {wanted}");
     }
@@ -241,7 +241,7 @@ fn unusable_cameras_are_refused() {
 fn clipping_intervals_along_rays_match_view_space_planes() {
     let plane = DVec4::new(0.4, -0.3, -2.0, -5.0);
     for projection in [frustum(-0.3, 0.9, -0.2, 0.4, 1.0, 500.0), orthographic(-8.0, 8.0, -4.5, 4.5, 1.0, 100.0)] {
-        // What scales a plane changes nothing; what is not finite and what cuts nothing is left out.
+        // The scale of a plane changes nothing; planes that are not finite or cut nothing are left out.
         let odd = [DVec4::new(f64::NAN, 0.0, 0.0, 1.0), DVec4::new(0.0, f64::INFINITY, 0.0, 1.0), DVec4::W];
         let scaled = [plane, plane * 1e200, plane * 1e-200];
         let clip_planes = odd.into_iter().chain(scaled).collect();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The error that a picture states, against what it is: pixels of known means, sampled as the renderer samples and
-//! independently.
+//! Compares the estimated error of a picture with its true error: pixels of known means, sampled as the renderer
+//! samples, and independently.
 
 use oocpt_abi::sampler::{pixel_seed, sample_4d};
 use oocpt_core::convergence::{ConvergenceEstimator, ErrorEstimate, ErrorSums};
@@ -42,7 +42,7 @@ fn octaves(samples: u32, value: &dyn Fn(u32, u32) -> f64, mean: &dyn Fn(u32) -> 
     octaves
 }
 
-/// The last estimate, what a variance of samples alone would say, and the truth.
+/// The last estimate, the estimate by the variance of samples alone, and the truth.
 fn told(octaves: &[(u32, ErrorSums, f64)]) -> (ErrorEstimate, f64, f64) {
     let mut convergence = ConvergenceEstimator::default();
     let mut last = None;
@@ -56,7 +56,7 @@ fn uniform(seed: u32, pixel: u32, sample: u32, set: u32) -> [f64; 4] {
     sample_4d(sample, set, pixel_seed(pixel % 16, pixel / 16, seed)).map(f64::from)
 }
 
-/// In how many of 40 seeds the interval holds the truth.
+/// Number of 40 seeds for which the interval contains the truth.
 fn held(value: impl Fn(u32, u32, u32) -> f64, mean: &dyn Fn(u32) -> f64) -> (usize, f64, f64) {
     let all: Vec<_> = (0..40).map(|seed| told(&octaves(64, &|pixel, n| value(seed, pixel, n), mean))).collect();
     let inside = all.iter().filter(|(told, _, truth)| (told.low..=told.high).contains(truth)).count();

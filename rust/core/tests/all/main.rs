@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Tests of the core against answers known from elsewhere: brute force, closed forms, published values. A module is
-//! named for the module of the crate that it tests.
+//! Tests of the core against known answers: brute force, closed forms, published values. A module has the name of the
+//! module of the crate that it tests.
 
 #[cfg(test)]
 mod adaptive;

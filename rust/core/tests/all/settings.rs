@@ -81,7 +81,8 @@ fn a_report_has_any_name() {
     assert_eq!(settings.set("oocpt:chunkReport", SettingValue::Text(String::new())), Ok(true), "and none");
 }
 
-/// Hosts show them in this order; what is new comes after what they knew, before the names that all renderers share.
+/// Hosts show them in this order; new settings come after the ones that hosts knew, before the names that all renderers
+/// share.
 #[test]
 fn settings_are_listed_in_order() {
     let keys: Vec<&str> = Settings::descriptors().iter().map(|d| d.key).collect();

@@ -164,7 +164,7 @@ pub(crate) fn with_instancer(desc: InstancerDesc) -> SceneDb {
     db
 }
 
-/// Instances left, what was dropped, and the warned paths.
+/// Number of remaining instances, the dropped data, and the warned paths.
 pub(crate) fn outcome(db: &mut SceneDb) -> (u128, DroppedData, Vec<String>) {
     let commit = db.commit();
     assert_eq!(commit.snapshot.validate(), Ok(()));
@@ -173,7 +173,7 @@ pub(crate) fn outcome(db: &mut SceneDb) -> (u128, DroppedData, Vec<String>) {
     (commit.snapshot.counts.instances, commit.snapshot.dropped, paths)
 }
 
-/// Nothing dropped.
+/// No dropped data.
 pub(crate) const NONE: DroppedData = DroppedData::NONE;
 
 /// The asset of a mesh.

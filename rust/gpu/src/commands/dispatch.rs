@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Dispatches in a command list.
+//! Records dispatches in a command list.
 
 use std::sync::Arc;
 
@@ -12,7 +12,8 @@ use crate::range::DeviceRange;
 use crate::submit::kept::HeldResource;
 
 impl CommandList {
-    /// Runs `groups` workgroups. `push` has exactly the size that the pipeline was made with. No groups = no operation.
+    /// Runs `groups` workgroups. `push` has exactly the size that the pipeline was created with. No groups = no
+    /// operation.
     pub fn dispatch(&mut self, pipeline: &Pipeline, push: &[u8], groups: [u32; 3]) {
         let limit = self.recorder.device.limits.max_workgroups;
         if groups.iter().zip(limit).any(|(&n, most)| n > most) {
@@ -29,7 +30,7 @@ impl CommandList {
         }
     }
 
-    /// Dispatches `pipeline` without a workgroup, which does nothing, but for drivers that translate a shader when it
+    /// Dispatches `pipeline` without a workgroup. It does nothing, except with drivers that translate a shader when it
     /// is first dispatched (Mesa's software renderer): they do it in this list.
     pub fn dispatch_nothing(&mut self, pipeline: &Pipeline) {
         let push = vec![0; pipeline.push_bytes() as usize];
@@ -44,7 +45,7 @@ impl CommandList {
     }
 
     /// As [`CommandList::dispatch`], with the three counts read by the GPU from `arguments` at `offset` (a multiple of
-    /// 4). The counts must be within the device's limits: nobody checks them.
+    /// 4). The counts must be within the device's limits: they are not checked.
     pub fn dispatch_indirect(&mut self, pipeline: &Pipeline, push: &[u8], arguments: &dyn DeviceRange, offset: u64) {
         let size = size_of::<vk::DispatchIndirectCommand>() as u64;
         let Some((buffer, start)) = self.place(arguments, offset, size) else {

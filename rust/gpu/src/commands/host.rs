@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Work of the host in the middle of a command list.
+//! Records work of the host in the middle of a command list.
 
 use std::time::{Duration, Instant};
 
@@ -10,9 +10,9 @@ use crate::submit::queue::InFlight;
 use crate::submit::recorder::CommandRecorder;
 
 impl CommandList {
-    /// Submits what is recorded so far, waits for it and for all that was submitted before, and runs `work` on this
-    /// thread; what is recorded afterwards sees what it wrote. So a list with such work is not in flight as a whole,
-    /// and its `submit` hands over only the rest. An error of `work` is one of the list.
+    /// Submits the operations recorded so far, waits for them and for all earlier submissions, and runs `work` on this
+    /// thread; later operations see its writes. So a list with such work is not in flight as a whole, and its `submit`
+    /// submits only the rest. An error of `work` is one of the list.
     pub fn host(&mut self, name: &str, timeout: Duration, work: impl FnOnce() -> Result<(), GpuError>) {
         if self.error.is_some() {
             return;
@@ -29,7 +29,7 @@ impl CommandList {
         }
     }
 
-    /// Runs what is recorded to its end, and goes on with an empty list.
+    /// Runs the recorded operations to their end, and continues with an empty list.
     fn flush(&mut self, timeout: Duration) -> Result<(), GpuError> {
         if self.is_flushed && !self.recorder.has_operations() {
             return Ok(());
@@ -45,7 +45,7 @@ impl CommandList {
         let work = InFlight {
             value: 0,
             slot,
-            // The list goes on, and keeps what it keeps until its end.
+            // The list continues, and keeps its objects alive until its end.
             kept: Vec::new(),
             timer: timer.clone(),
             waits: self.waits,

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Counts bytes against the hard budget. Pure bookkeeping, no Vulkan.
 //!
-//! Guarantee: `used <= budget` after every successful `reserve`, whatever threads do; `reserve` comes before the driver
-//! is asked, `release` after the driver has freed. Any thread.
+//! Guarantee: `used <= budget` after every successful `reserve`, for any use by threads; `reserve` comes before the
+//! driver is asked, `release` after the driver has freed. Any thread.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::GpuError;
 
-/// Which count an allocation goes to.
+/// The count that an allocation goes to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum MemoryAccount {
-    /// Device memory: bounded by the budget.
+    /// Device memory, which the budget bounds.
     Device,
-    /// Memory of the host that the device reaches (staging, readback): counted, not bounded.
+    /// Memory of the host that the device reaches (staging, readback), which is counted but not limited.
     Host,
 }
 
@@ -21,11 +21,11 @@ pub(crate) enum MemoryAccount {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct MemoryUse {
-    /// Device memory held now, including what is retired but still in use by the GPU.
+    /// Device memory held now, including retired memory that the GPU still uses.
     pub used: u64,
-    /// Most device memory ever held.
+    /// Maximum of device memory held so far.
     pub peak: u64,
-    /// The hard budget for `used`.
+    /// Hard budget for `used`.
     pub budget: u64,
     /// Host memory held for uploads and readbacks (also when it shares a heap with the device).
     pub host_used: u64,
@@ -64,12 +64,12 @@ impl MemoryBudget {
         self.lock().counts
     }
 
-    /// Sets the bound for later reservations; what is held stays held.
+    /// Sets the bound for later reservations; memory that is held stays held.
     pub(crate) fn set_budget(&self, budget: u64) {
         self.lock().counts.budget = budget;
     }
 
-    /// Most bytes ever counted, of both accounts together.
+    /// Maximum of bytes counted so far, of both accounts together.
     #[cfg(feature = "faults")]
     pub(crate) fn most(&self) -> u64 {
         self.lock().most
@@ -117,7 +117,7 @@ fn out_of_memory(name: &str, bytes: u64, counts: &MemoryUse) -> GpuError {
     GpuError::OutOfMemory { name: name.to_owned(), bytes, used: counts.used, budget: counts.budget }
 }
 
-/// Nine tenths of what is free: the rest is for the driver, the display and other programs.
+/// Nine tenths of the free bytes: the rest is for the driver, the display and other programs.
 pub(crate) fn automatic_budget(free_bytes: u64) -> u64 {
     free_bytes - free_bytes / 10
 }

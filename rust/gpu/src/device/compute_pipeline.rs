@@ -19,7 +19,8 @@ pub(crate) struct ComputePipeline {
 }
 
 impl ComputePipeline {
-    /// Of a module with a compute entry point `main`; `push_bytes` is within the limits, and the cache is alive.
+    /// Creates the pipeline of a module with a compute entry point `main`; `push_bytes` is within the limits, and the
+    /// cache is alive.
     pub(crate) fn new(
         (device, cache): (&Arc<LogicalDevice>, vk::PipelineCache),
         name: &str,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a heap holds, in bytes, against its own limit. Pure bookkeeping, no Vulkan. Any thread.
+//! Counts the bytes that a heap holds against its own limit. Pure bookkeeping, no Vulkan. Any thread.
 //!
 //! Guarantee: memory that is held never exceeds the limit that was set when it was taken.
 
@@ -13,13 +13,13 @@ use crate::error::GpuError;
 pub(crate) struct HeapCounters {
     /// Most bytes of memory; `u64::MAX` = no limit.
     limit: AtomicU64,
-    /// Memory of arenas and of ranges with memory of their own, until it is freed.
+    /// Bytes of arenas and of ranges with memory of their own, until they are freed.
     held: AtomicU64,
-    /// Memory of ranges with memory of their own, until it is freed.
+    /// Bytes of ranges with memory of their own, until they are freed.
     dedicated: AtomicU64,
-    /// Ranges that somebody holds.
+    /// Bytes of ranges that have an owner.
     live: AtomicU64,
-    /// Ranges that nobody holds, but the GPU may use.
+    /// Bytes of ranges without an owner that the GPU may still use.
     retired: AtomicU64,
 }
 
@@ -28,7 +28,7 @@ pub(crate) struct HeapCounters {
 pub(crate) struct HeldBytes {
     counters: Arc<HeapCounters>,
     bytes: u64,
-    /// It is that of one range, which is retired by now.
+    /// True if it is the memory of one range, which is retired by now.
     dedicated: bool,
 }
 
@@ -49,7 +49,7 @@ impl HeapCounters {
         self.limit.store(limit.unwrap_or(u64::MAX), Ordering::Release);
     }
 
-    /// None: there is none.
+    /// The limit; `None` if there is none.
     pub(crate) fn limit(&self) -> Option<u64> {
         Some(self.limit.load(Ordering::Acquire)).filter(|limit| *limit != u64::MAX)
     }
@@ -64,18 +64,18 @@ impl HeapCounters {
         }
     }
 
-    /// A range was made.
+    /// Counts a new range.
     pub(crate) fn made(&self, bytes: u64) {
         self.live.fetch_add(bytes, Ordering::Relaxed);
     }
 
-    /// Nobody holds it any more.
+    /// Counts a range as retired: it has no owner any more.
     pub(crate) fn retire(&self, bytes: u64) {
         self.retired.fetch_add(bytes, Ordering::Relaxed);
         self.live.fetch_sub(bytes, Ordering::Relaxed);
     }
 
-    /// The GPU does not use it any more.
+    /// Counts a retired range as freed: the GPU does not use it any more.
     pub(crate) fn freed(&self, bytes: u64) {
         self.retired.fetch_sub(bytes, Ordering::Relaxed);
     }
@@ -94,7 +94,7 @@ impl HeapCounters {
 }
 
 impl HeldBytes {
-    /// Says that it is the memory of one range.
+    /// Marks it as the memory of one range.
     pub(crate) fn dedicate(&mut self) {
         self.dedicated = true;
         self.counters.dedicated.fetch_add(self.bytes, Ordering::Relaxed);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Buffers that the host sees at the addresses of the device, where the device is a processor. While the host looks at
-//! them, nothing that is retired may go. Any thread.
+//! Buffers that the host accesses by device addresses, if the device is a processor. While the host accesses them,
+//! retired buffers are not destroyed. Any thread.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -10,13 +10,13 @@ use crate::device::raw_buffer::{RawBuffer, RetiredBuffer};
 use crate::device::retire::RetireQueue;
 use crate::instance::lane::TimelinePoints;
 
-/// All mapped buffers of a device, and how many views of them there are.
+/// All mapped buffers of a device, and the number of their views.
 #[derive(Debug, Default)]
 pub(crate) struct HostMemory(Mutex<HostMemoryState>);
 
 #[derive(Debug, Default)]
 struct HostMemoryState {
-    /// By device address: bytes, and where they are.
+    /// Spans by device address: bytes, and the mapped pointer.
     spans: BTreeMap<u64, (u64, MappedPointer)>,
     views: usize,
 }
@@ -26,14 +26,15 @@ impl HostMemory {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Notes a new buffer, if the host sees it.
+    /// Adds a new buffer, if the host can access it.
     pub(crate) fn add(&self, raw: &RawBuffer) {
         if let Some(at) = raw.seen {
             self.lock().spans.insert(raw.address, (raw.bytes, at));
         }
     }
 
-    /// Takes what may go once the lanes have come as far as `completed`, and forgets it: nothing while there are views.
+    /// Takes the buffers that may be destroyed once the lanes have reached `completed`, and forgets them: none while
+    /// there are views.
     pub(crate) fn take_ready(
         &self,
         retired: &RetireQueue<RetiredBuffer>,
@@ -52,19 +53,19 @@ impl HostMemory {
         items
     }
 
-    /// Whether the host looks at memory now.
+    /// Returns true if there is a view of the memory.
     pub(crate) fn has_views(&self) -> bool {
         self.lock().views > 0
     }
 
-    /// Starts a view: device address, bytes and place of each buffer, in the order of addresses.
+    /// Starts a view: device address, bytes and mapped pointer of each buffer, in the order of addresses.
     pub(crate) fn look(&self) -> Vec<(u64, u64, MappedPointer)> {
         let mut state = self.lock();
         state.views += 1;
         state.spans.iter().map(|(&start, &(bytes, at))| (start, bytes, at)).collect()
     }
 
-    /// Ends a view; true if there is no other.
+    /// Ends a view; returns true if there is no other.
     pub(crate) fn look_away(&self) -> bool {
         let mut state = self.lock();
         state.views -= 1;

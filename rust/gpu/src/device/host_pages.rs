@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Pages of this process that a driver is lent: it pins them several times faster than it makes memory of its own, and
-//! they are touched before by several threads at once. Linux only; elsewhere there are none. Any thread.
+//! Pages of this process that are lent to a driver: it pins them several times faster than it allocates memory of its
+//! own, and several threads touch them before. Linux only; elsewhere there are none. Any thread.
 
 use std::ptr::NonNull;
 
 use crate::device::mapped::MappedPointer;
 
-/// Pages, as plain parts: whoever holds the last copy gives them back exactly once.
+/// Pages, as plain parts: the owner of the last copy frees them exactly once.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HostPages {
     pub(crate) at: MappedPointer,
     bytes: usize,
 }
 
-/// Bytes that it pays to have a thread of its own touch.
+/// Bytes for which it pays to use another thread for touching.
 const TOUCHED_AT_ONCE: usize = 16 << 20;
-/// Most threads that touch pages, the caller's among them.
+/// Largest number of threads that touch pages, including the caller's.
 const MOST_THREADS: usize = 4;
 
 #[cfg(target_os = "linux")]
@@ -42,7 +42,7 @@ mod system {
         Some(at)
     }
 
-    /// Has the kernel make these pages; older ones do so when they are written.
+    /// Makes the kernel allocate these pages; older kernels do so when the pages are written.
     pub(super) fn touch(at: *mut c_void, bytes: usize) {
         // SAFETY: the caller's own pages; they keep what is in them.
         if let Err(error) = unsafe { madvise(at, bytes, Advice::LinuxPopulateWrite) } {
@@ -72,10 +72,10 @@ mod system {
 }
 
 impl HostPages {
-    /// What sizes are multiples of: no system of ours has larger pages.
+    /// Alignment of sizes: no system that we support has larger pages.
     pub(crate) const GRANULE: u64 = 64 << 10;
 
-    /// Pages of `bytes`, a multiple of [`Self::GRANULE`]; they hold zeros. None where the system has none.
+    /// Pages of `bytes`, a multiple of [`Self::GRANULE`], filled with zeros. `None` if the system has none.
     pub(crate) fn new(bytes: usize) -> Option<Self> {
         let at = system::map(bytes)?;
         let pages = Self { at: MappedPointer(NonNull::new(at.cast())?), bytes };
@@ -102,7 +102,7 @@ impl HostPages {
         system::touch(self.at.as_ptr().wrapping_add(start).cast(), bytes);
     }
 
-    /// Gives the pages back. Nobody uses them, the device included, and no other copy is used later.
+    /// Frees the pages. No user is left, including the device, and no other copy is used later.
     pub(crate) fn free(self) {
         system::unmap(self.at.as_ptr().cast(), self.bytes);
     }

@@ -6,13 +6,13 @@ use ash::vk;
 use crate::device::host_pages::HostPages;
 use crate::instance::vulkan::Instance;
 
-/// The one kind of handle that is used.
+/// The only kind of handle that is used.
 pub(crate) const KIND: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::HOST_ALLOCATION_EXT;
 
-/// See the module.
+/// Lends pages of the process to one driver.
 pub(crate) struct PageLender {
     calls: ash::ext::external_memory_host::Device,
-    /// What places and sizes have to be multiples of.
+    /// Alignment of addresses and sizes.
     granule: u64,
 }
 
@@ -21,17 +21,17 @@ pub(crate) struct PageLender {
 pub(crate) struct LentPages {
     pub(crate) pages: HostPages,
     pub(crate) bytes: u64,
-    /// Memory types that may be made of them, a bit each.
+    /// Memory types that can be made of the pages, one bit each.
     pub(crate) types: u32,
 }
 
 impl PageLender {
-    /// For a device that takes pages at multiples of `granule`, with the extension enabled.
+    /// Creates the lender of a device that takes pages at multiples of `granule`, with the extension enabled.
     pub(crate) fn new(instance: &Instance, device: &ash::Device, granule: u64) -> Self {
         Self { calls: ash::ext::external_memory_host::Device::new(&instance.raw, device), granule }
     }
 
-    /// New pages of at least `bytes`, to be freed by the caller; None where there are none or the driver takes none.
+    /// New pages of at least `bytes`, to be freed by the caller; `None` if there are none or the driver takes none.
     pub(crate) fn pages(&self, bytes: u64) -> Option<LentPages> {
         let bytes = bytes.checked_next_multiple_of(self.granule.max(HostPages::GRANULE))?;
         let pages = HostPages::new(usize::try_from(bytes).ok()?)?;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The logical device and what every object made from it needs: the budget, how far its lanes have come, which buffers
-//! are retired.
+//! The logical device and the state that every object made from it needs: the budget, the progress of its lanes,
+//! retired buffers.
 //!
 //! Knows nothing of queues, heaps and pipelines: those hold a `LogicalDevice` by `Arc`, and it holds none of them, so
 //! that the last one closes it. Any thread.
@@ -27,37 +27,37 @@ use crate::instance::probe::{ProbedDevice, read_heaps};
 use crate::instance::report::DeviceReport;
 use crate::instance::vulkan::{Instance, vulkan_error};
 
-/// Queries in one pool.
+/// Number of queries in one pool.
 pub(crate) const POOL_QUERIES: u32 = 256;
 
-/// See the module.
+/// A Vulkan device with its budget, lanes and retired buffers.
 pub(crate) struct LogicalDevice {
     pub(crate) raw: ash::Device,
     pub(crate) physical: vk::PhysicalDevice,
     pub(crate) memory_types: vk::PhysicalDeviceMemoryProperties,
     pub(crate) report: DeviceReport,
     pub(crate) limits: DeviceLimits,
-    /// All memory is one kind: the host shares it with the device.
+    /// True if all memory is of one kind, which the host shares with the device.
     pub(crate) unified: bool,
     pub(crate) names: DebugNames,
     pub(crate) budget: MemoryBudget,
-    /// The queue of each lane.
+    /// Queue of each lane.
     pub(crate) choices: QueueChoices,
     timelines: [TimelineSemaphore; LANES],
     passes: [SubmissionLog; LANES],
-    /// Timestamps are wanted by default.
+    /// True if timestamps are wanted by default.
     pub(crate) profile: bool,
-    /// Set once before the device is shared.
+    /// Markers; set once before the device is shared.
     pub(crate) markers: Option<OperationMarkers>,
     retired: RetireQueue<RetiredBuffer>,
     pub(crate) host_memory: HostMemory,
-    /// Pages of the process are host memory for it.
+    /// Lends pages of the process as host memory, if the driver accepts them.
     pub(crate) lending: Option<PageLender>,
     query_pools: Mutex<Vec<vk::QueryPool>>,
     lost: OnceLock<String>,
     #[cfg(feature = "faults")]
     pub(crate) watch: Arc<crate::device::watch::DriverWatch>,
-    /// Last: everything above is made from it.
+    /// Dropped last, because everything above is made from it.
     pub(crate) instance: Arc<Instance>,
 }
 
@@ -108,7 +108,7 @@ impl LogicalDevice {
         Ok(device)
     }
 
-    /// Nine tenths of what is free on the largest device-local heap now.
+    /// Nine tenths of the free bytes on the largest device-local heap now.
     pub(crate) fn automatic_budget(&self) -> u64 {
         let heaps = read_heaps(&self.instance, self.physical, self.report.capabilities.memory_budget);
         let largest = heaps.iter().filter(|heap| heap.device_local).max_by_key(|heap| heap.bytes);
@@ -127,7 +127,7 @@ impl LogicalDevice {
         })
     }
 
-    /// Records that the device is gone, and what it did last.
+    /// Records that the device is lost; the error has the last pass.
     fn lose(&self) -> GpuError {
         let last_pass = self.lost.get_or_init(|| {
             let marker = |lane| self.markers.as_ref().map(|markers| markers.read(lane));
@@ -142,7 +142,7 @@ impl LogicalDevice {
         GpuError::DeviceLost { last_pass: last_pass.clone() }
     }
 
-    /// The error of a lost device, if it is lost.
+    /// Returns the error of a lost device, if it is lost.
     pub(crate) fn check_alive(&self) -> Result<(), GpuError> {
         match self.lost.get() {
             None => Ok(()),
@@ -150,7 +150,7 @@ impl LogicalDevice {
         }
     }
 
-    /// An error if a test planted a failure of this request.
+    /// Returns an error if a test planted a failure of this request.
     #[cfg(feature = "faults")]
     pub(crate) fn planted(
         &self,
@@ -161,7 +161,7 @@ impl LogicalDevice {
         if self.watch.strikes(call) { Err(self.budget.refused(name, bytes)) } else { Ok(()) }
     }
 
-    /// Which queue serves a lane.
+    /// Queue that serves a lane.
     pub(crate) fn choice(&self, lane: QueueLane) -> &QueueChoice {
         &self.choices[lane.index()]
     }
@@ -170,17 +170,17 @@ impl LogicalDevice {
         &self.timelines[lane.index()]
     }
 
-    /// What a lane has in flight, in words.
+    /// Log of the submissions that a lane has in flight.
     pub(crate) fn passes(&self, lane: QueueLane) -> &SubmissionLog {
         &self.passes[lane.index()]
     }
 
-    /// The newest submission of each lane.
+    /// Newest submission of each lane.
     pub(crate) fn submitted(&self) -> TimelinePoints {
         TimelinePoints(QueueLane::ALL.map(|lane| self.timeline(lane).last_submitted()))
     }
 
-    /// The newest submission of each lane that has finished; everything, when the device is lost.
+    /// The newest submission of each lane that has finished; all submissions, if the device is lost.
     pub(crate) fn completed(&self) -> TimelinePoints {
         let mut completed = TimelinePoints::START;
         for lane in QueueLane::ALL {
@@ -197,7 +197,7 @@ impl LogicalDevice {
         completed
     }
 
-    /// Ok(true) once submission `value` of a lane has finished, Ok(false) after `timeout_ns`.
+    /// Returns `Ok(true)` once submission `value` of a lane has finished, `Ok(false)` after `timeout_ns`.
     pub(crate) fn wait(&self, lane: QueueLane, value: u64, timeout_ns: u64) -> Result<bool, GpuError> {
         self.check_alive()?;
         match self.timeline(lane).wait(&self.raw, value, timeout_ns) {
@@ -207,7 +207,7 @@ impl LogicalDevice {
         }
     }
 
-    /// Waits until both lanes have come as far as `points`.
+    /// Waits until both lanes have reached `points`.
     pub(crate) fn wait_for(&self, points: TimelinePoints) -> Result<(), GpuError> {
         for lane in QueueLane::ALL {
             self.wait(lane, points.of(lane), u64::MAX)?;
@@ -215,13 +215,13 @@ impl LogicalDevice {
         Ok(())
     }
 
-    /// Destroys a buffer after these submissions: at once if they have passed.
+    /// Destroys a buffer after these submissions, or at once if they have finished.
     pub(crate) fn retire(&self, points: TimelinePoints, buffer: RetiredBuffer) {
         self.retired.push(points, buffer);
         self.release(self.completed());
     }
 
-    /// Destroys what is retired and waits for nothing after `completed`.
+    /// Destroys retired objects that wait for nothing after `completed`.
     pub(crate) fn release(&self, completed: TimelinePoints) {
         for RetiredBuffer { raw, held } in self.host_memory.take_ready(&self.retired, completed) {
             self.destroy(raw);
@@ -229,7 +229,7 @@ impl LogicalDevice {
         }
     }
 
-    /// The points after which all that is retired now can go; None when nothing is.
+    /// The points after which everything retired now can be destroyed; `None` if nothing is retired.
     pub(crate) fn last_retired(&self) -> Option<TimelinePoints> {
         self.retired.last_points()
     }
@@ -262,7 +262,7 @@ impl LogicalDevice {
     }
 }
 
-/// The logical device with the queues of its lanes and everything that was found switched on.
+/// The logical device with the queues of its lanes and every capability that was found enabled.
 fn create_raw(instance: &Instance, probed: &ProbedDevice, choices: &QueueChoices) -> Result<ash::Device, GpuError> {
     let priorities = [1.0_f32; LANES];
     let [main, transfer] = *choices;

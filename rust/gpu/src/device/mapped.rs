@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where mapped memory lies. Any thread.
+//! The address of mapped memory. Any thread.
 
 use std::ptr::NonNull;
 

@@ -3,7 +3,8 @@
 //! names the last pass.
 //!
 //! Before each operation, behind the barrier that waits for the one before, a 4-byte fill writes the operation's
-//! number; the fill overlaps the operation itself. After a loss the word tells how far the GPU came.
+//! number; the fill overlaps the operation itself. After a loss the word has the number of the last operation that
+//! began.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -32,7 +33,7 @@ pub(crate) struct OperationMarkers {
 }
 
 impl OperationMarkers {
-    /// Words in a new mapped buffer of [`MARKER_BYTES`].
+    /// Creates the words in a new mapped buffer of [`MARKER_BYTES`].
     pub(crate) fn new(raw: RawBuffer) -> Self {
         if let Some(mapped) = raw.mapped {
             // SAFETY: at least one word for each lane is mapped, and nothing else uses them yet.
@@ -70,8 +71,8 @@ impl OperationMarkers {
     }
 }
 
-/// What the stamp `id` says about the work in flight, labels with their marks in the order of submission; None when no
-/// operation there has this number.
+/// Describes the work in flight for the stamp `id`. `work`: labels with their marks in the order of submission. `None`
+/// if no operation there has this number.
 pub(crate) fn describe<'a>(work: impl Iterator<Item = (&'a str, &'a [OperationMark])>, id: u32) -> Option<String> {
     let mut before = None;
     for (label, marks) in work {

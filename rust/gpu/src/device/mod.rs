@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The logical device and its parts, and what is compiled for it.
+//! The logical device and its parts, and the pipelines that are compiled for it.
 
 pub(crate) mod budget;
 pub(crate) mod compute_pipeline;

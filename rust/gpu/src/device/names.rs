@@ -7,7 +7,7 @@ use std::ffi::CString;
 
 use ash::vk;
 
-/// Gives names to objects and labels to stretches of command buffers; does nothing without the extension.
+/// Names objects and labels parts of command buffers; does nothing without the extension.
 #[derive(Clone, Default)]
 pub(crate) struct DebugNames {
     utils: Option<ash::ext::debug_utils::Device>,
@@ -18,7 +18,7 @@ impl DebugNames {
         Self { utils: enabled.then(|| ash::ext::debug_utils::Device::new(instance, device)) }
     }
 
-    /// Names an object that the caller alone is using now.
+    /// Names an object that only the caller uses now.
     pub(crate) fn set<T: vk::Handle>(&self, object: T, name: &str) {
         let Some(utils) = &self.utils else { return };
         let name = c_string(name);

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a lane ran last, for the error of a lost device: labels and marks of the submissions in flight. Any thread.
+//! A log of the last work of a lane, for the error of a lost device: labels and marks of the submissions in flight. Any
+//! thread.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::device::markers::{OperationMark, describe};
 
-/// What is known of a submission in flight.
+/// A submission in flight.
 #[derive(Debug)]
 struct SubmissionRecord {
     value: u64,
@@ -21,7 +22,7 @@ struct SubmissionLogState {
     last_finished: String,
 }
 
-/// The record of one lane.
+/// The log of one lane.
 #[derive(Debug)]
 pub(crate) struct SubmissionLog(Mutex<SubmissionLogState>);
 
@@ -36,12 +37,12 @@ impl SubmissionLog {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Notes a submission, the newest of the lane.
+    /// Adds a submission, the newest of the lane.
     pub(crate) fn submitted(&self, value: u64, label: String, marks: Vec<OperationMark>) {
         self.lock().in_flight.push_back(SubmissionRecord { value, label, marks });
     }
 
-    /// Forgets what has finished.
+    /// Removes submissions that have finished.
     pub(crate) fn finished(&self, completed: u64) {
         let state = &mut *self.lock();
         while let Some(work) = state.in_flight.pop_front_if(|work| work.value <= completed) {
@@ -49,12 +50,12 @@ impl SubmissionLog {
         }
     }
 
-    /// Whether nothing is known to be in flight.
+    /// Returns true if nothing is known to be in flight.
     pub(crate) fn is_empty(&self) -> bool {
         self.lock().in_flight.is_empty()
     }
 
-    /// What ran last: by the marker if there is one, else the last finished submission.
+    /// Describes the last pass: by the marker if there is one, else the last finished submission.
     pub(crate) fn last_pass(&self, marker: Option<u32>) -> String {
         let state = self.lock();
         let running = state.in_flight.front().map(|work| work.label.as_str());

@@ -2,10 +2,9 @@
 //! The pipeline cache, and its file: one for each device, driver version and set of shaders, in a folder of the
 //! caller's.
 //!
-//! A file that is damaged, cut, too large or another device's is ignored and replaced; nothing that goes wrong with the
-//! disk fails anything, it is only logged. Files are written beside and renamed, so that readers see a whole one, old
-//! or new. The checksum finds accidents, not malice: what is in the folder is as trusted as the program itself. Any
-//! thread.
+//! A file that is damaged, cut, too large or another device's is ignored and replaced; errors of the disk are only
+//! logged. Files are written under another name and renamed, so that readers see a whole one, old or new. The checksum
+//! finds accidents, not malice: the contents of the folder are as trusted as the program itself. Any thread.
 
 use std::fs::File;
 use std::io;
@@ -22,30 +21,31 @@ use crate::error::GpuError;
 use crate::instance::probe::ProbedDevice;
 use crate::instance::vulkan::vulkan_error;
 
-/// Most bytes of a cache that are read or written.
+/// Most bytes of a cache that is read or written.
 const MOST_BYTES: u64 = 64 << 20;
-/// Most bytes of all files of the folder, and how many: those not used for longest go.
+/// Most bytes of all files of the folder; their largest number follows. The files that were not used for longest are
+/// removed.
 const MOST_IN_ALL: u64 = 256 << 20;
 const MOST_FILES: usize = 16;
-/// A file is marked as used no more often than this; one under way that is older was left by a process that died.
+/// A file is marked as used no more often than this; an unfinished one that is older was left by a process that died.
 const DAY: Duration = Duration::from_secs(24 * 60 * 60);
-/// How names begin and end, and how those of files under way end (`oocpt_files::replace`).
+/// Beginning and end of the names of files, and the end of names of unfinished files (`oocpt_files::replace`).
 const PREFIX: &str = "pipelines-";
 const ENDING: &str = "bin";
 const UNDER_WAY: &str = "tmp";
 const MAGIC: [u8; 8] = *b"OocPTpc1";
-/// Magic, payload length, payload checksum.
+/// Bytes of the header: magic, payload length, payload checksum.
 const HEADER_BYTES: usize = 24;
-/// Of Vulkan's own header (version one), with which the payload begins.
+/// Bytes of Vulkan's own header (version one), with which the payload begins.
 const VULKAN_HEADER_BYTES: u32 = 32;
 
 /// The file of one device.
 #[derive(Debug)]
 pub(crate) struct CacheFile {
     path: PathBuf,
-    /// How the payload of this device and driver begins.
+    /// Beginning of the payload for this device and driver.
     vulkan_header: Vec<u8>,
-    /// Checksum of what is on the disk, as far as we know; 0 = nothing of use.
+    /// Checksum of the file on the disk, as far as it is known; 0 = there is no usable one.
     stored: AtomicU64,
 }
 
@@ -60,7 +60,7 @@ impl CacheFile {
         Self { path: folder.join(name), vulkan_header, stored: AtomicU64::new(0) }
     }
 
-    /// What the driver stored last time; None when there is nothing that can be used.
+    /// The data that the driver stored last time; `None` if there is nothing usable.
     fn load(&self) -> Option<Vec<u8>> {
         let bytes = match oocpt_files::read(&self.path, MOST_BYTES + HEADER_BYTES as u64) {
             Ok(bytes) => bytes,
@@ -101,20 +101,20 @@ impl CacheFile {
         }
     }
 
-    /// Marks it as used.
+    /// Marks the file as used.
     fn mark(&self) {
         let now = SystemTime::now();
         let is_old = |file: &File| {
             let used = file.metadata().and_then(|metadata| metadata.modified()).ok();
             used.is_some_and(|used| now.duration_since(used).is_ok_and(|age| age > DAY))
         };
-        // The times of a folder that cannot be written do not matter.
+        // If the folder cannot be written, the times of its files do not matter.
         let marked =
             oocpt_files::open(&self.path).and_then(|file| if is_old(&file) { file.set_modified(now) } else { Ok(()) });
         tracing::trace!(?marked, "used");
     }
 
-    /// Removes what was not used for longest until the bounds of the folder hold, but not its own file.
+    /// Removes the files that were not used for longest, but not its own, until the bounds of the folder hold.
     fn clean(&self, folder: &Path) {
         let now = SystemTime::now();
         let mut files = Vec::new();
@@ -145,7 +145,7 @@ impl CacheFile {
     }
 }
 
-/// Whether a file of the folder has a name that [`CacheFile::new`] may have given: the user's own stay.
+/// Returns true if a file of the folder has a name that [`CacheFile::new`] may have given: the user's own stay.
 fn is_ours(name: &str) -> bool {
     name.strip_prefix(PREFIX).is_some_and(|rest| {
         let stem = rest.split('.').next().unwrap_or_default();
@@ -165,7 +165,7 @@ fn file_of(payload: &[u8]) -> Vec<u8> {
     [&MAGIC[..], &length, &checksum, payload].concat()
 }
 
-/// The payload of a file, or why it is of no use.
+/// The payload of a file, or the reason why it is unusable.
 fn payload_of<'a>(file: &'a [u8], vulkan_header: &[u8]) -> Result<&'a [u8], &'static str> {
     let (header, payload) = file.split_at_checked(HEADER_BYTES).ok_or("cut")?;
     if header[..8] != MAGIC {
@@ -183,7 +183,7 @@ fn payload_of<'a>(file: &'a [u8], vulkan_header: &[u8]) -> Result<&'a [u8], &'st
     Ok(payload)
 }
 
-/// The pipelines compiled so far; written to its file, if it has one, when it is dropped.
+/// The pipelines compiled so far; written to the file, if there is one, when it is dropped.
 #[derive(Debug)]
 pub(crate) struct PipelineCache {
     device: Arc<LogicalDevice>,
@@ -192,7 +192,7 @@ pub(crate) struct PipelineCache {
 }
 
 impl PipelineCache {
-    /// Makes the cache, from the file if there is one.
+    /// Creates the cache, from the file if there is one.
     pub(crate) fn new(device: &Arc<LogicalDevice>, file: Option<CacheFile>) -> Result<Self, GpuError> {
         let stored = file.as_ref().and_then(CacheFile::load).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&stored);
@@ -207,12 +207,12 @@ impl PipelineCache {
         Ok(Self { device: Arc::clone(device), raw, file })
     }
 
-    /// For the making of pipelines; alive as long as this.
+    /// Handle for the creation of pipelines; valid as long as `self`.
     pub(crate) fn raw(&self) -> vk::PipelineCache {
         self.raw
     }
 
-    /// Writes it to its file, if there is one to be.
+    /// Writes the cache to its file, if it has one.
     pub(crate) fn save(&self) {
         let Some(file) = &self.file else { return };
         if self.device.check_alive().is_err() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The raw parts of a buffer: handles, address, mapping, and what the budget counts for it. Any thread.
+//! The raw parts of a buffer: handles, address, mapping, and its share of the budget. Any thread.
 
 use ash::vk;
 
@@ -8,7 +8,7 @@ use crate::device::heap_counters::HeldBytes;
 use crate::device::host_pages::HostPages;
 use crate::device::mapped::MappedPointer;
 
-/// Raw parts of a buffer. Plain handles: whoever holds the last copy destroys it exactly once.
+/// Raw parts of a buffer, as plain handles: the owner of the last copy destroys it exactly once.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RawBuffer {
     pub(crate) buffer: vk::Buffer,
@@ -17,18 +17,18 @@ pub(crate) struct RawBuffer {
     pub(crate) reserved: u64,
     pub(crate) account: MemoryAccount,
     pub(crate) address: u64,
-    /// Bytes of the buffer.
+    /// Size of the buffer, bytes.
     pub(crate) bytes: u64,
     pub(crate) mapped: Option<MappedPointer>,
-    /// The process's own pages, where the driver was lent them.
+    /// Pages of the process, if they are lent to the driver.
     pub(crate) pages: Option<HostPages>,
-    /// Where the host sees it on devices whose memory is the host's (`host_view`); else none.
+    /// Address for the host on devices that share the host's memory (`host_view`); else `None`.
     pub(crate) seen: Option<MappedPointer>,
 }
 
 impl RawBuffer {
-    /// Destroys the parts and gives the bytes back to the budget. The GPU no longer uses them, and no other copy is
-    /// used later.
+    /// Destroys the parts and returns the bytes to the budget. The GPU no longer uses them, and no other copy is used
+    /// later.
     pub(crate) fn destroy(self, device: &ash::Device, budget: &MemoryBudget) {
         // SAFETY: the caller says that no submission uses it any more; null is allowed.
         unsafe { device.destroy_buffer(self.buffer, None) };
@@ -43,10 +43,10 @@ impl RawBuffer {
     }
 }
 
-/// A buffer that nobody holds any more but the GPU may still use.
+/// A buffer without an owner that the GPU may still use.
 #[derive(Debug)]
 pub(crate) struct RetiredBuffer {
     pub(crate) raw: RawBuffer,
-    /// Its memory's place in the count of a heap.
+    /// Its memory in the counters of a heap.
     pub(crate) held: Option<HeldBytes>,
 }

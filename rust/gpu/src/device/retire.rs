@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Things nobody holds any more but the GPU may still use, each with the submissions after which it can go.
+//! Objects that have no owner any more but that the GPU may still use, each with the submissions after which it can be
+//! destroyed.
 //!
-//! Bookkeeping only: [`RetireQueue::take_ready`] hands out what is ready, the caller destroys it outside the lock
-//! (destroying may retire more). Any thread.
+//! Bookkeeping only: [`RetireQueue::take_ready`] hands out the items that are ready, the caller destroys it outside the
+//! lock (destroying may retire more). Any thread.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -29,22 +30,22 @@ impl<T> RetireQueue<T> {
         self.lock().entry(points).or_default().push(item);
     }
 
-    /// Everything whose points are at or below `completed` in both lanes, in the order of the main lane.
+    /// Takes all items whose points are at or below `completed` in both lanes, in the order of the main lane.
     pub(crate) fn take_ready(&self, completed: TimelinePoints) -> Vec<T> {
         let mut waiting = self.lock();
-        // The map is sorted by the main lane first: what lies behind this range cannot be ready.
+        // The map is sorted by the main lane first: items behind this range cannot be ready.
         let last = TimelinePoints([completed.of(QueueLane::Main), u64::MAX]);
         let keys = waiting.range(..=last).map(|(&points, _)| points);
         let ready: Vec<_> = keys.filter(|points| points.reached_by(completed)).collect();
         ready.iter().filter_map(|points| waiting.remove(points)).flatten().collect()
     }
 
-    /// Whether nothing waits.
+    /// Returns true if no item waits.
     pub(crate) fn is_empty(&self) -> bool {
         self.lock().is_empty()
     }
 
-    /// The points after which everything waiting now can go; None when nothing waits.
+    /// The points after which every waiting item can be destroyed; `None` if nothing waits.
     pub(crate) fn last_points(&self) -> Option<TimelinePoints> {
         self.lock().keys().copied().reduce(TimelinePoints::later)
     }

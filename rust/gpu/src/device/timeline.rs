@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How far a lane has come: a timeline semaphore that counts its submissions. Submission n is done when it has reached
-//! n. Knows nothing of what is submitted. Any thread.
+//! The progress of a lane: a timeline semaphore that counts its submissions. Submission n is done when it has reached
+//! n. It is independent of the contents of submissions. Any thread.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -35,7 +35,7 @@ impl TimelineSemaphore {
         Ok(())
     }
 
-    /// What submissions wait for and signal.
+    /// Semaphore that submissions wait for and signal.
     pub(crate) fn semaphore(&self) -> vk::Semaphore {
         self.semaphore
     }
@@ -45,7 +45,8 @@ impl TimelineSemaphore {
         self.submitted.load(Ordering::Acquire)
     }
 
-    /// Submission `value` was made, one above the newest before. The caller lets no other be made meanwhile.
+    /// Notes that submission `value` was made, one above the newest before. The caller prevents other submissions
+    /// meanwhile.
     pub(crate) fn advance(&self, value: u64) {
         self.submitted.store(value, Ordering::Release);
     }
@@ -56,7 +57,7 @@ impl TimelineSemaphore {
         unsafe { device.get_semaphore_counter_value(self.semaphore) }
     }
 
-    /// Waits until submission `value` has finished; [`vk::Result::TIMEOUT`] when it has not.
+    /// Waits until submission `value` has finished; [`vk::Result::TIMEOUT`] if it has not.
     pub(crate) fn wait(&self, device: &ash::Device, value: u64, timeout_ns: u64) -> Result<(), vk::Result> {
         let (semaphores, values) = ([self.semaphore], [value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
@@ -64,7 +65,7 @@ impl TimelineSemaphore {
         unsafe { device.wait_semaphores(&info, timeout_ns) }
     }
 
-    /// Destroys it. The device is idle.
+    /// Destroys the semaphore; the device must be idle.
     pub(crate) fn destroy(&mut self, device: &ash::Device) {
         // SAFETY: no submission uses it. Null is allowed.
         unsafe { device.destroy_semaphore(std::mem::take(&mut self.semaphore), None) };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Stands between this crate and the driver, for tests: counts every byte of `vkAllocateMemory`, fills what the host
-//! can write with [`POISON`], and makes calls that take memory fail. Compiled with the feature `faults` alone.
+//! Stands between this crate and the driver, for tests: counts every byte of `vkAllocateMemory`, fills host-writable
+//! memory with [`POISON`], and makes calls that allocate memory fail. Compiled only with the feature `faults`.
 //!
 //! The calls are taken over in the device's table of functions, so that none goes by, wherever it is made. Any thread.
 
@@ -10,60 +10,60 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ash::vk::{self, Handle as _};
 
-/// What new memory holds: no zeros, which drivers give and nobody promises. As a count it is too large for anything,
+/// Contents of new memory: no zeros, which drivers give though they need not. As a count it is too large for anything,
 /// as a float it is -431 602 080.
 pub(crate) const POISON: u8 = 0xCD;
-/// Most bytes of an allocation that are poisoned, from its start: the rest is not worth the time.
+/// Bytes of an allocation that are poisoned at most, from its start: the rest is not worth the time.
 const MOST_POISON: u64 = 64 << 20;
 
-/// What can be made to fail.
+/// A call that can be made to fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriverCall {
-    /// [`Buffer::new`](crate::Buffer::new), [`Heap::alloc`](crate::Heap::alloc) and
-    /// [`Heap::try_alloc`](crate::Heap::try_alloc), whatever they would take it from.
+    /// Calls of [`Buffer::new`](crate::Buffer::new), [`Heap::alloc`](crate::Heap::alloc) and
+    /// [`Heap::try_alloc`](crate::Heap::try_alloc), from whatever memory.
     Request,
-    /// [`Buffer::new`](crate::Buffer::new) alone.
+    /// Calls of [`Buffer::new`](crate::Buffer::new).
     Buffer,
-    /// [`Heap::alloc`](crate::Heap::alloc) and [`Heap::try_alloc`](crate::Heap::try_alloc) alone.
+    /// Calls of [`Heap::alloc`](crate::Heap::alloc) and [`Heap::try_alloc`](crate::Heap::try_alloc).
     Range,
-    /// `vkAllocateMemory`.
+    /// Calls of `vkAllocateMemory`.
     Memory,
-    /// `vkMapMemory`.
+    /// Calls of `vkMapMemory`.
     Mapping,
-    /// `vkCreateComputePipelines`.
+    /// Calls of `vkCreateComputePipelines`.
     Pipeline,
-    /// `vkCreateCommandPool`.
+    /// Calls of `vkCreateCommandPool`.
     CommandPool,
-    /// `vkQueueSubmit`: the device is lost with it.
+    /// Calls of `vkQueueSubmit`: the device is lost with it.
     Submit,
 }
 
-/// A failure that a test plants: for lack of memory, but for [`DriverCall::Submit`].
+/// A failure that a test plants: a lack of memory, except for [`DriverCall::Submit`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlantedFailure {
-    /// What fails.
+    /// Call that fails.
     pub call: DriverCall,
-    /// Calls that succeed before; 0 = the next one fails.
+    /// Number of calls that succeed before; 0 = the next one fails.
     pub after: u64,
-    /// How many fail then, one after the other.
+    /// Number of consecutive calls that fail then.
     pub times: u32,
 }
 
-/// Bytes of all memory that the driver gave, of whatever type.
+/// Bytes of all memory that the driver gave, of every type.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriverMemory {
-    /// Held now.
+    /// Bytes held now.
     pub held: u64,
-    /// Most ever held.
+    /// Maximum of bytes held so far.
     pub peak: u64,
     /// Calls of `vkAllocateMemory` that succeeded.
     pub calls: u64,
 }
 
-/// What a device's calls go through.
+/// Intercepts the calls of a device.
 pub(crate) struct DriverWatch {
     driver: ash::DeviceFnV1_0,
-    /// Memory types that the host can map, a bit each.
+    /// Memory types that the host can map, one bit each.
     mappable: u32,
     state: Mutex<DriverWatchState>,
 }
@@ -74,18 +74,18 @@ struct DriverWatchState {
     sizes: BTreeMap<u64, u64>,
     planted: Option<PlantedFailure>,
     struck: u64,
-    /// A submission was made to fail: so do all later ones.
+    /// True after a submission was made to fail: all later ones fail too.
     is_lost: bool,
 }
 
-/// The watches of open devices, by handle: a function of the driver's knows no more.
+/// The watches of open devices by handle, which is all that a driver function knows.
 static WATCHES: Mutex<BTreeMap<u64, Arc<DriverWatch>>> = Mutex::new(BTreeMap::new());
 
 fn watches() -> MutexGuard<'static, BTreeMap<u64, Arc<DriverWatch>>> {
     WATCHES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The same device, with the calls taken over.
+/// The same device, with its calls intercepted.
 pub(crate) fn taken_over(
     raw: &ash::Device,
     types: &vk::PhysicalDeviceMemoryProperties,
@@ -111,7 +111,7 @@ impl DriverWatch {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Counts a call; true if it is to fail.
+    /// Counts a call; returns true if it is to fail.
     pub(crate) fn strikes(&self, call: DriverCall) -> bool {
         let state = &mut *self.lock();
         let is_meant = |failure: &PlantedFailure| {
@@ -156,14 +156,14 @@ impl std::fmt::Debug for DriverWatch {
     }
 }
 
-/// What tests ask of a watch.
+/// Queries of tests.
 impl DriverWatch {
-    /// Makes calls fail, in place of what was planted before.
+    /// Makes calls fail, replacing an earlier planted failure.
     pub(crate) fn plant(&self, failure: PlantedFailure) {
         self.lock().planted = Some(failure);
     }
 
-    /// Whether the device is lost with this submission, or was with one before.
+    /// Returns true if the device is lost with this submission, or was with one before.
     pub(crate) fn loses(&self) -> bool {
         let strikes = self.strikes(DriverCall::Submit);
         let state = &mut *self.lock();
@@ -171,12 +171,12 @@ impl DriverWatch {
         state.is_lost
     }
 
-    /// Calls that failed because a test wanted it.
+    /// Number of calls that failed because of a planted failure.
     pub(crate) fn struck(&self) -> u64 {
         self.lock().struck
     }
 
-    /// What the driver gave.
+    /// Memory that the driver gave.
     pub(crate) fn memory(&self) -> DriverMemory {
         self.lock().memory
     }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a device can do, probed once, and what of that is switched on.
+//! The capabilities of a device, probed once, and the features that are enabled.
 //!
 //! `probe` reads, [`DeviceCapabilities::missing`] decides, `FeatureChain::enable` asks for exactly what was found. Any
 //! thread.
 
 use ash::vk;
 
-/// What was found on a device. The first group is required, the second is used when present.
+/// Capabilities found on a device. The first group is required, the second is used if present.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct DeviceCapabilities {
@@ -27,9 +27,9 @@ pub struct DeviceCapabilities {
     /// Required: a queue family that computes.
     pub compute_queue: bool,
 
-    /// `VK_EXT_memory_budget`: the driver says what is free.
+    /// `VK_EXT_memory_budget`: the driver reports free memory.
     pub memory_budget: bool,
-    /// `VK_EXT_external_memory_host`: the driver can be lent pages of this process.
+    /// `VK_EXT_external_memory_host`: pages of this process can be lent to the driver.
     pub external_memory_host: bool,
     /// The compute queue writes timestamps.
     pub timestamps: bool,
@@ -48,7 +48,7 @@ pub struct DeviceCapabilities {
 }
 
 impl DeviceCapabilities {
-    /// Names of required capabilities that are missing; empty when the device can be used.
+    /// Names of required capabilities that are missing; empty if the device can be used.
     #[must_use]
     pub fn missing(&self) -> Vec<&'static str> {
         if !self.vulkan_1_2 {
@@ -129,13 +129,13 @@ thread_local! {
     static HIDDEN: std::cell::Cell<Option<fn(&mut DeviceCapabilities)>> = const { std::cell::Cell::new(None) };
 }
 
-/// For tests: devices that this thread looks for or opens from now on lack what `hide` takes away.
+/// For tests: devices that this thread looks for or opens from now on lack the capabilities that `hide` removes.
 #[cfg(feature = "faults")]
 pub fn hide_capabilities(hide: Option<fn(&mut DeviceCapabilities)>) {
     HIDDEN.set(hide);
 }
 
-/// Takes away what a test wants to be missing.
+/// Removes the capabilities that a test wants to be missing.
 #[cfg(feature = "faults")]
 pub(crate) fn hide(capabilities: &mut DeviceCapabilities) {
     if let Some(hide) = HIDDEN.get() {
@@ -143,7 +143,7 @@ pub(crate) fn hide(capabilities: &mut DeviceCapabilities) {
     }
 }
 
-/// The structures that switch features on, kept together because they are chained by address.
+/// The structures that enable features, kept together because they are chained by address.
 #[derive(Debug)]
 pub(crate) struct FeatureChain {
     pub(crate) core: vk::PhysicalDeviceFeatures,
@@ -152,7 +152,7 @@ pub(crate) struct FeatureChain {
 }
 
 impl FeatureChain {
-    /// Asks for everything in `found` and nothing else.
+    /// Enables everything in `found` and nothing else.
     pub(crate) fn enable(found: &DeviceCapabilities) -> Self {
         let sixteen = found.shader_int16 || found.shader_float16;
         Self {

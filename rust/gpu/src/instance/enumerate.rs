@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What devices there are, which one is used and why. Opens none. Any thread.
+//! Lists the devices, with the one that is chosen and the reasons. It opens none. Any thread.
 
 use crate::error::GpuError;
 use crate::instance::probe::probe_all;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The two lanes of work, and which Vulkan queue serves each.
+//! The two lanes of work, and the choice of the Vulkan queue that serves each.
 //!
 //! The main lane computes, the transfer lane only copies. Each has a timeline of its own. Where the device has no queue
 //! to spare both submit to the same one, in the order of submission; everything else is the same. The choice is pure.
@@ -10,7 +10,7 @@ use ash::vk;
 /// Number of lanes.
 pub(crate) const LANES: usize = 2;
 
-/// Where a command list runs.
+/// The lane on which a command list runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum QueueLane {
     /// Computes and copies.
@@ -37,19 +37,19 @@ pub(crate) struct TimelinePoints(pub(crate) [u64; LANES]);
 impl TimelinePoints {
     /// Before the first submission.
     pub(crate) const START: Self = Self([0; LANES]);
-    /// After everything, as on a lost device.
+    /// The point after every submission, as on a lost device.
     pub(crate) const END: Self = Self([u64::MAX; LANES]);
 
     pub(crate) fn of(self, lane: QueueLane) -> u64 {
         self.0[lane.index()]
     }
 
-    /// Whether both lanes have come as far as this.
+    /// Returns true if both lanes have reached these points.
     pub(crate) fn reached_by(self, completed: Self) -> bool {
         self.0.iter().zip(completed.0).all(|(&point, completed)| point <= completed)
     }
 
-    /// The later of both, lane by lane.
+    /// The later points of both, lane by lane.
     pub(crate) fn later(mut self, other: Self) -> Self {
         for lane in QueueLane::ALL {
             self.raise(lane, other.of(lane));
@@ -64,7 +64,7 @@ impl TimelinePoints {
     }
 }
 
-/// One queue of one family.
+/// The choice of one queue of one family.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct QueueChoice {
     pub(crate) family: u32,
@@ -72,14 +72,14 @@ pub(crate) struct QueueChoice {
     pub(crate) index: u32,
     /// Valid bits of its timestamps; 0 = none.
     pub(crate) timestamp_bits: u32,
-    /// The family computes: all stages of ours are allowed, and debug labels.
+    /// True if the family computes: all stages that are used here are allowed, and debug labels.
     pub(crate) computes: bool,
 }
 
-/// The queue of each lane; the same one twice when there is none to spare.
+/// The queue of each lane; the same one twice if there is none to spare.
 pub(crate) type QueueChoices = [QueueChoice; LANES];
 
-/// Main: the first family that computes. Transfer: a family made for transfers, else a second queue beside the main
+/// Main: the first family that computes. Transfer: a family made for transfers, else a second queue besides the main
 /// one.
 pub(crate) fn choose_queues(families: &[vk::QueueFamilyProperties]) -> Option<QueueChoices> {
     let choice = |family: u32, index, found: &vk::QueueFamilyProperties| QueueChoice {
@@ -90,7 +90,7 @@ pub(crate) fn choose_queues(families: &[vk::QueueFamilyProperties]) -> Option<Qu
     };
     let numbered = || (0_u32..).zip(families).filter(|(_, family)| family.queue_count > 0);
     let (main, found) = numbered().find(|(_, family)| family.queue_flags.contains(vk::QueueFlags::COMPUTE))?;
-    // Video and optical flow engines can copy too, but slowly: only pure copy engines are wanted.
+    // Video and optical flow engines can copy too, but slowly: only pure copy engines are used.
     let extras = vk::QueueFlags::SPARSE_BINDING | vk::QueueFlags::PROTECTED;
     let copies = |family: &vk::QueueFamilyProperties| {
         let flags = family.queue_flags;

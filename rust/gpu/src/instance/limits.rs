@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What callers must keep to on the open device.
+//! Limits of the open device that callers must keep.
 
 use crate::instance::probe::ProbedDevice;
 
@@ -9,15 +9,15 @@ use crate::instance::probe::ProbedDevice;
 pub struct DeviceLimits {
     /// Largest buffer, arena or dedicated range in bytes.
     pub max_allocation_bytes: u64,
-    /// Most workgroups of a dispatch in each dimension.
+    /// Largest number of workgroups of a dispatch in each dimension.
     pub max_workgroups: [u32; 3],
-    /// Most bytes of push constants.
+    /// Largest size of push constants, bytes.
     pub max_push_bytes: u32,
     /// Bytes of shared memory of a workgroup.
     pub max_shared_bytes: u32,
-    /// Invocations that run in lockstep.
+    /// Number of invocations that run in lockstep.
     pub subgroup_size: u32,
-    /// Nanoseconds of one timestamp tick.
+    /// Duration of a timestamp tick, nanoseconds.
     pub timestamp_period_ns: f32,
 }
 

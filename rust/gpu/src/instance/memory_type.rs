@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which memory type buffers get, and whether the host sees all of it. Pure, any thread.
+//! Chooses the memory type of buffers, and decides if the host sees all of it. Pure, any thread.
 
 use ash::vk;
 
-/// Where a buffer's memory lives and what it is for.
+/// Location and purpose of a buffer's memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BufferUsage {
-    /// Device memory, not reachable by the host. Counts against the budget.
+    /// Device memory, not reachable by the host. It counts against the budget.
     Device,
-    /// Host memory that the host writes and the device reads; mapped all the time.
+    /// Host memory that the host writes and the device reads; always mapped.
     Upload,
-    /// Host memory that the device writes and the host reads; mapped all the time.
+    /// Host memory that the device writes and the host reads; always mapped.
     Readback,
-    /// Host memory that both read and write, the host through [`DeviceRange::fill`](crate::DeviceRange::fill). Where
-    /// the driver can be lent pages (`VK_EXT_external_memory_host`), it is several times faster to make than the
+    /// Host memory that both read and write, the host through [`DeviceRange::fill`](crate::DeviceRange::fill). If pages
+    /// can be lent to the driver (`VK_EXT_external_memory_host`), it is several times faster to allocate than the
     /// others.
     Shared,
 }
@@ -25,7 +25,7 @@ const KNOWN_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
         | vk::MemoryPropertyFlags::HOST_CACHED.as_raw(),
 );
 
-/// What memory must be for the host to read and write it as its own.
+/// Properties that memory needs so that the host can read and write it as its own.
 pub(crate) const HOST_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
     vk::MemoryPropertyFlags::HOST_VISIBLE.as_raw() | vk::MemoryPropertyFlags::HOST_COHERENT.as_raw(),
 );
@@ -55,7 +55,7 @@ pub(crate) fn choose_type(types: &[vk::MemoryType], allowed: u32, usage: BufferU
         .map(|(i, _)| i)
 }
 
-/// Whether the memory that buffers get is mapped and coherent whatever they are for.
+/// Returns true if the memory that buffers get is mapped and coherent whatever they are for.
 pub(crate) fn is_all_mapped(types: &[vk::MemoryType]) -> bool {
     let seen = |usage| {
         choose_type(types, u32::MAX, usage)

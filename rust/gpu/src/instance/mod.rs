@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is there: the Vulkan instance, what its devices are and can do, and what of that is chosen. Opens nothing.
+//! The Vulkan instance, its devices with their capabilities, and the choice of a device. It opens none.
 
 pub(crate) mod capabilities;
 pub(crate) mod enumerate;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Reads what the devices of an instance are and can do. Changes nothing. Any thread.
+//! Reads the properties and capabilities of an instance's devices. It changes nothing. Any thread.
 
 use std::ffi::CStr;
 
@@ -12,13 +12,13 @@ use crate::instance::memory_type::is_all_mapped;
 use crate::instance::report::{DeviceKind, DeviceReport, HeapReport};
 use crate::instance::vulkan::{Instance, vulkan_error};
 
-/// A device with what is needed to open it.
+/// A device with everything that is needed to open it.
 pub(crate) struct ProbedDevice {
     pub(crate) physical: vk::PhysicalDevice,
     pub(crate) report: DeviceReport,
     pub(crate) properties: vk::PhysicalDeviceProperties,
     pub(crate) max_allocation_bytes: u64,
-    /// What places and sizes of pages are multiples of that the driver is lent; 0 = it takes none.
+    /// Alignment of the address and the size of pages that are lent to the driver; 0 = it takes none.
     pub(crate) lent_granule: u64,
     pub(crate) subgroup_size: u32,
     pub(crate) queues: QueueChoices,
@@ -126,7 +126,7 @@ fn has_extension(instance: &Instance, physical: vk::PhysicalDevice, name: &CStr)
     Ok(extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name)))
 }
 
-/// See [`ProbedDevice::lent_granule`]. The device has `VK_EXT_external_memory_host`.
+/// Computes [`ProbedDevice::lent_granule`]. The device has `VK_EXT_external_memory_host`.
 fn lent_granule(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
     let mut host = vk::PhysicalDeviceExternalMemoryHostPropertiesEXT::default();
     let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut host);
@@ -135,7 +135,7 @@ fn lent_granule(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
     host.min_imported_host_pointer_alignment
 }
 
-/// Reads all heaps; `free` only when the extension is there.
+/// Reads all heaps; `free` only if the extension is present.
 pub(crate) fn read_heaps(instance: &Instance, physical: vk::PhysicalDevice, budget: bool) -> Vec<HeapReport> {
     let (memory, budgets) = query_memory(instance, physical, budget);
     let report = |(heap, (&limit, &usage)): (&vk::MemoryHeap, (&u64, &u64))| HeapReport {
@@ -146,7 +146,7 @@ pub(crate) fn read_heaps(instance: &Instance, physical: vk::PhysicalDevice, budg
     memory.memory_heaps_as_slice().iter().zip(budgets.heap_budget.iter().zip(&budgets.heap_usage)).map(report).collect()
 }
 
-/// Bytes that the driver says this process uses on device-local heaps. The device has `VK_EXT_memory_budget`.
+/// Bytes that this process uses on device-local heaps according to the driver. The device has `VK_EXT_memory_budget`.
 pub(crate) fn device_usage(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
     let (memory, budgets) = query_memory(instance, physical, true);
     let local = |heap: &vk::MemoryHeap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is told of a device: for `doctor`, logs and the choice.
+//! Reports about devices, for `doctor`, logs and the choice of a device.
 
 use crate::instance::capabilities::DeviceCapabilities;
 
-/// What kind of device it is, in the order of preference.
+/// Kind of a device, in the order of preference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum DeviceKind {
     /// A GPU with memory of its own.
@@ -14,7 +14,7 @@ pub enum DeviceKind {
     Virtual,
     /// A software renderer on the CPU.
     Cpu,
-    /// Anything else.
+    /// A device of another kind.
     Other,
 }
 
@@ -35,20 +35,20 @@ impl std::fmt::Display for DeviceKind {
 pub struct HeapReport {
     /// Size in bytes.
     pub bytes: u64,
-    /// It is the device's own (or, on a unified device, the only) memory.
+    /// True if it is the device's own (or, on a unified device, the only) memory.
     pub device_local: bool,
-    /// Bytes that the driver says are free to this process now; None without `VK_EXT_memory_budget`.
+    /// Bytes that are free for this process now according to the driver; `None` without `VK_EXT_memory_budget`.
     pub free: Option<u64>,
 }
 
-/// Everything `doctor` says about one device.
+/// Everything that `doctor` reports about one device.
 #[derive(Clone, Debug)]
 pub struct DeviceReport {
-    /// Position in the driver's list; what a selector's number means.
+    /// Position in the driver's list, which a numeric selector means.
     pub index: usize,
     /// Name as the driver gives it.
     pub name: String,
-    /// What kind of device it is.
+    /// Kind of the device.
     pub kind: DeviceKind,
     /// Driver name and version.
     pub driver: String,
@@ -56,15 +56,15 @@ pub struct DeviceReport {
     pub api: String,
     /// All memory heaps.
     pub heaps: Vec<HeapReport>,
-    /// Its memory is the host's own: it is a processor, and all that buffers get is mapped.
+    /// True if the device shares the memory of the host: it is a processor, and all memory of buffers is mapped.
     pub host_memory: bool,
-    /// What it can do.
+    /// Capabilities of the device.
     pub capabilities: DeviceCapabilities,
     /// Names of the required capabilities it lacks; empty = usable.
     pub missing: Vec<&'static str>,
-    /// It is the one to be used.
+    /// True if it is the chosen one.
     pub chosen: bool,
-    /// One sentence: why it is or is not the one.
+    /// Reason why it is or is not chosen, one sentence.
     pub why: String,
 }
 

@@ -9,8 +9,9 @@ use crate::instance::report::DeviceReport;
 
 /// The index into `reports` of the device to use.
 ///
-/// # Errors [`GpuError::NoDevice`] when nothing matches or nothing is usable, [`GpuError::MissingCapability`] when the
-/// user named a device and every match lacks something.
+/// # Errors
+/// [`GpuError::NoDevice`] when nothing matches or nothing is usable, [`GpuError::MissingCapability`] when the user
+/// named a device and every match lacks something.
 pub(crate) fn choose(reports: &[DeviceReport], selector: Option<&str>) -> Result<usize, GpuError> {
     if reports.is_empty() {
         return Err(GpuError::NoDevice {
@@ -59,7 +60,7 @@ fn shortcomings(reports: &[DeviceReport]) -> String {
     lines.join("; ")
 }
 
-/// Writes `chosen` and `why` into every report. `chosen` is what [`choose`] returned for the same selector.
+/// Writes `chosen` and `why` into every report. `chosen` is the result of [`choose`] for the same selector.
 pub(crate) fn explain(reports: &mut [DeviceReport], chosen: usize, selector: Option<&str>) {
     let selector = selector.map(str::trim).filter(|text| !text.is_empty());
     let matched = selector.map(|text| matching(reports, text));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Collects what the Vulkan validation layer says.
+//! Collects the messages of the Vulkan validation layer.
 //!
 //! The layer calls back on whatever thread made the faulty call; messages are kept in a [`ValidationLog`] that outlives
 //! the [`Gpu`](crate::Gpu), so that leaks reported when the device is destroyed can be read too. Known false alarms are
@@ -10,10 +10,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::vk;
 
-/// A message id that is not a fault of ours, and why: the layer version, the driver, and when the line may go.
+/// Id of a message that is not an error of this crate, with the reason: the layer version, the driver, and when the
+/// line may be removed.
 type SuppressedMessage = (&'static str, &'static str);
 
-/// None is known for layer 1.3.239 with the drivers tried so far.
+/// No false alarm is known for layer 1.3.239 with the drivers tried so far.
 const SUPPRESSED: &[SuppressedMessage] = &[];
 
 /// Warnings and errors of the validation layer. Clones share one list. Any thread.
@@ -43,7 +44,7 @@ impl ValidationLog {
         self.push(format!("{severity}: [{id}] {text}"));
     }
 
-    /// What to give the messenger as user data: valid as long as a clone of this log lives.
+    /// User data for the messenger: valid as long as a clone of this log lives.
     fn as_user_data(&self) -> *mut c_void {
         Arc::as_ptr(&self.messages).cast_mut().cast()
     }

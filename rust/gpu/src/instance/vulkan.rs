@@ -18,13 +18,13 @@ use crate::instance::validation::ValidationLog;
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// What to check while calls are made.
+/// The checks that are made during calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ValidationLevel {
     Off,
-    /// The Khronos layer, if installed.
+    /// The Khronos layer, if it is installed.
     On,
-    /// As `On`, and hazards between operations too (slow).
+    /// As `On`, with hazards between operations too (slow).
     OnWithSync,
 }
 
@@ -37,13 +37,13 @@ pub(crate) struct Instance {
     pub(crate) raw: ash::Instance,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     pub(crate) log: ValidationLog,
-    /// `VK_EXT_debug_utils` is enabled: objects can be named.
+    /// True if `VK_EXT_debug_utils` is enabled: objects can be named.
     pub(crate) names: bool,
-    /// The validation layer is loaded.
+    /// True if the validation layer is loaded.
     pub(crate) validating: bool,
 }
 
-/// Layers and extensions to ask for, as found on this machine.
+/// Layers and extensions to enable, as found on this machine.
 struct InstanceRequest {
     layers: Vec<&'static CStr>,
     extensions: Vec<&'static CStr>,
@@ -53,8 +53,9 @@ struct InstanceRequest {
 impl Instance {
     /// An instance with this much validation; the shared one without.
     ///
-    /// # Errors [`GpuError::NoDevice`] when there is no loader, it is older than Vulkan 1.2, or no driver is installed.
-    /// Tried anew by the next call.
+    /// # Errors
+    /// [`GpuError::NoDevice`] when there is no loader, it is older than Vulkan 1.2, or no driver is installed. The next
+    /// call tries again.
     pub(crate) fn get(validation: ValidationLevel) -> Result<Arc<Self>, GpuError> {
         let mut plain = PLAIN.lock().unwrap_or_else(PoisonError::into_inner);
         let shared = match &*plain {
@@ -63,7 +64,7 @@ impl Instance {
         };
         match validation {
             ValidationLevel::Off => Ok(shared),
-            // Under the lock too: instances are made one after the other.
+            // This is under the lock too: instances are made one after the other.
             ValidationLevel::On | ValidationLevel::OnWithSync => Ok(Arc::new(Self::new(validation)?)),
         }
     }
@@ -151,7 +152,7 @@ impl InstanceRequest {
             .application_info(&application)
             .enabled_layer_names(&layers)
             .enabled_extension_names(&extensions);
-        // Reports what happens inside vkCreateInstance and vkDestroyInstance, where the messenger itself does not
+        // Reports messages from inside vkCreateInstance and vkDestroyInstance, where the messenger itself does not
         // exist.
         let mut messenger = log.messenger_info();
         if !layers.is_empty() && self.extensions.contains(&ash::ext::debug_utils::NAME) {
@@ -185,7 +186,7 @@ fn has_extension(entry: &ash::Entry, layer: &CStr, extension: &CStr) -> Result<b
     Ok(extension_names(entry, Some(layer))?.iter().any(|name| name.as_c_str() == extension))
 }
 
-/// The error for a call that failed outside a device.
+/// Error of a call that failed outside a device.
 pub(crate) fn vulkan_error(call: &'static str, code: vk::Result) -> GpuError {
     GpuError::Vulkan { call, code: format!("{code:?}") }
 }

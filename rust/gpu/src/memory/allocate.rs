@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Makes buffers with memory of their own, under the budget.
+//! Creates buffers with memory of their own, within the budget.
 //!
-//! [`NewBuffer::take_memory`] is the only place that calls `vkAllocateMemory`; whoever can make room calls it again.
-//! Any thread.
+//! [`NewBuffer::take_memory`] is the only place that calls `vkAllocateMemory`; a caller that can make room calls it
+//! again. Any thread.
 
 use std::ptr::NonNull;
 
@@ -18,25 +18,26 @@ use crate::error::GpuError;
 use crate::instance::memory_type::{BufferUsage, HOST_FLAGS, choose_type};
 use crate::instance::probe::read_heaps;
 
-/// Smallest buffer, and what sizes are rounded up to: Vulkan has no empty buffers, and addresses stay aligned for
-/// vectors.
+/// Smallest size of a buffer, and the multiple to which sizes are rounded up: Vulkan has no empty buffers, and
+/// addresses stay aligned for vectors.
 const SIZE_STEP: u64 = 16;
 
-/// A buffer that is being made: first without memory, then with it, then mapped. It is destroyed if dropped before.
+/// A buffer under construction: first without memory, then with it, then mapped. It is destroyed if it is dropped
+/// before.
 pub(crate) struct NewBuffer<'a> {
     device: &'a LogicalDevice,
     name: &'a str,
     usage: BufferUsage,
     raw: RawBuffer,
-    /// What the driver wants: bytes, and the type chosen for it.
+    /// Requirements of the driver: bytes, and the type chosen for it.
     needs: (u64, u32),
-    /// Types that it allows, a bit each.
+    /// Memory types that it allows, one bit each.
     types: u32,
     is_finished: bool,
 }
 
 impl<'a> NewBuffer<'a> {
-    /// Makes a buffer of at least `bytes`.
+    /// Creates a buffer of at least `bytes`.
     ///
     /// # Errors
     /// `TooLarge`, `DeviceLost`, or another failed call.
@@ -59,14 +60,14 @@ impl<'a> NewBuffer<'a> {
                 | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
         );
         if families[0] != families[1] {
-            // Shaders reach memory by address, so no command list knows all that it touches, and what it would have to
-            // hand over from family to family. Sharing changes how images are laid out; for buffers drivers do nothing
-            // with it.
+            // Shaders reach memory by address, so no command list knows all buffers that it touches, nor those whose
+            // ownership it would have to transfer between families. Sharing changes the layout of images; for buffers
+            // drivers do nothing with it.
             info = info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(&families);
         }
         let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(lending::KIND);
         if usage == BufferUsage::Shared {
-            // It will be bound to no other memory.
+            // The buffer will be bound to no other memory.
             info = info.push_next(&mut external);
         }
         // SAFETY: the device is alive, the size is not zero, the families differ and are the device's, and
@@ -147,14 +148,14 @@ impl<'a> NewBuffer<'a> {
         }
     }
 
-    /// Makes the memory of pages of this process. False when there are none, or the driver does not take them.
+    /// Makes the memory of pages of this process. Returns false if there are none, or the driver does not take them.
     ///
     /// # Errors
     /// `DeviceLost`.
     pub(crate) fn lend(&mut self, lending: &PageLender) -> Result<bool, GpuError> {
         let Self { device, name, raw, needs: (bytes, _), types, .. } = self;
         let Some(LentPages { pages, bytes, types: of_pages }) = lending.pages(*bytes) else { return Ok(false) };
-        // They go with the buffer, whatever becomes of it.
+        // The pages are freed with the buffer, whatever happens to it.
         raw.pages = Some(pages);
         let known = device.memory_types.memory_types_as_slice();
         let Some(memory_type) = choose_type(known, *types & of_pages, BufferUsage::Shared) else { return Ok(false) };
@@ -211,8 +212,8 @@ impl<'a> NewBuffer<'a> {
     }
 }
 
-/// Has the driver make memory of so many bytes, not none and within `maxMemoryAllocationSize`, and of this type of the
-/// device's list; of pages that the type allows, if there are any.
+/// Allocates memory of this size, not 0 and within `maxMemoryAllocationSize`, and of this type of the device's list; of
+/// pages that the type allows, if there are any.
 fn allocate(
     device: &LogicalDevice,
     (bytes, memory_type): (u64, u32),

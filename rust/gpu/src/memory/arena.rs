@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The arenas of a heap: big buffers and the bookkeeping of their ranges, also of those that are retired.
+//! The arenas of a heap: big buffers, and the bookkeeping of their ranges, including retired ones.
 //!
-//! Knows no policy but that an empty arena is kept; [`Heap`](crate::Heap) decides when arenas are made. Any thread.
+//! The only policy here is that one empty arena is kept; [`Heap`](crate::Heap) decides when arenas are made. Any
+//! thread.
 //!
 //! Locks: the list of arenas before an arena's own; neither is held while anything is dropped.
 
@@ -28,7 +29,7 @@ pub(crate) struct MemoryArena {
     skew: u64,
     pub(crate) bytes: u64,
     space: Mutex<ArenaSpace>,
-    /// Those of its heap, as long as that lives.
+    /// Arenas of its heap, as long as that lives.
     siblings: Weak<HeapArenas>,
     pub(crate) counters: Arc<HeapCounters>,
 }
@@ -52,14 +53,14 @@ pub(crate) struct ArenaPlace {
 pub(crate) struct HeapArenas {
     device: Arc<LogicalDevice>,
     list: Mutex<Vec<Arc<MemoryArena>>>,
-    /// Ranges that nobody holds any more; freed when the GPU is done with them.
+    /// Retired ranges, which are freed when the GPU has finished with them.
     retired: RetireQueue<ArenaPlace>,
     pub(crate) counters: Arc<HeapCounters>,
-    /// Empty arenas stay.
+    /// True if empty arenas are kept.
     keeps: bool,
 }
 
-/// How full an arena is, in bytes.
+/// Usage of an arena, bytes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ArenaUsage {
     pub(crate) used_bytes: u64,
@@ -93,7 +94,7 @@ impl MemoryArena {
         self.space.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A place of `bytes`, a multiple of [`GRANULE`]; None when there is no hole of that size.
+    /// A place of `bytes`, a multiple of [`GRANULE`]; `None` if there is no hole of that size.
     pub(crate) fn take(self: &Arc<Self>, bytes: u64) -> Option<ArenaPlace> {
         let units = u32::try_from(bytes / GRANULE).ok()?;
         let mut space = self.lock();
@@ -103,12 +104,12 @@ impl MemoryArena {
         Some(ArenaPlace { arena: Arc::clone(self), allocation, bytes })
     }
 
-    /// Whether any range, retired ones included, is in it.
+    /// Returns true if any range, retired ones included, is in it.
     pub(crate) fn holds_ranges(&self) -> bool {
         self.lock().ranges > 0
     }
 
-    /// How full it is.
+    /// Usage of the arena.
     pub(crate) fn usage(&self) -> ArenaUsage {
         let space = self.lock();
         let report = space.allocator.storage_report();
@@ -121,7 +122,7 @@ impl MemoryArena {
 }
 
 impl HeapArenas {
-    /// None yet.
+    /// Creates a heap without arenas.
     pub(crate) fn new(device: &Arc<LogicalDevice>, counters: Arc<HeapCounters>, keeps: bool) -> Arc<Self> {
         let (device, list) = (Arc::clone(device), Mutex::new(Vec::new()));
         Arc::new(Self { device, list, retired: RetireQueue::new(), counters, keeps })
@@ -131,12 +132,13 @@ impl HeapArenas {
         self.list.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A place in one of the arenas there are.
+    /// A place in one of the existing arenas.
     pub(crate) fn take(&self, bytes: u64) -> Option<ArenaPlace> {
         self.lock().iter().find_map(|arena| arena.take(bytes))
     }
 
-    /// Adds an arena of `bytes`, to be asked after the others, and gives a place in it before anybody else can.
+    /// Adds an arena of `bytes`, which is tried after the others, and returns a place in it before any other thread can
+    /// take one.
     pub(crate) fn grow(self: &Arc<Self>, block: MemoryBlock, bytes: u64, place: u64) -> Option<ArenaPlace> {
         let arena = MemoryArena::new(block, bytes, self);
         let place = arena.take(place);
@@ -144,19 +146,19 @@ impl HeapArenas {
         place
     }
 
-    /// Adds an arena of `bytes`, to be asked before the others.
+    /// Adds an arena of `bytes`, which is tried before the others.
     pub(crate) fn add_first(self: &Arc<Self>, block: MemoryBlock, bytes: u64) {
         let arena = MemoryArena::new(block, bytes, self);
         self.lock().insert(0, arena);
     }
 
-    /// Frees a place after these submissions: at once if they have passed.
+    /// Frees a place after these submissions, or at once if they have finished.
     fn retire(&self, points: TimelinePoints, place: ArenaPlace) {
         self.retired.push(points, place);
         self.release(self.device.completed());
     }
 
-    /// Frees what is retired and waits for nothing after `completed`: nothing while the host looks at memory.
+    /// Frees retired ranges that wait for nothing after `completed`; none while the host has a view.
     pub(crate) fn release(&self, completed: TimelinePoints) {
         if self.retired.is_empty() || self.device.host_memory.has_views() {
             return;
@@ -170,12 +172,12 @@ impl HeapArenas {
         }
     }
 
-    /// The points after which all that is retired now can go; None when nothing is.
+    /// The points after which everything retired now can be freed; `None` if nothing is retired.
     pub(crate) fn last_retired(&self) -> Option<TimelinePoints> {
         self.retired.last_points()
     }
 
-    /// Lets go of arenas that hold nothing, all but `keep` of them.
+    /// Frees arenas that contain no range, all but `keep` of them.
     pub(crate) fn trim(&self, keep: usize) {
         let mut empty = Vec::new();
         let mut arenas = self.lock();
@@ -197,7 +199,7 @@ impl HeapArenas {
 }
 
 impl ArenaPlace {
-    /// Its size in the arena.
+    /// Bytes that it occupies in the arena.
     pub(crate) fn bytes(&self) -> u64 {
         self.bytes
     }
@@ -207,16 +209,16 @@ impl ArenaPlace {
         self.arena.skew + u64::from(self.allocation.offset) * GRANULE
     }
 
-    /// Gives the place back after these submissions. Each is retired once, by the drop of what is in it.
+    /// Frees the place after these submissions. Each place is retired once, by the drop of its range.
     pub(crate) fn retire(self, points: TimelinePoints) {
         match self.arena.siblings.upgrade() {
             Some(arenas) => arenas.retire(points, self),
-            // Nothing is taken from it any more; its memory waits for the GPU by itself.
+            // No place is taken from it any more; its memory waits for the GPU by itself.
             None => drop(self.free()),
         }
     }
 
-    /// Gives the place back, which the GPU no longer uses; the arena if it is empty now.
+    /// Frees the place, which the GPU no longer uses; returns the arena if it is empty now.
     fn free(self) -> Option<Arc<MemoryArena>> {
         let Self { arena, allocation, bytes } = self;
         let mut space = arena.lock();

@@ -10,8 +10,8 @@ use crate::device::logical::LogicalDevice;
 use crate::device::raw_buffer::{RawBuffer, RetiredBuffer};
 use crate::instance::lane::TimelinePoints;
 
-/// When something may be destroyed: after the newest submissions, of both lanes, at the time its public handle was
-/// dropped.
+/// The points after which an object may be destroyed: the newest submissions, of both lanes, at the time when its
+/// public handle was dropped.
 ///
 /// Work recorded before that keeps the object itself, so the object outlives such work anyway; this bounds work that
 /// only knows the address.
@@ -36,7 +36,7 @@ pub(crate) struct MemoryBlock {
     pub(crate) device: Arc<LogicalDevice>,
     pub(crate) raw: RawBuffer,
     pub(crate) retire_after: RetirePoint,
-    /// Its memory's place in the count of a heap.
+    /// Its memory in the counters of a heap.
     held: Option<HeldBytes>,
 }
 
@@ -52,7 +52,7 @@ impl MemoryBlock {
         block
     }
 
-    /// Says that it is the memory of one range of its heap.
+    /// Marks it as the memory of one range of its heap.
     pub(crate) fn dedicate(&mut self) {
         if let Some(held) = &mut self.held {
             held.dedicate();
@@ -63,7 +63,7 @@ impl MemoryBlock {
         self.raw.buffer
     }
 
-    /// Says that nothing submitted from now on uses this block by its address.
+    /// Notes that nothing submitted from now on uses this block by its address.
     pub(crate) fn released(&self) {
         self.retire_after.set(self.device.submitted());
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is made of device memory: buffers with memory of their own, arenas with ranges in them, parts of staging rings.
+//! Device memory: buffers with memory of their own, arenas with ranges, parts of staging rings.
 
 pub(crate) mod allocate;
 pub(crate) mod arena;

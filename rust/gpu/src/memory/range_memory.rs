@@ -18,17 +18,17 @@ pub(crate) struct RangeMemory {
     pub(crate) name: String,
     owner: RangeOwner,
     retire_after: RetirePoint,
-    /// Where the range is counted, and as how many bytes.
+    /// Counters of the range, with its bytes.
     counters: Arc<HeapCounters>,
     counted: u64,
-    /// Host threads take turns on the bytes.
+    /// Serialises the access of host threads to the bytes.
     host: Mutex<()>,
 }
 
 #[derive(Debug)]
 enum RangeOwner {
     Arena(ArenaPlace),
-    /// The block is the range's own.
+    /// The range has a block of its own.
     Dedicated,
 }
 
@@ -74,7 +74,7 @@ impl RangeMemory {
         .made()
     }
 
-    /// See [`DeviceRange::fill`](crate::DeviceRange::fill).
+    /// Fills bytes, as [`DeviceRange::fill`](crate::DeviceRange::fill).
     pub(crate) fn fill(&self, offset: u64, bytes: usize, fill: &mut dyn FnMut(&mut [u8])) -> Result<bool, GpuError> {
         let Some(mapped) = self.block.raw.mapped else { return Ok(false) };
         let fits = offset.checked_add(bytes as u64).is_some_and(|end| end <= self.size);
@@ -97,7 +97,7 @@ impl RangeMemory {
         Arc::new(self)
     }
 
-    /// Says that nothing submitted from now on uses it by its address.
+    /// Notes that nothing submitted from now on uses it by its address.
     pub(crate) fn released(&self) {
         self.counters.retire(self.counted);
         let points = self.block.device.submitted();

@@ -12,13 +12,13 @@ use crate::instance::lane::QueueLane;
 use crate::memory::block::MemoryBlock;
 use crate::memory::staging_space::RingSpace;
 
-/// The bytes of a ring, and who has which.
+/// The bytes of a ring, and the owners of its parts.
 #[derive(Debug)]
 pub(crate) struct RingMemory {
     pub(crate) block: Arc<MemoryBlock>,
-    /// The buffer's first byte.
+    /// First byte of the buffer.
     pub(crate) mapped: MappedPointer,
-    /// Bytes of the ring.
+    /// Size of the ring, bytes.
     pub(crate) size: u64,
     state: Mutex<RingState>,
     changed: Condvar,
@@ -27,13 +27,13 @@ pub(crate) struct RingMemory {
 #[derive(Debug)]
 pub(crate) struct RingState {
     space: RingSpace,
-    /// Threads that wait, in the order they asked.
+    /// Threads that wait, in the order of their requests.
     turns: VecDeque<u64>,
     next_turn: u64,
 }
 
 impl RingMemory {
-    /// All of a mapped block is free.
+    /// Creates a ring of a mapped block, all of which is free.
     pub(crate) fn new(block: MemoryBlock, mapped: MappedPointer, size: u64) -> Self {
         let state = RingState { space: RingSpace::new(size), turns: VecDeque::new(), next_turn: 0 };
         Self { block: Arc::new(block), mapped, size, state: Mutex::new(state), changed: Condvar::new() }
@@ -43,7 +43,8 @@ impl RingMemory {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes space if it is free and nobody asked before: the number and the start of the part, or the lock again.
+    /// Takes space if it is free and no other thread asked before: the number and the start of the part, or the lock
+    /// again.
     pub(crate) fn take<'a>(
         &self,
         mut state: MutexGuard<'a, RingState>,
@@ -56,7 +57,7 @@ impl RingMemory {
         state.space.take(bytes.max(1), align).ok_or(state)
     }
 
-    /// Waits for something to happen that may free space, not longer than this.
+    /// Waits for a change that may free space, not longer than this.
     pub(crate) fn wait_for_change(&self, state: MutexGuard<'_, RingState>, most: Duration) {
         drop(self.changed.wait_timeout(state, most).unwrap_or_else(PoisonError::into_inner));
     }
@@ -68,13 +69,13 @@ impl RingState {
         self.space.used()
     }
 
-    /// The lane that holds the oldest part, if it is for `turn` to wait for it: for the first in the queue.
+    /// The lane that holds the oldest part, if `turn` is the one to wait for it: the first in the queue.
     pub(crate) fn oldest_user(&self, turn: u64) -> Option<QueueLane> {
         self.space.oldest_user().filter(|_| self.turns.front() == Some(&turn))
     }
 }
 
-/// A place in the queue of those who wait.
+/// A place in the queue of waiting threads.
 pub(crate) struct RingTurn<'a> {
     ring: &'a RingMemory,
     pub(crate) number: u64,
@@ -111,7 +112,7 @@ impl StagingPart {
         Self { ring: Arc::clone(ring), number, start }
     }
 
-    /// A list of `lane` keeps it.
+    /// Notes that a list of `lane` keeps the part.
     pub(crate) fn used_on(&self, lane: QueueLane) {
         self.ring.lock().space.used_by(self.number, lane);
     }

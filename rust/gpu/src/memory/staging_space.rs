@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which parts of a ring are taken. Pure bookkeeping, no Vulkan, no locks.
+//! Tracks the parts of a ring that are taken. Pure bookkeeping, no Vulkan, no locks.
 //!
 //! Parts are taken in the order of the ring and may be given back in any order; space is free again when all older
 //! parts are back, or all newer ones. Guarantee: parts that are taken do not overlap.
@@ -13,17 +13,17 @@ use crate::instance::lane::QueueLane;
 struct RingPart {
     start: u64,
     end: u64,
-    /// Given back, and waiting for older ones.
+    /// True if it was given back and waits for older parts.
     returned: bool,
-    /// The lane that used it last: whom to wait for.
+    /// Lane that used it last, for which a thread has to wait.
     user: Option<QueueLane>,
 }
 
-/// A ring of bytes.
+/// The bookkeeping of a ring of bytes.
 #[derive(Debug)]
 pub(crate) struct RingSpace {
     bytes: u64,
-    /// Oldest first. `end` of the newest is where the next one may begin.
+    /// Parts, oldest first. The `end` of the newest is the possible start of the next one.
     parts: VecDeque<RingPart>,
     /// Number of the oldest part; later ones count up from it.
     oldest: u64,
@@ -34,22 +34,22 @@ impl RingSpace {
         Self { bytes, parts: VecDeque::new(), oldest: 0 }
     }
 
-    /// Takes `bytes` (not 0) at a multiple of `align`; gives the part's number and its start. None = not now. Numbers
-    /// are used again once the part is back.
+    /// Takes `bytes` (not 0) at a multiple of `align`; returns the part's number and its start. `None` = there is no
+    /// room now. Numbers are used again once the part is back.
     pub(crate) fn take(&mut self, bytes: u64, align: u64) -> Option<(u64, u64)> {
         let start = self.place(bytes, align)?;
         self.parts.push_back(RingPart { start, end: start + bytes, returned: false, user: None });
         Some((self.oldest + self.parts.len() as u64 - 1, start))
     }
 
-    /// Where the next part of this size can be.
+    /// Position of the next part of this size, if there is room.
     fn place(&self, bytes: u64, align: u64) -> Option<u64> {
         let ends_by = |start: u64, limit: u64| start.checked_add(bytes).is_some_and(|end| end <= limit);
         let (Some(oldest), Some(newest)) = (self.parts.front(), self.parts.back()) else {
             return ends_by(0, self.bytes).then_some(0);
         };
         let next = newest.end.checked_next_multiple_of(align)?;
-        // Parts are not empty, so the newest begins before the oldest exactly when the ring has come round.
+        // Parts are not empty, so the newest begins before the oldest exactly if the ring has wrapped.
         let wrapped = newest.start < oldest.start;
         if wrapped {
             ends_by(next, oldest.start).then_some(next)
@@ -60,7 +60,7 @@ impl RingSpace {
         }
     }
 
-    /// Gives a part back, once. True when space became free by it.
+    /// Gives a part back, once. Returns true if space became free by it.
     pub(crate) fn give_back(&mut self, number: u64) -> bool {
         if let Some(part) = self.part(number) {
             part.returned = true;
@@ -81,7 +81,7 @@ impl RingSpace {
         self.parts.get_mut(index)
     }
 
-    /// A list of `lane` uses a part.
+    /// Notes that a list of `lane` uses a part.
     pub(crate) fn used_by(&mut self, number: u64, lane: QueueLane) {
         if let Some(part) = self.part(number) {
             part.user = Some(lane);

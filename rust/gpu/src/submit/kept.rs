@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What lives as long as the work that uses it. Any thread.
+//! Objects that live as long as the work that uses them. Any thread.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use crate::memory::block::MemoryBlock;
 use crate::memory::range_memory::RangeMemory;
 use crate::memory::staging_part::StagingPart;
 
-/// Something that lives as long as the work that uses it. Held, never read.
+/// An object that lives as long as the work that uses it. It is held, never read.
 #[derive(Debug)]
 pub(crate) enum HeldResource {
     Block(#[expect(dead_code, reason = "held to keep it alive")] Arc<MemoryBlock>),

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Submissions: what they keep alive, how they are recorded and timed, and the open device, which takes back what they
-//! are done with.
+//! Submissions: recording, timing, the objects that they keep alive, and the open device, which takes back the objects
+//! of finished submissions.
 
 pub(crate) mod kept;
 pub(crate) mod open_device;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! An open device: the logical one with its queues and its heaps, whose memory can be had back when the GPU is done.
+//! An open device: the logical one with its queues and its heaps, whose memory is reclaimed when the GPU has finished.
 //!
-//! Shared by [`Gpu`](crate::Gpu), heaps, staging rings and views; what command lists keep alive holds only the logical
-//! device, so nothing in flight points back here. Any thread.
+//! Shared by [`Gpu`](crate::Gpu), heaps, staging rings and views; the objects that command lists keep alive hold only
+//! the logical device, so nothing in flight refers to this type. Any thread.
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
@@ -16,21 +16,21 @@ use crate::memory::arena::HeapArenas;
 use crate::memory::block::MemoryBlock;
 use crate::submit::queue::{InFlight, Queue};
 
-/// Whether a full budget may be waited out.
+/// Decides if an allocation may wait while the budget is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum BudgetWait {
-    /// Take back what is free already, but do not wait for the GPU.
+    /// Takes back memory that is free already, but does not wait for the GPU.
     Now,
-    /// Wait for the GPU to release retired memory before giving up.
+    /// Waits for the GPU to release retired memory before giving up.
     WaitForRetired,
 }
 
-/// See the module.
+/// A logical device with its queues and heaps.
 #[derive(Debug)]
 pub(crate) struct OpenDevice {
     queues: [Queue; LANES],
     heaps: Mutex<Vec<Weak<HeapArenas>>>,
-    /// Last: the queues are made from it.
+    /// Dropped last, because the queues are made from it.
     pub(crate) device: Arc<LogicalDevice>,
 }
 
@@ -43,26 +43,26 @@ impl OpenDevice {
         &self.queues[lane.index()]
     }
 
-    /// Notes a heap, whose empty arenas are given back when memory is short.
+    /// Adds a heap, whose empty arenas are freed if memory is short.
     pub(crate) fn add_heap(&self, arenas: &Arc<HeapArenas>) {
         self.heaps.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::downgrade(arenas));
     }
 
-    /// Heaps that are still there.
+    /// Heaps that still exist.
     fn heaps(&self) -> Vec<Arc<HeapArenas>> {
         let mut heaps = self.heaps.lock().unwrap_or_else(PoisonError::into_inner);
         heaps.retain(|heap| heap.strong_count() > 0);
         heaps.iter().filter_map(Weak::upgrade).collect()
     }
 
-    /// Lets go of everything that finished submissions used.
+    /// Releases everything that finished submissions used.
     pub(crate) fn collect(&self) {
         let completed = self.device.completed();
         for lane in QueueLane::ALL {
             let queue = self.queue(lane);
             for InFlight { slot, kept, timer, .. } in queue.take_finished(&self.device, completed.of(lane)) {
                 queue.recycle(&self.device, slot);
-                // What the submission kept alive may be retired by this.
+                // Objects that the submission kept alive may be retired by this drop.
                 drop((kept, timer));
             }
         }
@@ -72,7 +72,7 @@ impl OpenDevice {
         }
     }
 
-    /// Makes room: collects, empties heaps of unused arenas and, if allowed, waits for what is retired.
+    /// Makes room: collects, empties heaps of unused arenas and, if allowed, waits for retired memory.
     pub(crate) fn reclaim(&self, patience: BudgetWait) -> Result<(), GpuError> {
         self.collect();
         self.trim_heaps();
@@ -92,14 +92,14 @@ impl OpenDevice {
         }
     }
 
-    /// The points after which all that is retired now can go; None when nothing is.
+    /// The points after which everything retired now can be destroyed; `None` if nothing is retired.
     fn last_retired(&self) -> Option<TimelinePoints> {
         let of_heaps = self.heaps().into_iter().filter_map(|heap| heap.last_retired());
         self.device.last_retired().into_iter().chain(of_heaps).reduce(TimelinePoints::later)
     }
 
     /// Makes a buffer of at least `bytes` with its own memory, mapped unless `usage` is `LogicalDevice`. On a shortage
-    /// takes back what is retired, and tries once more.
+    /// it takes back retired memory, and tries once more.
     ///
     /// # Errors
     /// `TooLarge`, `OutOfMemory` (nothing is held then), `DeviceLost`, or another failed call.
@@ -111,7 +111,7 @@ impl OpenDevice {
         patience: BudgetWait,
     ) -> Result<RawBuffer, GpuError> {
         let usage = match usage {
-            // What the driver is not lent it makes.
+            // Memory that cannot be lent is made by the driver.
             BufferUsage::Shared => match self.lent(name, bytes)? {
                 Some(lent) => return Ok(lent),
                 None => BufferUsage::Readback,
@@ -129,7 +129,7 @@ impl OpenDevice {
         new.finish()
     }
 
-    /// A buffer of pages of this process; None where the driver takes none.
+    /// A buffer of pages of this process; `None` if the driver takes none.
     fn lent(&self, name: &str, bytes: u64) -> Result<Option<RawBuffer>, GpuError> {
         let Some(lending) = &self.device.lending else { return Ok(None) };
         let mut new = NewBuffer::new(&self.device, name, bytes, BufferUsage::Shared)?;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The queue of a lane: numbered submissions, and what each keeps alive.
+//! The queue of a lane: numbered submissions, and the objects that each keeps alive.
 //!
 //! Submission n is done when the lane's timeline has reached n. Submissions of a lane run in order (each command list
 //! begins with a full barrier); those of different lanes do not, unless one waits for the other. Any thread.
@@ -18,7 +18,7 @@ use crate::instance::lane::{LANES, QueueLane, TimelinePoints};
 use crate::submit::kept::HeldResource;
 use crate::submit::timer::QueryTimer;
 
-/// One command pool with its one buffer.
+/// A command pool with its only buffer.
 #[derive(Debug)]
 pub(crate) struct CommandSlot {
     pool: vk::CommandPool,
@@ -60,12 +60,12 @@ impl CommandSlot {
 /// Everything a submission needs until it has finished.
 #[derive(Debug)]
 pub(crate) struct InFlight {
-    /// Number of the submission, given when it is made.
+    /// Number of the submission, given when it is recorded.
     pub(crate) value: u64,
     pub(crate) slot: CommandSlot,
     pub(crate) kept: Vec<HeldResource>,
     pub(crate) timer: Option<Arc<QueryTimer>>,
-    /// What other lanes must have finished before it runs.
+    /// Submissions of other lanes that must have finished before it runs.
     pub(crate) waits: TimelinePoints,
 }
 
@@ -74,13 +74,13 @@ pub(crate) struct InFlight {
 pub(crate) struct Queue {
     lane: QueueLane,
     raw: Arc<Mutex<vk::Queue>>,
-    /// Oldest first.
+    /// Submissions in flight, oldest first.
     in_flight: Mutex<VecDeque<InFlight>>,
     slots: Mutex<Vec<CommandSlot>>,
 }
 
 impl Queue {
-    /// The queues of the lanes, which may share one of Vulkan's.
+    /// The queues of the lanes, which may share one Vulkan queue.
     pub(crate) fn of_lanes(device: &LogicalDevice) -> [Self; LANES] {
         let get = |lane: QueueLane| {
             let choice = device.choice(lane);
@@ -108,7 +108,7 @@ impl Queue {
     }
 
     /// Submits a recorded command buffer and returns its number; label and marks are for the error of a lost device. On
-    /// an error nothing runs and `work` is let go.
+    /// an error nothing runs and `work` is dropped.
     pub(crate) fn submit(
         &self,
         device: &LogicalDevice,
@@ -121,7 +121,8 @@ impl Queue {
         work.value = value;
         #[cfg(feature = "faults")]
         let submitted = if device.watch.loses() {
-            // What a lost device had is over, and its memory goes at once; this one is at work still.
+            // The work of a lost device is over, and its memory is freed at once; otherwise the device is still
+            // working.
             device.wait_for(device.submitted()).ok();
             Err(vk::Result::ERROR_DEVICE_LOST)
         } else {
@@ -169,7 +170,8 @@ impl Queue {
         unsafe { device.raw.queue_submit(*queue, &info, vk::Fence::null()) }
     }
 
-    /// Takes what submissions up to `completed` kept alive. The caller drops it without this queue's lock.
+    /// Takes the objects that submissions up to `completed` kept alive. The caller drops them without this queue's
+    /// lock.
     pub(crate) fn take_finished(&self, device: &LogicalDevice, completed: u64) -> Vec<InFlight> {
         let mut in_flight = self.lock();
         let count = in_flight.iter().take_while(|work| work.value <= completed).count();
@@ -197,7 +199,8 @@ impl Queue {
         }
     }
 
-    /// Destroys the slots, and lets go of all that is in flight. The device is idle and no command list is left.
+    /// Destroys the slots, and releases everything that is in flight. The device must be idle, and no command list may
+    /// be left.
     pub(crate) fn close(&self, device: &LogicalDevice) {
         for work in self.take_finished(device, u64::MAX) {
             work.slot.destroy(&device.raw);

@@ -15,7 +15,7 @@ use crate::error::GpuError;
 use crate::instance::lane::QueueLane;
 use crate::submit::timer::QueryTimer;
 
-/// Stages in which operations run, and what they write and read there.
+/// Stages in which operations run, and the accesses of operations there.
 #[derive(Clone, Copy, Debug)]
 struct SyncScope {
     stages: vk::PipelineStageFlags,
@@ -44,7 +44,7 @@ pub(crate) struct CommandRecorder {
     pub(crate) lane: QueueLane,
     buffer: vk::CommandBuffer,
     scope: SyncScope,
-    /// Something before the next operation has to be waited for. True at the start: earlier submissions.
+    /// True if the next operation has to wait for something. It is true at the start: for earlier submissions.
     barrier_pending: bool,
     concurrent_depth: u32,
     has_operations: bool,
@@ -95,7 +95,7 @@ impl CommandRecorder {
         }
     }
 
-    /// Switches timestamps for what follows; without timestamps on the queue this does nothing.
+    /// Switches timestamps for later operations; without timestamps on the queue this does nothing.
     pub(crate) fn set_timing(&mut self, on: bool) {
         let bits = self.device.choice(self.lane).timestamp_bits;
         self.timing = on && bits > 0 && self.device.report.capabilities.timestamps;
@@ -105,12 +105,12 @@ impl CommandRecorder {
         self.timing
     }
 
-    /// Whether anything is recorded.
+    /// Returns true if anything is recorded.
     pub(crate) fn has_operations(&self) -> bool {
         self.has_operations
     }
 
-    /// Records one operation.
+    /// Records one operation, with the barrier, the marker, the label and the timestamps around it.
     pub(crate) fn operation(
         &mut self,
         name: &str,
@@ -132,7 +132,7 @@ impl CommandRecorder {
         self.concurrent_depth += 1;
     }
 
-    /// Ends it: what follows waits for all of it.
+    /// Ends the section: later operations wait for all of it.
     pub(crate) fn leave_concurrent(&mut self) {
         self.concurrent_depth = self.concurrent_depth.saturating_sub(1);
         if self.concurrent_depth == 0 {
@@ -140,7 +140,7 @@ impl CommandRecorder {
         }
     }
 
-    /// Starts a named span; pass what this returns to `leave_span`.
+    /// Starts a named span; the result is passed to `leave_span`.
     pub(crate) fn enter_span(&mut self, name: &str) -> Result<Option<u32>, GpuError> {
         self.begin_label(name);
         self.stamp()

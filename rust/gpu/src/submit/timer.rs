@@ -19,11 +19,11 @@ struct TimerEntry {
     end: u32,
 }
 
-/// Query pools in use by one command list, and what they measure.
+/// Query pools in use by one command list, and the operations that they measure.
 #[derive(Debug)]
 pub(crate) struct QueryTimer {
     device: Arc<LogicalDevice>,
-    /// Valid bits of the queue's timestamps.
+    /// Number of valid bits of the queue's timestamps.
     bits: u32,
     pools: Vec<vk::QueryPool>,
     entries: Vec<TimerEntry>,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Tests that need what the crate does not give out: a broken Vulkan rule, a lost device, a gate between two queues.
+//! Tests that need more than the public interface: a broken Vulkan rule, a lost device, a gate between two queues.
 
 mod queue_order;
 mod validation_and_loss;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Tests in which the host holds the GPU back: a list of one lane waits for a submission of the other that is only
-//! pretended, until the host says it is done. So both timelines are told apart also on a device with one queue.
+//! pretended, until the host says it is done. So both timelines can be distinguished on a device with one queue too.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,7 +22,7 @@ fn open_with(options: &OpenOptions) -> Arc<Gpu> {
     Gpu::open(&OpenOptions { selector, validation: true, ..options.clone() }).expect("a device to test on")
 }
 
-/// Holds back what waits for it. Nothing may be submitted to its lane.
+/// Holds back the submissions that wait for it. Nothing may be submitted to its lane.
 pub(crate) struct Gate {
     lane: QueueLane,
     pretended: Submission,
@@ -43,12 +43,12 @@ impl Gate {
         commands.wait_for(&self.pretended);
     }
 
-    /// Lets it run: by the drop of `self`.
+    /// Opens the gate by dropping `self`.
     pub(crate) fn open(self) {}
 }
 
 impl Drop for Gate {
-    /// Also when a test fails: closing the device waits for what is held back.
+    /// Opens the gate, also when a test fails: closing the device waits for the submissions held back.
     fn drop(&mut self) {
         let device = self.gpu.device();
         let info = vk::SemaphoreSignalInfo::default().semaphore(device.timeline(self.lane).semaphore()).value(1);

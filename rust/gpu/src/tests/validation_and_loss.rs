@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Tests with faults that the public interface does not let anyone make: a broken Vulkan rule, a lost device.
+//! Tests with faults that the public interface cannot cause: a broken Vulkan rule, a lost device.
 
 use std::sync::Arc;
 
@@ -56,7 +56,7 @@ fn filled(gpu: &Arc<Gpu>, label: &str, buffer: &Buffer) -> CommandList {
     commands
 }
 
-/// As if the driver had answered `VK_ERROR_DEVICE_LOST`.
+/// Marks the device as lost, as if the driver had answered `VK_ERROR_DEVICE_LOST`.
 fn lose(gpu: &Gpu) -> GpuError {
     let result = gpu.device().check::<()>("vkQueueSubmit", Err(vk::Result::ERROR_DEVICE_LOST));
     result.expect_err("a lost device is an error")

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Calls that fail for lack of memory, and the budget's books against every byte of `vkAllocateMemory`.
+//! Calls that fail for lack of memory, and the budget's count compared with every byte of `vkAllocateMemory`.
 
 use std::sync::Arc;
 
@@ -13,12 +13,12 @@ fn small() -> support::TestGpu {
     support::open_with(&OpenOptions { budget_bytes: Some(8 * MIB), ..support::options() })
 }
 
-/// Uses every call that takes memory; the words that the device computed.
+/// Uses every call that allocates memory; returns the words that the device computed.
 fn work(gpu: &Arc<Gpu>, heap: &Heap, words: &[u32]) -> Result<Vec<u32>, GpuError> {
     let pipeline = Pipeline::new(gpu, "affine", words, &[(0, 3)], 24)?;
     let range = heap.alloc("range", 256, 16)?;
     let readback = Buffer::new(gpu, "readback", 256, BufferUsage::Readback)?;
-    // More lists at a time than were ever made: each needs a pool.
+    // There are more lists at a time than were ever made, because each needs a pool.
     let spare = (0..3).map(|_| gpu.commands("spare")).collect::<Result<Vec<_>, _>>()?;
     let mut commands = gpu.commands("work")?;
     commands.fill(&range, 0, 256, 5);
@@ -47,8 +47,8 @@ fn a_planted_failure_strikes_the_request_it_was_meant_for() {
     assert_eq!(gpu.failures_struck(), 1, "it struck once");
 }
 
-/// Whatever call fails, once or twice in a row: an error for lack of memory, nothing is held that was not held before,
-/// and the same work is done by the next try.
+/// Any call fails, once or twice in a row: the result is an error for lack of memory, nothing is held that was not held
+/// before, and the next try does the same work.
 #[test]
 fn every_allocating_call_survives_out_of_memory() {
     let words = support::compile(support::AFFINE);
@@ -71,7 +71,7 @@ fn every_allocating_call_survives_out_of_memory() {
         while gpu.failures_struck() < u64::from(times) {
             match work(&gpu, &heap, &words) {
                 Err(GpuError::OutOfMemory { .. }) => errors += 1,
-                // What the driver refuses once is asked for again, and arenas may be smaller.
+                // A request that the driver refuses once is repeated, and arenas may be smaller.
                 Ok(words) => assert!(is_asked_again && words == [16; 64], "{call:?}, {times}: {words:?}"),
                 Err(error) => panic!("{call:?}, {times} times: {error}"),
             }
@@ -83,8 +83,8 @@ fn every_allocating_call_survives_out_of_memory() {
     }
 }
 
-/// The books of the budget against the driver's own function, on any device: what is on the books is what is held, to
-/// the byte, and the driver never gave more than was on the books.
+/// Compares the budget's count with the driver's own function, on any device: the counted bytes are the held bytes,
+/// exactly, and the driver never gave more than was counted.
 #[test]
 fn the_budget_counts_every_byte_of_vk_allocate_memory() {
     let gpu = small();

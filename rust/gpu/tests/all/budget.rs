@@ -88,7 +88,7 @@ fn the_driver_counts_what_we_hold() {
     let after = gpu.driver_usage().expect("still known");
     let told = format!("{}: {before} bytes before, {with} with 256 MiB, {after} after", gpu.report().name);
     assert!(with > 0 && after > 0, "{told}");
-    // Software renderers tell of the whole machine; elsewhere tests beside this one may hold some as well.
+    // Software renderers report the whole machine; elsewhere tests beside this one may hold memory as well.
     if gpu.report().kind != DeviceKind::Cpu {
         assert!(with >= before + 128 * MIB && after + 128 * MIB <= with, "{told}");
     }

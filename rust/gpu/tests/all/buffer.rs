@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Buffers: what goes in comes out, and nothing goes outside.
+//! Buffers: reads return what was written, and nothing outside changes.
 
 use oocpt_gpu::{Buffer, BufferUsage, DeviceRange, GpuError, Heap};
 
@@ -29,7 +29,7 @@ fn bytes_make_the_round_trip() {
     assert_eq!(read_words(&readback, 1000), expected, "upload, buffer, heap range, readback");
 }
 
-/// So that tests see what relies on drivers that clear memory.
+/// New memory is poisoned, so that tests detect code that relies on drivers that clear memory.
 #[test]
 fn new_memory_is_poisoned() {
     let gpu = support::open();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Choosing a device, and what is reported about it.
+//! The choice of a device, and the reports about it.
 
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError, OpenOptions, enumerate, enumerate_for};
 

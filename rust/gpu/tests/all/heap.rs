@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Heaps: ranges do not overlap, space comes back, statistics tell the truth.
+//! Heaps: ranges do not overlap, space is reused, statistics are correct.
 
 use oocpt_gpu::{
     Buffer, BufferUsage, DeviceRange, DriverCall, GpuError, Heap, HeapOptions, HeapRange, OpenOptions, PlantedFailure,
@@ -106,7 +106,7 @@ fn no_more_is_reserved_than_there_is() {
     assert_eq!(heap.reserve(MIB).expect("alive"), 0, "there is none");
 }
 
-/// Memory of the host that the device reaches: the budget does not count it, and what is made ahead stays.
+/// Memory of the host that the device reaches: the budget does not count it, and reserved arenas stay.
 #[test]
 fn a_heap_of_host_memory_keeps_its_arenas() {
     const MIB: u64 = 1 << 20;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Work of the host inside a command list, and device memory as the host sees it. On a device with memory of its own
-//! there is no view, and that is what is tested.
+//! Work of the host inside a command list, and access of the host to device memory. On a device with memory of its own
+//! there is no view, which is tested too.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use crate::support::{self, LONG, affine, affine_push, finish, read_words, spin, 
 
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// A view, or none where the device says that there is none.
+/// A view; `None` if the device reports that there is none.
 fn view(gpu: &Gpu, written: &[&Buffer]) -> Option<HostView> {
     let view = gpu.host_view(written);
     assert_eq!(view.is_some(), gpu.has_host_memory(), "as the device says");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs the crate on a real device (the software renderer, or what `OOCPT_TEST_DEVICE` names) with the validation layer
-//! on: any message of the layer, also one about leaks after closing, fails the test that caused it.
+//! Runs the crate on a real device (the software renderer, or the one that `OOCPT_TEST_DEVICE` names) with the
+//! validation layer on: any message of the layer, also one about leaks after closing, fails the test that caused it.
 
 mod allocation_failures;
 mod budget;

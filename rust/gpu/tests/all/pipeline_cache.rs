@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Compiled pipelines on disk: found again, and never trusted blindly.
+//! Compiled pipelines on disk: they are found again, and never trusted blindly.
 
 use std::path::{Path, PathBuf};
 
@@ -49,7 +49,7 @@ fn one_file_is_kept_and_replaced_when_it_is_bad() {
     render(&folder);
     assert_eq!(folder.files(), files, "used, not added to");
     let mut foreign = good.clone();
-    // The vendor in Vulkan's header; the checksum tells, and so would the header.
+    // This is the vendor in Vulkan's header; the checksum detects the change, and so would the header.
     foreign[24 + 8] ^= 0xFF;
     let bad = [Vec::new(), vec![0xA5; 1000], good[..good.len() - 1].to_vec(), [&good[..], b"more"].concat(), foreign];
     for (i, bytes) in bad.iter().enumerate() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The staging ring: bytes arrive whole, space comes back, nobody waits for ever.
+//! The staging ring: bytes arrive complete, space is reused, no thread waits for ever.
 
 use std::sync::mpsc;
 use std::time::Duration;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the tests share: an opened device that checks its validation log at the end, shaders compiled on the spot,
+//! Code that the tests share: an opened device that checks its validation log at the end, shaders compiled at run time,
 //! plain casts.
 
 use std::ops::Deref;
@@ -27,7 +27,7 @@ void main() {
 }
 ";
 
-/// Spins for `rounds`, then writes what it computed: work that takes a while.
+/// Spins for `rounds`, then writes the result: work that takes a while.
 pub(crate) const SPIN: &str = r"
 #version 460
 #extension GL_EXT_buffer_reference : require

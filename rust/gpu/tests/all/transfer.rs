@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Transfer lists: on a queue of their own where the device has one, in order with others only where that was said.
+//! Transfer lists: on a queue of their own if the device has one, ordered with others only where that was asked for.
 
 use std::time::Duration;
 
@@ -26,7 +26,7 @@ fn dispatches_see_transferred_data() {
             let range = heap.alloc("range", 4 << 20, 256).expect("memory");
             let mut transfer = gpu.transfer_commands("bring").expect("a command list");
             transfer.fill(&range, 0, 4 << 20, 0xFFFF);
-            // The last bytes of a long copy are what is looked at.
+            // The check reads the last bytes of a long copy.
             transfer.copy(&upload, 0, &range, 0, 4 << 20);
             transfer.update(&range, range.size() - 4, &bytes(&[1000 + round]));
             let brought = transfer.submit().expect("submitted");

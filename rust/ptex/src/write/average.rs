@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The average texel of a face. Readers take it where a face is less than a texel wide.
+//! The average texel of a face. Readers use it if a face is less than a texel wide.
 
 use half::f16;
 
 use crate::DataType;
 use crate::texels::TexelLayout;
 
-/// The average of texels in the byte order of this machine. Alpha weighs the channels before it or, if it is the first,
-/// those after it.
+/// The average of texels in the byte order of this machine. Alpha weights the channels before it or, if it is the
+/// first, those after it.
 pub(super) fn average(texel: TexelLayout, alpha_channel: Option<u32>, texels: &[u8]) -> Vec<u8> {
     let alpha = alpha_channel.map(|alpha| alpha as usize);
     let is_weighed = |channel| alpha.is_some_and(|alpha| if alpha == 0 { channel > 0 } else { channel < alpha });

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Writes files, for tests and generators of scenes. One level, no metadata, no edits: as much as readers require.
+//! Writes files, for tests and generators of scenes: one level, no metadata, no edits, which is all that readers
+//! require.
 
 mod average;
 
@@ -18,8 +19,8 @@ use crate::{BorderMode, DataType, MAX_BYTES, MAX_CHANNELS, MAX_FACES, MAX_LOG2, 
 /// Faces of more bytes are cut into tiles of at most this.
 const TILE_BYTES: usize = 1 << 16;
 
-/// Writes a file face by face. The compressed texels stay in memory until [`Self::finish`], since what comes before
-/// them in the file is known only then.
+/// Writes a file face by face. The compressed texels stay in memory until [`Self::finish`], because the parts before
+/// them in the file are known only then.
 pub struct PtexWriter<W: Write> {
     sink: W,
     header: PtexHeader,
@@ -27,9 +28,9 @@ pub struct PtexWriter<W: Write> {
     texel: TexelLayout,
     records: Vec<u8>,
     constants: Vec<u8>,
-    /// The words of the faces' blocks.
+    /// Words of the faces' blocks.
     words: Vec<u8>,
-    /// The faces' blocks.
+    /// Blocks of the faces.
     blocks: Vec<u8>,
 }
 
@@ -85,13 +86,13 @@ impl<W: Write> PtexWriter<W> {
         })
     }
 
-    /// Says what filters take beyond edges without neighbours, along u and v.
+    /// Sets the continuation beyond edges without neighbours, along u and v.
     pub fn set_border_modes(&mut self, border_modes: [BorderMode; 2]) {
         self.border_modes = border_modes;
     }
 
     /// Appends the next face. `texels` is as [`crate::PtexFile::read_face`] gives it, or one texel if the face is
-    /// constant. Faces whose texels are all equal become constant. `face.has_edits` means nothing.
+    /// constant. Faces whose texels are all equal become constant. `face.has_edits` is ignored.
     pub fn push_face(&mut self, face: &PtexFace, texels: &[u8]) -> Result<(), PtexError> {
         if self.faces() >= self.header.faces as usize {
             return Err(PtexError::Caller("more faces than announced"));
@@ -128,7 +129,7 @@ impl<W: Write> PtexWriter<W> {
         Ok(())
     }
 
-    /// Writes the file, and gives the sink back. Fails unless all faces have come.
+    /// Writes the file, and returns the sink. Fails unless all faces were given.
     pub fn finish(mut self) -> Result<W, PtexError> {
         if self.faces() != self.header.faces as usize {
             return Err(PtexError::Caller("fewer faces than announced"));
@@ -158,7 +159,7 @@ impl<W: Write> PtexWriter<W> {
         Ok(self.sink)
     }
 
-    /// How many faces have come.
+    /// Number of faces given so far.
     fn faces(&self) -> usize {
         self.records.len() / FACE_BYTES as usize
     }
@@ -194,7 +195,7 @@ impl<W: Write> PtexWriter<W> {
         Ok(BlockEncoding::Tiled)
     }
 
-    /// A rectangle of a face as it is stored.
+    /// A rectangle of a face in its stored encoding.
     fn compressed(&self, texels: &[u8], rect: FaceRect) -> Result<(BlockEncoding, Vec<u8>), PtexError> {
         let mut planes = self.texel.planes(texels, rect);
         let value = self.texel.data_type.bytes();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Files that lie: many changes of good ones, the same in each run. Nothing may panic, and no file of a few kilobytes
+//! Corrupt files: many changes of good ones, the same in each run. Nothing may panic, and no file of a few kilobytes
 //! may cost much memory.
 
 use oocpt_ptex::PtexFile;
@@ -8,9 +8,9 @@ use crate::raw::{Raw, put, zipped};
 use crate::support::{fixture, open};
 use crate::tiles::{four_tiles, one_face, tiled};
 
-/// Faces of more bytes are not read, as by callers that ask first.
+/// Bytes above which faces are not read, as by callers that ask first.
 const MOST_FACE_BYTES: u64 = 1 << 16;
-/// What a process of all tests of this crate may have had, KiB. Far less than what the files ask for.
+/// Most memory of a process of all tests of this crate, KiB. It is far less than the files ask for.
 const MOST_RESIDENT: u64 = 400 << 10;
 
 /// Steele, Lea & Flood 2014, `SplitMix64`.
@@ -61,7 +61,7 @@ fn change(bytes: &mut Vec<u8>, random: &mut Random) {
     }
 }
 
-/// A change of the file as it is: mostly of its headers, where it says what follows.
+/// A change of the file as it is: mostly of its headers, which describe the parts that follow.
 fn outside(good: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = good.to_vec();
     for _ in 0..=random.below(3) {
@@ -81,7 +81,7 @@ fn outside(good: &[u8], random: &mut Random) -> Vec<u8> {
     bytes
 }
 
-/// A change of what is inside of compressed tables, so that no checksum finds it.
+/// A change inside compressed tables, so that no checksum detects it.
 fn inside(good: &Raw, random: &mut Random) -> Vec<u8> {
     let mut raw = good.clone();
     for _ in 0..=random.below(3) {
@@ -118,7 +118,7 @@ fn header(random: &mut Random) -> Vec<u8> {
     bytes
 }
 
-/// A face in tiles, whose table says other things than what is there.
+/// A face in tiles, whose table contradicts the data.
 fn tiles(random: &mut Random) -> Vec<u8> {
     let tiles = four_tiles();
     let mut words: Vec<u8> = Vec::new();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Each field of the header and of the records at values that it cannot have, and what is said of it.
+//! Each field of the header and of the records at invalid values, and the resulting error.
 
 use oocpt_ptex::{MAX_BYTES, PtexError, PtexFile, ReadAt};
 
@@ -11,7 +11,7 @@ use crate::support::{fixture, open, read};
 
 const NAME: &str = "quad_u8_3.ptx";
 
-/// What is said of a file in which some bytes are others.
+/// The error of a file in which some bytes were changed.
 fn refused(name: &str, changes: &[(usize, &[u8])]) -> String {
     let mut bytes = fixture(name);
     changes.iter().for_each(|(at, field)| put(&mut bytes, *at, field));
@@ -197,7 +197,7 @@ fn a_large_face_count_in_a_small_file_is_refused() {
     assert_eq!(error, "the table of blocks is to be 16384 bytes, compressed to 8, which cannot be");
 }
 
-/// A file that says to be a TiB.
+/// A file that claims to have a TiB.
 struct Large(Vec<u8>);
 
 impl ReadAt for Large {
@@ -256,7 +256,7 @@ fn old_files_have_edits_up_to_their_end() {
         for face in 0..5 {
             assert!(read(&file, face).unwrap() == read(&new, face).unwrap(), "face {face}, {length} bytes");
         }
-        // What follows the last edit, or has no length, is none.
+        // Bytes that follow the last edit, or an edit without length, are ignored.
         old.rest.extend([0; 9]);
         assert_eq!(open(old.build()).unwrap().faces(), new.faces(), "zeros behind");
     }

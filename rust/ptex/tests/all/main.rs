@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Tests of the reader and the writer: files of the reference writer, files of ours, and files that lie.
+//! Tests of the reader and the writer: files of the reference writer, files of this writer, and corrupt files.
 
 #[cfg(test)]
 mod hostile;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A file taken apart into what it says, so that tests can make it say something else: tables are inflated, and
-//! compressed again by [`Raw::build`], which makes the lengths right unless told otherwise.
+//! A file taken apart into its fields, so that tests can change them: tables are inflated, and compressed again by
+//! [`Raw::build`], which corrects the lengths unless told otherwise.
 
 use std::io::{Read as _, Write as _};
 

@@ -124,7 +124,7 @@ const FIXTURES: [Fixture; 12] = [
     Fixture { name: "tiled_triangle_u8_2.ptx", channels: 2, seed: 12, faces: &[([8, 8], Quarter)], ..TRIANGLE },
 ];
 
-/// What an edited face became, and its seed. The second edit has the faces after those of the first.
+/// Resolution and kind of an edited face, and its seed. The second edit has the faces after those of the first.
 fn edited(face: u32, seed: u32, log2: [u8; 2], kind: Kind) -> (u32, [u8; 2], Kind) {
     let kind = if kind == Constant || face.is_multiple_of(2) { Varied } else { Constant };
     (seed + 1000 + face % 3, [log2[1], log2[0]], kind)

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use half::f16;
 use oocpt_ptex::{DataType, PtexError, PtexFile};
 
-/// How the texels of a face differ.
+/// Variation of the texels of a face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Varied,
@@ -15,7 +15,7 @@ pub(crate) enum Kind {
     Missing,
 }
 
-/// What all faces of a file share.
+/// The format that all faces of a file share.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Format {
     pub(crate) data_type: DataType,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Faces in tiles, made by hand: what tiles may be, and what not.
+//! Faces in tiles, made by hand: valid and invalid tiles.
 
 use oocpt_ptex::PtexError;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Many blocks of faces, put together: no seam is seen, and threads change nothing.
+//! Joins many blocks of faces: there is no seam, and the number of threads changes nothing.
 
 use std::collections::HashMap;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Topologies that make no sense: an error or triangles, never a crash; and what is refused is named.
+//! Invalid topologies: they give an error or triangles, never a crash; and errors name the reason.
 #![allow(clippy::cast_possible_truncation, reason = "small numbers")]
 
 use oocpt_subdiv::{
@@ -187,7 +187,7 @@ fn fan(count: i32, sharpness: f32) -> Result<usize, Error> {
     Ok(surface.tessellate(&vec![1; surface.edges().len()], &data)?.triangles.len() / 3)
 }
 
-/// The work around a point grows with the third power of its faces, or the fourth: what is allowed ends in seconds.
+/// The work around a point grows with the third power of its faces, or the fourth: allowed meshes end in seconds.
 #[test]
 fn high_valence_points_terminate() {
     assert_eq!(fan(256, 0.0), Ok(256), "one triangle a face");

@@ -35,8 +35,8 @@ fn normalized(a: [f64; 3]) -> [f64; 3] {
 fn cube_corners_reach_their_limit_positions() {
     let shape = cube();
     let facets = tessellate(&shape, &shape.control(SubdivisionRules::default()), |_| 1);
-    // By symmetry all coordinates have one size. One step takes the corner (1, 1, 1) to 5/9, edge points to
-    // (0, 3/4, 3/4), face points to (0, 0, 1); then 9 * 5/9 + 4 * 2 * 3/4 + 1 = 12, over 24.
+    // By symmetry all coordinates have one size. One step takes the corner (1, 1, 1) to 5/9, edge points to (0, 3/4,
+    // 3/4), face points to (0, 0, 1); then 9 * 5/9 + 4 * 2 * 3/4 + 1 = 12, over 24.
     let expected = 0.5;
     assert_eq!(facets.positions.len(), 24, "every corner once: the surface is smooth");
     for at in 0..8 {

@@ -48,7 +48,7 @@ impl Shape {
     }
 }
 
-/// From -1 to 1.
+/// A cube from -1 to 1.
 pub(crate) fn cube() -> Shape {
     let coordinate = |k: usize, bit: usize| if k >> bit & 1 == 1 { 1.0 } else { -1.0 };
     Shape {

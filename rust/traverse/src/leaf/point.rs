@@ -5,13 +5,13 @@ use super::round::RoundHit;
 pub(super) use super::round::edges;
 use crate::vector::{V3, dot3};
 
-/// Where the ray enters the ball, or leaves it if it begins inside.
+/// Distance at which the ray enters the ball, or leaves it if it begins inside.
 pub(super) fn hit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
     let (hit, nearest) = span(vertices, o, d);
     hit.nearest(nearest).map(|(t, _)| (t, [0.0; 2]))
 }
 
-/// `point_exit`.
+/// Exit from the ball, as `point_exit` of the shaders.
 pub(super) fn exit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
     let (hit, nearest) = span(vertices, o, d);
     hit.second(nearest).map(|(t, _)| (t, [0.0; 2]))

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The leaf test of curves, hulls of two balls: geometry/round.glsl, operation by operation. Pure, any
-//! thread.
+//! The leaf test of curves, hulls of two balls: geometry/round.glsl, operation by operation. Pure, any thread.
 
 use crate::vector::{V3, cross3, dot3};
 
-/// Where the line of a ray enters and leaves, and which ball touches there.
+/// Distances at which a ray's line enters and leaves, with the ball that it touches there.
 pub(super) struct RoundHit {
     entry: f32,
     entry_u: f32,
@@ -27,7 +26,7 @@ impl RoundHit {
     pub(super) fn meet_ball(&mut self, c: V3, radius: f32, d: V3, dd: f32, u: f32) {
         let b = dot3(c, d) / dd;
         let across = c - b * d;
-        // Without roots; what is left out has a negative `rest`.
+        // This test needs no square root; for every ray that it rejects, `rest` would be negative.
         if dot3(across, across) > 1.0001 * radius * radius {
             return;
         }
@@ -39,7 +38,7 @@ impl RoundHit {
         }
     }
 
-    /// The distance and the ball, given how far on the ray the place is from which distances count.
+    /// The distance and the ball of the nearest hit; distances on the ray are relative to `nearest`.
     pub(super) fn nearest(&self, nearest: f32) -> Option<(f32, f32)> {
         if self.entry <= self.exit {
             let enters = nearest + self.entry > 0.0;
@@ -51,13 +50,13 @@ impl RoundHit {
         }
     }
 
-    /// The same for where the line leaves what it enters in front of the origin.
+    /// The hit where the line leaves an item that it enters in front of the origin.
     pub(super) fn second(&self, nearest: f32) -> Option<(f32, f32)> {
         (self.entry <= self.exit && nearest + self.entry > 0.0).then_some((nearest + self.exit, self.exit_u))
     }
 }
 
-/// `passes_by`: whether the line is so far from the axis that the test would find no hit.
+/// Returns true if the line is so far from the axis that the test would find no hit, as `passes_by` of the shaders.
 fn passes_by(from: V3, d: V3, dd: f32, axis: V3, radius: f32) -> bool {
     let across = cross3(d, axis);
     let apart = dot3(from, across);
@@ -67,19 +66,19 @@ fn passes_by(from: V3, d: V3, dd: f32, axis: V3, radius: f32) -> bool {
     apart2 > 2.0 * radius2 * dot3(across, across) + rounding && apart2 > 1.0e-30
 }
 
-/// Where the ray enters the hull, or leaves it if it begins inside, and the ball that touches there.
+/// Distance at which the ray enters the hull, or leaves it if it begins inside, with the ball that it touches there.
 pub(super) fn hit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
     let (hit, nearest) = span(vertices, o, d)?;
     hit.nearest(nearest).map(|(t, u)| (t, [u, 0.0]))
 }
 
-/// `round_exit`.
+/// Exit from the hull, as `round_exit` of the shaders.
 pub(super) fn exit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
     let (hit, nearest) = span(vertices, o, d)?;
     hit.second(nearest).map(|(t, u)| (t, [u, 0.0]))
 }
 
-/// `round_span`.
+/// Entry and exit of the ray's line, as `round_span` of the shaders.
 #[inline(always)]
 fn span([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(RoundHit, f32)> {
     let dd = dot3(d, d);
@@ -100,7 +99,7 @@ fn span([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(RoundHit, f
     Some((hit, nearest))
 }
 
-/// `round_edges`.
+/// Edges of the hull, as `round_edges` of the shaders.
 pub(super) fn edges([p0, p1, V3([r0, r1, _])]: [V3; 3]) -> [V3; 2] {
     let mut e = p1 - p0;
     let radius = r0.max(r1);

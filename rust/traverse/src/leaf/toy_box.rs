@@ -3,14 +3,14 @@
 
 use crate::vector::V3;
 
-/// How far along x from the first corner to the second.
+/// Fraction of the way along x from the first corner to the second.
 #[expect(clippy::manual_clamp, reason = "NaN becomes 0, as there")]
 fn share(first: V3, second: V3, x: f32) -> f32 {
     let extent = second[0] - first[0];
     if extent == 0.0 { 0.0 } else { ((x - first[0]) / extent).max(0.0).min(1.0) }
 }
 
-/// `toy_box_edges`.
+/// Edges of the box, as `toy_box_edges` of the shaders.
 pub(super) fn edges([v0, v1, _]: [V3; 3]) -> [V3; 2] {
     [V3([v1[0] - v0[0], 0.0, 0.0]), V3([0.0, v1[1] - v0[1], v1[2] - v0[2]])]
 }
@@ -21,13 +21,13 @@ pub(super) fn hit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
     (t > 0.0).then(|| (t, [share(vertices[0], vertices[1], o[0] + t * d[0]), 0.0]))
 }
 
-/// `toy_box_exit`.
+/// Exit from the box, as `toy_box_exit` of the shaders.
 pub(super) fn exit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
     let (entry, exit) = span(vertices, o, d)?;
     (entry > 0.0).then(|| (exit, [share(vertices[0], vertices[1], o[0] + exit * d[0]), 0.0]))
 }
 
-/// `toy_box_span`.
+/// Entry and exit of the ray's line, as `toy_box_span` of the shaders.
 fn span([first, second, _]: [V3; 3], o: V3, d: V3) -> Option<(f32, f32)> {
     let (mut entry, mut exit) = (-3.0e38_f32, 3.0e38_f32);
     for axis in 0..3 {

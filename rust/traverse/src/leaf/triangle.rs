@@ -5,7 +5,7 @@ use crate::simd::{EdgeFunctions, Simd};
 use crate::vector::{V3, dot3, triangle_normal};
 use oocpt_abi::GRAZING;
 
-/// The plane across a ray (`make_shear`): along two axes, sheared along the third.
+/// The plane across a ray, as `make_shear` of the shaders: along two axes, sheared along the third.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct RayShear {
     u: V3,
@@ -27,8 +27,8 @@ impl RayShear {
     }
 }
 
-/// Distance, in units of `d`, and barycentrics, where the ray meets the triangle in front of its origin. Each corner
-/// has a fourth number, which is nothing.
+/// Distance, in units of `d`, and barycentrics of the hit of a triangle in front of the ray's origin. The fourth number
+/// of each corner is ignored.
 #[inline(always)]
 pub(crate) fn hit_triangle(
     simd: impl Simd,
@@ -55,7 +55,7 @@ pub(crate) fn hit_triangle(
         let [x, y, z] = [a, b, c].map(|corner| dot3(corner, d) / dd);
         let (low, high) = (x.min(y.min(z)), x.max(y.max(z)));
         let inside = if along == 0.0 { x * (wa * scale) + (y * uv[0] + z * uv[1]) } else { t };
-        // Not `clamp`, which panics where the bounds are NaN.
+        // `clamp` is not used, because it panics if the bounds are NaN.
         t = inside.max(low).min(high);
     }
     (t > 0.0).then_some((t, uv))

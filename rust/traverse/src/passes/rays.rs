@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The rays of the two passes: how a thread walks a block of them, how a walk begins, what becomes of what it found.
+//! The rays of the two passes: walks a block of them, begins each walk, and stores its result.
 
 use super::{PassContext, QueuePushes, RAY_WORDS, RAYS_AT_ONCE, SHADOW_WORDS};
 use crate::simd::Simd;
@@ -9,26 +9,27 @@ use oocpt_gpu::{HostBytes, HostWords};
 use pulp::NullaryFnOnce;
 use std::ops::Range;
 
-/// What a pass does with an entry of its queue, before and after the walk.
+/// The steps of a pass for an entry of its queue, before and after the walk.
 pub(super) trait QueuedRays<'s, 'v, const ANY_HIT: bool>: Sync {
-    /// Begins the walk of entry `at` of the queue; what [`QueuedRays::end`] has to know of it. None: no such ray.
+    /// Begins the walk of entry `at` of the queue; returns the state that [`QueuedRays::end`] needs. `None`: there is
+    /// no such ray.
     fn begin(&self, simd: impl Simd, walk: &mut RayTraversal<'s, 'v, ANY_HIT>, at: u32) -> Option<BegunRay>;
 
-    /// Brings the ray of entry `at` near, if there is one.
+    /// Prefetches the ray of entry `at`, if there is one.
     fn prefetch(&self, at: u32);
 
-    /// Takes what the walk has found.
+    /// Stores the result of the walk.
     fn end(&self, walk: &mut RayTraversal<'s, 'v, ANY_HIT>, begun: BegunRay, pushes: &mut QueuePushes);
 }
 
-/// How many entries of a queue before its walk a ray is brought near.
+/// Number of queue entries by which a prefetch precedes the walk.
 const AHEAD: u32 = 8;
 
-/// A ray on its way.
+/// A ray whose walk has begun.
 #[derive(Clone, Copy)]
 pub(super) struct BegunRay {
     path: u32,
-    /// It was ended by roulette, and has not walked.
+    /// True if roulette has ended it, so that it does not walk.
     is_ended: bool,
 }
 
@@ -215,7 +216,7 @@ impl<'s, 'v> QueuedRays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
     }
 }
 
-/// Writes a hit record (traversal/hit.glsl).
+/// Writes a hit record, as traversal/hit.glsl.
 fn store_hit(hits: HostWords<'_>, at: usize, found: &ClosestHit, levels: usize) {
     let header =
         [found.uv[0].to_bits(), found.uv[1].to_bits(), found.triangle, found.chunk_instance, found.t.to_bits()];

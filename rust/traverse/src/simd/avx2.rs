@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! AVX2: where a ray enters and where it leaves four boxes are eight lanes; the corners of a triangle are four, of
-//! which the last two are the same.
+//! AVX2: the entries and exits of four boxes are eight lanes; the corners of a triangle are four lanes, of which the
+//! last two are the same.
 
 use super::{EdgeFunctions, NodeGrid, SLAB_PAD, Simd};
 use crate::node::{BoxRay, EnteredChildren};
@@ -9,12 +9,12 @@ use bytemuck::cast;
 use oocpt_abi::ABSENT;
 use std::arch::x86_64::{__m128, __m128i, __m256, _CMP_GT_OQ, _CMP_LE_OQ, _CMP_LT_OQ};
 
-/// A processor that has AVX2, and what else x86-64-v3 has.
+/// Proof that the processor has AVX2 and the rest of x86-64-v3.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Avx2Simd(pulp::x86::V3);
 
 impl Avx2Simd {
-    /// None where the processor does not have all of it.
+    /// The proof; `None` if the processor lacks a part of it.
     pub(crate) fn try_new() -> Option<Self> {
         pulp::x86::V3::try_new().map(Self)
     }
@@ -26,11 +26,11 @@ impl Avx2Simd {
     }
 }
 
-/// The first three of four lanes.
+/// Mask of the first three of four lanes.
 const THREE: [u32; 4] = [u32::MAX, u32::MAX, u32::MAX, 0];
-/// The sign of four lanes.
+/// Mask of the signs of four lanes.
 const SIGN: [u32; 4] = [1 << 31; 4];
-/// Each byte in its place.
+/// Shuffle that leaves each byte in its place.
 const IN_PLACE: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
 impl Simd for Avx2Simd {
@@ -51,7 +51,7 @@ impl Simd for Avx2Simd {
         let pulp::x86::V3 { sse, sse2, sse4_1, ssse3, avx, avx2, .. } = self.0;
         let [head, lower, rest]: [__m128i; 3] = cast(*grid);
         let [o, reciprocal, around]: [__m128; 3] = [cast(ray.o), cast(ray.reciprocal), cast(ray.around)];
-        // What is behind the three numbers of the origin must not be computed with: it might be slow.
+        // The value behind the three numbers of the origin must not take part: computing with it might be slow.
         let origin = sse._mm_and_ps(cast(head), cast(THREE));
         let from = sse._mm_mul_ps(sse._mm_sub_ps(origin, o), reciprocal);
         let exponents = sse4_1._mm_cvtepu8_epi32(sse2._mm_srli_si128::<12>(head));
@@ -72,8 +72,7 @@ impl Simd for Avx2Simd {
         let y = sse2._mm_srli_si128::<8>(xy);
         let along_y = along(planes(y), avx._mm256_permute_ps::<0x55>(scales), avx._mm256_permute_ps::<0x55>(froms));
         let along_x = along(planes(xy), avx._mm256_permute_ps::<0>(scales), avx._mm256_permute_ps::<0>(froms));
-        // The largest of where the ray enters and, with its sign turned, of where it leaves; of two, the second one
-        // where either is NaN.
+        // The largest entry and, with its sign turned, the largest exit; of two, the second one if either is NaN.
         let nothing = self.halves(sse._mm_setzero_ps(), sse._mm_set1_ps(f32::NEG_INFINITY));
         let reached = avx._mm256_max_ps(along_z, nothing);
         let reached = avx._mm256_max_ps(along_x, avx._mm256_max_ps(along_y, reached));
@@ -97,7 +96,7 @@ impl Simd for Avx2Simd {
         let divisor = sse4_1._mm_blendv_ps(along, signed_tiny, is_tiny);
         let reciprocal = sse._mm_and_ps(sse._mm_div_ps(sse._mm_set1_ps(1.0), divisor), cast(THREE));
         let around = sse._mm_mul_ps(sse._mm_set1_ps(pad), sse._mm_andnot_ps(sign, reciprocal));
-        // 4 where a byte has to come from the other number of its pair.
+        // 4 if a byte has to come from the other number of its pair.
         let backward: __m128i = cast(avx._mm_cmp_ps::<_CMP_LT_OQ>(reciprocal, sse._mm_setzero_ps()));
         let other = sse2._mm_and_si128(backward, cast([4_u8; 16]));
         let xy = sse2._mm_xor_si128(sse2._mm_shuffle_epi32::<0b01_01_00_00>(other), cast(IN_PLACE));
@@ -121,7 +120,7 @@ impl Simd for Avx2Simd {
         let x = axis(sse._mm_shuffle_ps::<0b00_00_01_00>(ab_xy, c), o[0]);
         let y = axis(sse._mm_shuffle_ps::<0b01_01_11_10>(ab_xy, c), o[1]);
         let z = axis(sse._mm_shuffle_ps::<0b10_10_01_00>(ab_z, c), o[2]);
-        // No `map` of arrays here: it stays a call, around which all lanes are kept in memory.
+        // Arrays are not mapped with `map` here: it stays a call, around which all lanes are kept in memory.
         let times = |number: f32, lanes: __m128| sse._mm_mul_ps(sse._mm_set1_ps(number), lanes);
         let apply = |V3([rx, ry, rz]): V3| {
             let yz = sse._mm_add_ps(times(ry, y), times(rz, z));

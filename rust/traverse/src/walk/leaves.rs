@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The leaves of meshes: the test of each kind, and which candidate is the hit.
+//! The leaves of meshes: runs the test of each kind, and decides which candidate is the hit.
 
 use super::RayTraversal;
 use crate::leaf;
@@ -8,30 +8,30 @@ use crate::simd::{PortableSimd, Simd};
 use crate::vector::{V3, dot3};
 use oocpt_abi::{CULL_PAD, ENTRY_SCALE, Features, GpuTriangle, LeafType, MESH_PAD, POINT_BUNDLE, SECOND_SURFACE};
 
-/// A surface that a walk comes to.
+/// A candidate surface that a walk reaches.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CandidateSurface {
-    /// Of the mesh.
+    /// Index of the item in the mesh.
     pub(crate) item: u32,
-    /// What a hash decides of it by.
+    /// Number that the hash for opacity uses.
     pub(crate) number: u32,
     pub(crate) subset_and_sides: u32,
 }
 
-/// What became of a candidate for the hit.
+/// Result of testing a candidate for the hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum CandidateOutcome {
-    /// Something nearer is known.
+    /// A nearer hit is known.
     Behind,
-    /// Its surface is not there for the ray, or that is not known yet.
+    /// Its surface does not exist for the ray, or that is not known yet.
     Absent,
-    /// It is the hit so far.
+    /// It is the closest hit so far.
     EnteredChildren,
-    /// It is the hit that ends the walk.
+    /// It is a hit that ends the walk.
     Ends,
 }
 
-/// Points of a leaf.
+/// Number of points of a leaf.
 const BUNDLE: usize = POINT_BUNDLE as usize;
 
 impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
@@ -72,7 +72,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
             let number = self.surface_number(kind, index);
             let first = CandidateSurface { item: index, number, subset_and_sides };
             let mut taken = self.take(first, t, uv);
-            // What is closed has a second surface, where the first one is not there.
+            // A closed item has a second surface behind the first one, if that one does not exist.
             if taken == CandidateOutcome::Absent
                 && let Some((exit, uv)) = leaf::exit(kind, vertices, o, d)
             {
@@ -87,7 +87,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         false
     }
 
-    /// `points_near`: of the points of a leaf those that the ray may meet, a bit for each.
+    /// Mask of the points of a leaf that the ray may meet, one bit each, as `points_near` of the shaders.
     fn points_near(&self, begin: u32, end: u32) -> u32 {
         let (o, d) = (self.at.ray.origin(), self.at.d);
         let dd = dot3(d, d);
@@ -96,7 +96,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         }
         let inverse = 1.0 / dd;
         let pad = 2.0 * MESH_PAD * (o.largest() + self.mesh.reach);
-        // Side by side, so that the compiler takes several at once.
+        // The loop is written so that the compiler vectorises it.
         let mut from = [[0.0; BUNDLE]; 3];
         let mut radii = [0.0; BUNDLE];
         for (lane, index) in (begin..end).take(BUNDLE).enumerate() {
@@ -115,7 +115,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         is_far.iter().rev().fold(0, |near, &far| near << 1 | u32::from(!far))
     }
 
-    /// `surface_number`, of the first surface of an item: all pieces of a curve have the same.
+    /// Number of the first surface of an item, as `surface_number` of the shaders: all pieces of a curve have the same.
     fn surface_number(&self, kind: u32, index: u32) -> u32 {
         let is_asked = self.scene.special.features.intersects(Features::OPACITY | Features::CUTOUTS);
         if !is_asked || kind != LeafType::ROUND.number {
@@ -124,14 +124,14 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         self.pose.triangles.get::<GpuTriangle>(index as usize).map_or(index, |item| item.face)
     }
 
-    /// The distance of a surface: not before the boxes above are entered.
+    /// Distance of a surface, but at least that at which the boxes above are entered.
     #[inline(always)]
     fn reached(&self, t: f32) -> f32 {
         let entered = self.entry * ENTRY_SCALE;
         if !ANY_HIT && entered > t { entered } else { t }
     }
 
-    /// A candidate for the hit.
+    /// Tests a candidate, and stores it if it is the hit.
     #[inline(always)]
     fn take(&mut self, surface: CandidateSurface, t: f32, uv: [f32; 2]) -> CandidateOutcome {
         let triangle = surface.item;
@@ -166,7 +166,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         if ANY_HIT { CandidateOutcome::Ends } else { CandidateOutcome::EnteredChildren }
     }
 
-    /// Whether the candidate comes before the closest hit in the order of ids.
+    /// Returns true if the candidate comes before the closest hit in the order of ids.
     fn precedes(&self, triangle: u32) -> bool {
         let depth = self.level_index();
         let ids = (self.chunk_instance, &self.chain[..=depth], triangle);

@@ -15,7 +15,7 @@ use oocpt_abi::{
 use oocpt_gpu::HostBytes;
 
 impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
-    /// From node to node of a level, until a mesh is entered, a level is behind the ray, the walk or its turn ends.
+    /// Walks the nodes of a level, until a mesh is entered, the level is left, or the walk or its turn ends.
     #[inline(always)]
     pub(super) fn walk_levels(&mut self, simd: impl Simd, turn: &mut u32) {
         let mut next = self.next;
@@ -47,7 +47,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         self.next = next;
     }
 
-    /// From the top level into a chunk; false where it is absent or done, or where there is no room.
+    /// Enters a chunk from the top level; returns false if it is absent or done, or if there is no room.
     #[inline(always)]
     pub(super) fn enter_chunk(&mut self, simd: impl Simd, reference: u32) -> bool {
         let number = reference & NUMBER;
@@ -81,7 +81,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         true
     }
 
-    /// The chunk of a chunk instance is absent. What of it is done stays done.
+    /// Notes that the chunk of a chunk instance is absent. Parts that were visited are not visited again.
     #[inline(never)]
     fn remember_chunk(&mut self, key: (f32, u32), is_listed: bool) {
         if is_listed {
@@ -91,7 +91,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         }
     }
 
-    /// Streaming: whether the walk passes by a record of a mesh: its item is done, or it is absent and remembered.
+    /// Streaming: true if the walk skips a record of a mesh because its item is done, or is absent and remembered.
     #[inline(always)]
     fn skips_mesh(&mut self, number: u32, nodes: u64) -> bool {
         self.item.record = (self.entry, number);
@@ -108,7 +108,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         false
     }
 
-    /// Into the target of an instance record; false where there is no room, or nothing to visit now.
+    /// Enters the target of an instance record; returns false if there is no room, or nothing to visit now.
     #[inline(always)]
     pub(super) fn enter(&mut self, simd: impl Simd, record: u32) -> bool {
         let Some(instance) = self.at.instances.get::<GpuInstance>(record as usize) else { return false };
@@ -154,7 +154,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         true
     }
 
-    /// Makes (o, d) the ray of the walk, and remembers it and the arrays for coming back.
+    /// Makes (o, d) the ray of the walk, and saves it and the arrays for the return.
     #[inline(always)]
     fn begin_level(&mut self, simd: impl Simd, o: V3, d: V3, [nodes, instances]: [u64; 2]) {
         let view = self.scene.view;
@@ -165,7 +165,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         self.keep_level();
     }
 
-    /// The world ray, at the top level.
+    /// Begins the world ray at the top level.
     #[inline(always)]
     pub(super) fn begin_top(&mut self, simd: impl Simd) {
         let WorldRay { o, d, .. } = self.world;
@@ -181,7 +181,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         }
     }
 
-    /// Back from a mesh to the level that it was entered from, or from an assembly or a chunk to the level above.
+    /// Returns from a mesh to the level that it was entered from, or from an assembly or a chunk to the level above.
     #[inline(always)]
     pub(super) fn leave(&mut self) {
         if !self.in_mesh {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The part of a walk inside of a mesh.
+//! The part of a walk inside a mesh.
 
 use super::RayTraversal;
 use super::stack::StackKey;
@@ -7,14 +7,14 @@ use crate::node::{MeshChildren, NUMBER, bundle_members};
 use crate::simd::Simd;
 use oocpt_abi::{Bvh4Node, LEAF, MESH_LEAF_MASK, RETURN};
 
-/// How many triangles a leaf of a mesh has.
+/// Number of triangles of a leaf of a mesh.
 #[inline(always)]
 pub(super) fn triangles_of(leaf: u32) -> u32 {
     ((leaf >> 28) & 7) + 1
 }
 
 impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
-    /// From node to node and leaf to leaf, until the mesh is behind the ray, the walk ends or its turn does.
+    /// Walks nodes and leaves until the mesh is left, or the walk or its turn ends.
     #[inline(always)]
     pub(super) fn walk_mesh(&mut self, simd: impl Simd, turn: &mut u32) {
         let (ray, nodes) = (self.at.ray, self.at.nodes);

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a ray comes back to: references with the distance at which the ray enters them. Pure, any thread.
+//! The stack of a walk: references with the distances at which the ray enters them. Pure, any thread.
 
 use crate::node::EnteredChildren;
 use oocpt_abi::{DONE, RETURN};
 
-/// A reference, and above it where the ray enters it: bits of distances that are not negative are in their order.
+/// A reference, with the distance at which the ray enters it above it: bits of non-negative distances are in the order
+/// of the distances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct StackKey(u64);
 
@@ -29,7 +30,7 @@ impl StackKey {
     }
 }
 
-/// See the module.
+/// The stack of a ray.
 #[derive(Debug)]
 pub(super) struct TraversalStack {
     keys: Box<[StackKey]>,
@@ -42,14 +43,14 @@ impl TraversalStack {
         Self { keys: vec![StackKey::DONE; size].into_boxed_slice(), top: 0, overflowed: false }
     }
 
-    /// Nothing is left but the end of the walk.
+    /// Empties the stack down to the end of the walk.
     #[inline(always)]
     pub(super) fn reset(&mut self) {
         (self.top, self.overflowed) = (0, false);
         self.push(StackKey::DONE);
     }
 
-    /// False where there is no room.
+    /// Pushes a reference; returns false if there is no room.
     #[inline(always)]
     pub(super) fn push(&mut self, key: StackKey) -> bool {
         match self.keys.get_mut(self.top) {
@@ -65,7 +66,7 @@ impl TraversalStack {
         }
     }
 
-    /// The next one that is entered before `limit`, or an end.
+    /// Pops the next reference that is entered before `limit`, or an end.
     #[inline(always)]
     pub(super) fn pop(&mut self, limit: f32) -> StackKey {
         while let Some(top) = self.top.checked_sub(1) {
@@ -78,8 +79,8 @@ impl TraversalStack {
         StackKey::DONE
     }
 
-    /// Of the children that are met the nearest; the others are pushed, the farthest first. Without any, the next one
-    /// of the stack.
+    /// Returns the nearest of the children that are met; the others are pushed, the farthest first. Without any, it
+    /// returns the next reference of the stack.
     #[inline(always)]
     pub(super) fn choose(&mut self, met: EnteredChildren, limit: f32, child: impl Fn(u32) -> u32) -> StackKey {
         let mut mask = met.mask;

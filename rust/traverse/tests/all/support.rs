@@ -30,18 +30,18 @@ impl Random {
         u32::try_from(word & 0xffff_ffff).unwrap_or_default().rotate_right((self.0 >> 59) as u32)
     }
 
-    /// From 0 to `end`, that one left out.
+    /// A number from 0 to below `end`.
     pub(crate) fn below(&mut self, end: usize) -> usize {
         self.word() as usize % end
     }
 
-    /// From -1 to 1.
+    /// A number from -1 to 1.
     #[expect(clippy::cast_precision_loss, reason = "24 bits")]
     pub(crate) fn signed(&mut self) -> f32 {
         (self.word() >> 8) as f32 / 8_388_608.0 - 1.0
     }
 
-    /// From 0 to 1, both ends more often than by chance.
+    /// A number from 0 to 1, both ends more often than by chance.
     pub(crate) fn weight(&mut self) -> f32 {
         match self.below(4) {
             0 => 0.0,
@@ -50,7 +50,7 @@ impl Random {
         }
     }
 
-    /// From -most to most.
+    /// A power of two with an exponent from -most to most.
     pub(crate) fn power(&mut self, most: i32) -> i32 {
         i32::try_from(self.below(2 * most.unsigned_abs() as usize + 1)).expect("small") - most
     }
@@ -95,17 +95,17 @@ pub(crate) fn triangle_mesh(items: u32) -> Vec<Bvh4Node> {
 /// Distance, barycentrics, triangle, chunk instance and record of a hit, as bits.
 pub(crate) type Found = [u32; 6];
 
-/// What a backend found.
+/// Results of a backend.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Traced {
-    /// By path.
+    /// Hits by path.
     pub(crate) hits: Vec<Option<Found>>,
-    /// By path: whether the shadow ray met something.
+    /// By path: true if the shadow ray hit something.
     pub(crate) in_shadow: Vec<bool>,
     pub(crate) overflows: u32,
 }
 
-/// See the module.
+/// A scene with one mesh, in memory that shaders and host both access.
 pub(crate) struct World {
     gpu: Arc<Gpu>,
     special: TraversalConstants,
@@ -141,7 +141,7 @@ fn level_node() -> LevelNode {
 }
 
 impl World {
-    /// Room for `most` rays; none where the device has memory of its own.
+    /// Creates a world with room for `most` rays; `None` if the device has memory of its own.
     pub(crate) fn new(features: Features, stack_size: u32, most: u32) -> Option<Self> {
         let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
         let gpu = Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device");
@@ -273,7 +273,7 @@ impl World {
         }
     }
 
-    /// Says that the mesh is where nothing is.
+    /// Sets the addresses of the mesh to `at`, where there is no memory.
     pub(crate) fn set_mesh_addresses(&self, at: u64) {
         let mesh = GpuMesh { nodes: at, triangles: at, reach: 128.0, ..GpuMesh::zeroed() };
         self.mesh.write(0, bytemuck::bytes_of(&mesh)).expect("mapped");
@@ -301,7 +301,7 @@ impl World {
         }
     }
 
-    /// By the shaders.
+    /// Traces with the shaders.
     pub(crate) fn shader(&self) -> Traced {
         self.clear();
         let push = PushConstants::wave(self.frame.address(), 0, self.count, 1);
@@ -313,7 +313,7 @@ impl World {
         self.traced()
     }
 
-    /// By the host: rays one after the other, and in turns by the instructions that every processor has.
+    /// Traces on the host: rays one after the other, and in turns with the instructions that every processor has.
     pub(crate) fn native(&self) -> Traced {
         let traced = self.native_by(self.special);
         let other =

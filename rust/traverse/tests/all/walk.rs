@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Native traversal against the shaders on the same memory: a million rays at each kind of item, rays that are no
-//! numbers, deep trees; and trees that are broken, which only the host can be asked to survive.
+//! Native traversal against the shaders on the same memory: a million rays at each kind of item, rays with NaN, deep
+//! trees; and broken trees, which only the host has to survive.
 //!
-//! Needs a device whose memory is the host's; on another one there is no native traversal, and nothing to test.
+//! The tests need a device that shares the memory of the host; on another one there is no native traversal, and nothing
+//! to test.
 
 use crate::support::{self, Ball, Found, Random, World, bundle_mesh, triangle_mesh};
 use oocpt_abi::{Features, GpuTriangle, LeafType};
@@ -72,7 +73,7 @@ fn toy_box(random: &mut Random) -> GpuTriangle {
     GpuTriangle { v0, face: 0, v1, subset_and_sides: 0, v2: [0.0; 3], ptex: 0 }
 }
 
-/// What both backends find of a million rays at random items.
+/// Compares the results of both backends for a million rays at random items.
 fn agree(kind: LeafType, make: fn(&mut Random) -> GpuTriangle) {
     let Some(mut world) = World::new(kind.needs, 64, RAYS) else { return };
     let mut met = 0;
@@ -103,8 +104,8 @@ fn a_million_rays_meet_the_same_curves() {
     agree(LeafType::ROUND, round);
 }
 
-/// What both backends find of a million rays at points, with a radius each or one for all; and that it is what hulls of
-/// two such balls give, also where they move.
+/// Compares the results of both backends for a million rays at points, with a radius each or one for all; they must
+/// also equal those of hulls of two such balls, also if they move.
 #[test]
 fn a_million_rays_meet_the_same_points() {
     let features = Features::POINTS | Features::ROUND | Features::DEFORMATION;
@@ -248,7 +249,7 @@ fn broken_tables_of_cutouts_end_and_read_nothing_outside() {
         world.set_mesh(&triangle_mesh(48), &items, LeafType::TRIANGLE);
         world.set_rays(&rays_at(&mut random, &items, 256));
         world.set_broken_cutouts(&mut random);
-        // What it finds is of no use, but it comes back.
+        // Its result is meaningless, but the walk must end.
         there += world.native().hits.iter().flatten().count();
         all += 256;
     }

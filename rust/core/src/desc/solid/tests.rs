@@ -15,7 +15,7 @@ fn formed(solid: &SolidDesc, polygons: bool) -> MeshDesc {
     desc
 }
 
-/// Corners of each face: places and normals.
+/// Corners of each face: positions and normals.
 fn faces(desc: &MeshDesc) -> Vec<Vec<[DVec3; 2]>> {
     let (counts, corners) = (desc.face_vertex_counts.view(), desc.face_vertex_indices.view());
     let normals = desc.normals.as_ref().expect("normals").values.view();
@@ -33,8 +33,8 @@ fn faces(desc: &MeshDesc) -> Vec<Vec<[DVec3; 2]>> {
     (0..counts.len()).map(face).collect()
 }
 
-/// Volume inside, area, and the area of the shadow along y, of a closed mesh; asserts that it is closed and that
-/// normals are on the outside.
+/// Volume, area, and the area of the shadow along y of a closed mesh; asserts that it is closed and that normals point
+/// outwards.
 fn measures(desc: &MeshDesc) -> [f64; 3] {
     let [mut volume, mut area, mut shadow] = [0.0; 3];
     let mut closed = DVec3::ZERO;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Files that nodes name for their own definitions (`info:mtlx:sourceAsset`): OpenUSD names them where a document that
-//! a scene references defines nodes. `oocpt_materialx` reads them. Any thread; reading waits for the disk.
+//! Reads files that nodes name for their own definitions (`info:mtlx:sourceAsset`): OpenUSD names them if a document
+//! that a scene references defines nodes. `oocpt_materialx` parses them. Any thread; reading waits for the disk.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -9,9 +9,9 @@ use oocpt_materialx::library::{NodeLibrary, with_documents};
 
 use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 
-/// The parameter of a node that names the file; no input of a node has such a name.
+/// Parameter of a node that names the file; no input of a node has such a name.
 const FILE: &str = "info:mtlx:sourceAsset";
-/// Most files of a material; what is beyond is not asked.
+/// Largest number of files of a material; further ones are not read.
 const MOST_FILES: usize = 16;
 
 /// The file that defines a node, if it names one.
@@ -22,7 +22,7 @@ pub(super) fn of_node(node: &NodeDesc) -> Option<&AssetRef> {
     })
 }
 
-/// The library with the definitions of one's own that nodes of a material name; `None` where they name none.
+/// The library with the custom definitions that nodes of a material name; `None` if they name none.
 pub(super) fn own(desc: &MaterialDesc, library: &NodeLibrary) -> Option<Arc<NodeLibrary>> {
     let mut files: Vec<PathBuf> = Vec::new();
     for asset in desc.nodes.iter().filter_map(of_node) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Whatever a ray can meet of a triangle lies in its box, worked out as the shaders do.
+//! Checks that every part of a triangle that a ray can meet lies in its box, with the arithmetic of the shaders.
 
 #![expect(clippy::cast_possible_truncation, reason = "single precision, as the shaders")]
 
@@ -12,7 +12,7 @@ fn vertices(random: &mut Random) -> [[f32; 3]; 3] {
     [vertex(), vertex(), vertex()]
 }
 
-/// Places in a triangle, corners and edges too.
+/// Barycentric weights in a triangle, corners and edges too.
 fn weights(random: &mut Random) -> [f32; 2] {
     let inner = [random.between(0.0, 1.0), random.between(0.0, 1.0)];
     let u = random.one_of([0.0, 1.0, inner[0]]);
@@ -100,7 +100,7 @@ fn what_is_not_known_is_whole() {
         let places = [[[bad, 0.0, 0.0], [0.0; 3]], [[0.0; 3], [0.0; 3]], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]];
         assert!(in_image(&covered, places).is_whole(), "{bad}");
     }
-    // One place for all of it.
+    // All of the triangle is at one position.
     for (s, count) in [(0.1, 3), (0.7, 0)] {
         assert_eq!(in_image(&covered, [[[s, 0.0, 0.0], [0.0, 0.3, 0.0]]; 3]).count, count, "{s}");
     }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Footprints against what building really takes: the growth of a process that builds one mesh and nothing else.
+//! Compares footprints with the memory that building really takes: the growth of a process that builds one mesh and
+//! nothing else.
 
 use crate::array::TypedArray;
 use crate::desc::{
@@ -12,18 +13,18 @@ use crate::mesh::{BuildDemand, BuildFootprint, CutoutCover, DicingRate, WantedPr
 use std::process::Command;
 use std::sync::Arc;
 
-/// Tells the child which case it is.
+/// Environment variable that names the case to the child process.
 const CASE: &str = "OOCPT_TEST_FOOTPRINT";
-/// What a process grows by besides: pages of its threads, the heap's own.
+/// Bytes by which a process grows besides: stacks of its threads, overhead of the heap.
 const SLACK: u64 = 4 << 20;
 
-/// A mesh, what splits it, and clusters at once.
+/// A mesh, its limits for splitting, and the number of clusters made in parallel.
 struct Case {
     name: &'static str,
     desc: fn() -> MeshDesc,
     limit: u64,
     at_once: usize,
-    /// It is cut out by a primvar.
+    /// True if it is cut out by a primvar.
     is_cut: bool,
 }
 
@@ -141,7 +142,7 @@ fn status(key: &str) -> u64 {
     line.trim().trim_end_matches(" kB").parse::<u64>().expect("a number") << 10
 }
 
-/// Builds one case; says what the process grew by and what was foretold.
+/// Builds one case; prints the growth of the process and the footprint.
 fn child(case: &Case) {
     let desc = (case.desc)();
     let wanted = [WantedPrimvar { name: "st".into(), id: 7 }];
@@ -152,7 +153,7 @@ fn child(case: &Case) {
     let cluster_bytes = 8 << 20;
     let (at_once, foretold) =
         BuildFootprint::of(&desc, &demand, case.limit, cluster_bytes).within(u64::MAX, case.at_once);
-    // The most that was held begins anew.
+    // Resets the maximum of the memory held.
     std::fs::write("/proc/self/clear_refs", "5").expect("written");
     let before = status("VmRSS:");
     let cuts = ClusterLimits { limit_bytes: case.limit, cluster_bytes, at_once };

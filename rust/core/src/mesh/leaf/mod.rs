@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Kinds of leaves: what the items in the leaves of a mesh's tree are. A kind is a module and a row of [`LeafKind`];
-//! names its row of `oocpt_abi::LEAVES`. Of a kind:
+//! Kinds of leaves: the kinds of items in the leaves of a mesh's tree. A kind is a module and a row of [`LeafKind`],
+//! which names its row of `oocpt_abi::LEAVES`. A kind has these functions:
 //! - `bounds(vertices)`: the box around an item;
 //! - `vertices(points, radii)`: an item of its corners' points, and the radii there, where points have some.
 //!
-//! A shape that is not made of triangles has a reader, which says what the corners of its items are ([`read_items`]).
-//! Pure.
+//! A shape that is not made of triangles has a reader, which gives the corners of its items ([`read_items`]). Pure.
 
 mod point;
 pub(super) mod round;
@@ -23,7 +22,7 @@ use super::{Aabb, WantedPrimvar};
 use crate::array::ArrayView;
 use crate::desc::{DroppedData, MeshDesc, PrimShape};
 
-/// Of an item: what they mean is the kind's.
+/// The vertices of an item; their meaning depends on the kind.
 type ItemVertices = [[f32; 3]; 3];
 
 macro_rules! leaf_kinds {
@@ -32,7 +31,7 @@ macro_rules! leaf_kinds {
         $(#[cfg($only:meta)])?
         $kind:ident: $module:ident, $row:ident;
     )+) => {
-        /// What the items of an asset are.
+        /// The kind of the items of an asset.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
         pub enum LeafKind {
             $($(#[doc = $doc])+ $(#[cfg($only)])? $kind,)+
@@ -57,7 +56,7 @@ macro_rules! leaf_kinds {
                 }
             }
 
-            /// The item with these points, and radii where points have some, at its corners.
+            /// The item with these points at its corners, and these radii for kinds that have radii.
             pub(super) fn vertices(self, points: ItemVertices, radii: [f32; 3]) -> ItemVertices {
                 match self {
                     $($(#[cfg($only)])? Self::$kind => $module::vertices(points, radii),)+
@@ -68,30 +67,30 @@ macro_rules! leaf_kinds {
 }
 
 leaf_kinds! {
-    /// Triangles.
+    /// Triangles with three corners.
     Triangles: triangle, TRIANGLE;
     /// Hulls of two balls: `vertices[0]` and `vertices[1]` are the centres, `vertices[2]` has both radii and 0. Corners
-    /// 0 and 2 are the first centre, corner 1 the second one.
+    /// 0 and 2 are the first centre, corner 1 is the second one.
     Rounds: round, ROUND;
-    /// Balls: [`Self::Rounds`] of which both balls are the same. Eight to a leaf of the tree, and 16 bytes each on the
+    /// Balls: [`Self::Rounds`] with two equal balls. Eight are in a leaf of the tree, and each has 16 bytes on the
     /// device.
     Points: point, POINT;
-    /// Boxes along the axes: `vertices[0]` and `vertices[1]` are opposite corners. Tests alone have it.
+    /// Axis-aligned boxes: `vertices[0]` and `vertices[1]` are opposite corners. Only tests have it.
     #[cfg(feature = "faults")]
     ToyBoxes: toy_box, TOY_BOX;
 }
 
 /// A shape that is not made of polygons, ready to be items of an asset.
 pub(super) struct LeafItems {
-    /// A face of three corners for each item.
+    /// Topology with a face of three corners for each item.
     pub(super) topology: MeshTopology,
-    /// The description with values for these.
+    /// Description with values for these faces.
     pub(super) desc: MeshDesc,
-    /// What they are.
+    /// Kind of the items.
     pub(super) kind: LeafKind,
-    /// Radius at each of the topology's points; empty where they have none.
+    /// Radius at each of the topology's points; empty for kinds without radii.
     pub(super) radii: Vec<f32>,
-    /// At the keys of what moves.
+    /// Poses at the keys of a moving prim.
     pub(super) poses: Vec<PointsPose>,
 }
 

@@ -1,4 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Balls, each a hull of two that are the same: what points are made of. Pure.
+//! Points as balls, each a hull of two equal balls. Pure.
 
 pub(super) use super::round::{bounds, vertices};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The kind of leaf that `rust/book/src/extending.md` adds, for tests alone: boxes along the axes, each between two
-//! points that follow each other. Pure.
+//! The kind of leaf that `rust/book/src/extending.md` adds, for tests alone: axis-aligned boxes, each between two
+//! consecutive points. Pure.
 
 use super::{ItemVertices, LeafItems, LeafKind, point_at};
 use crate::desc::{DroppedData, MeshDesc};
@@ -16,7 +16,7 @@ pub(super) fn vertices([first, second, _]: ItemVertices, _radii: [f32; 3]) -> It
     [first, second, [0.0; 3]]
 }
 
-/// Boxes with an extent along each axis; the others count as points that cannot be used.
+/// Reads boxes with an extent along each axis; the others count as unusable points.
 pub(super) fn read(desc: &MeshDesc, poses: &[PointsPose], dropped: &mut DroppedData) -> LeafItems {
     let view = desc.points.view();
     let mut topology = MeshTopology { face_count: view.len() / 2, ..MeshTopology::default() };

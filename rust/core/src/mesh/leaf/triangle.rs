@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Triangles. Pure.
+//! The kind of leaf for triangles. Pure.
 
 use super::ItemVertices;
 use crate::mesh::Aabb;

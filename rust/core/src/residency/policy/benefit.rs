@@ -1,39 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Our policy: what a load does for the rays, per byte it really moves, against what an eviction will cost.
+//! Our policy: weighs the benefit of a load to rays, per byte that it moves, against the cost of an eviction.
 //!
 //! Value of a load: (waiting rays + a share of the rays that will come to it next), grown with the time they have
 //! waited, per byte that is not yet on the device (shared meshes often are). Loss of an eviction: the rays that needed
-//! the unit lately per byte only it holds; that is what comes back as demand, and what will have to be moved again.
+//! the unit lately, per byte that only it holds; such rays come back as demand, and such bytes have to be moved again.
 //!
-//! While rays can be traced, only worthwhile loads are made. When none can, every ray that waits costs time whatever it
-//! moves: then all that is waited for is loaded, and only units that are waited for themselves are worth keeping.
-//! (Measured on an H200, island of 10 M instances at 29 %: the last 0.5 % of the paths took 0.69 s with few loads in
-//! flight, 0.39 s with many.)
+//! While rays can be traced, only worthwhile loads are made. When none can, every waiting ray costs time, however many
+//! bytes its units have: then all units that rays wait for are loaded, and only such units are worth keeping. (Measured
+//! on an H200, island of 10 M instances at 29 %: the last 0.5 % of the paths took 0.69 s with few loads in flight, 0.39
+//! s with many.)
 
 use super::super::UnitId;
 use super::{LoadPolicy, PolicyView, top};
 
-/// Most rays per byte first.
+/// Loads the unit with most waiting rays per byte first.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BenefitPolicy;
 
-/// What a ray counts for a unit further down its list.
+/// Weight of a ray that has the unit further down its list.
 const NEXT_WEIGHT: f64 = 0.125;
-/// A load's value must be this many times the loss it causes.
+/// Factor by which a load's value must exceed the loss that it causes.
 const HYSTERESIS: f64 = 1.25;
-/// Steps of waiting that double a unit's value.
+/// Number of steps of waiting that doubles a unit's value.
 const AGE_STEPS: f64 = 512.0;
-/// Loads stop at this fraction of the best value: what is worth less now gathers rays until it is worth more, and the
-/// link moves fewer bytes for the same rays.
+/// Loads stop at this fraction of the best value: units that are worth less now gather rays until they are worth more,
+/// and the link moves fewer bytes for the same rays.
 const DROP: f64 = 0.5;
-/// What recent rays count when nothing can be traced: they only order what goes first.
+/// Weight of recent rays when nothing can be traced: it only orders evictions.
 const IDLE_HEAT: f64 = 1e-9;
-/// Units whose assets are looked at in a step, the best by their whole closures.
+/// Number of units whose assets are examined in a step, the best by their whole closures.
 const LOOKED_AT: usize = 1024;
-/// Bytes that a visit reads in host memory, some nodes and triangles: a unit is worth what goes for it when its recent
-/// visits have read as much there as the load moves.
+/// Bytes that a visit reads in host memory, some nodes and triangles: a unit is worth loading when its recent visits
+/// have read as many bytes there as the load moves.
 const VISIT_BYTES: f64 = 1024.0;
-/// A load's fixed cost, as bytes.
+/// Fixed cost of a load, as bytes.
 const LOAD_BYTES: f64 = 65536.0;
 
 #[expect(clippy::cast_precision_loss, reason = "an estimate")]

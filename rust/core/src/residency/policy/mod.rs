@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a policy decides: which unit is worth loading first, which is worth keeping, and when the one is worth the
-//! other. Everything that must always hold (budget, pins, starvation, loads in flight) is the planner's, not a
-//! policy's.
+//! A policy decides which unit is worth loading first, which is worth keeping, and when a load is worth an eviction.
+//! Invariants (budget, pins, starvation, loads in flight) are the planner's, not a policy's.
 
 mod benefit;
 mod priority;
@@ -22,51 +21,51 @@ pub trait LoadPolicy: std::fmt::Debug + Send {
     /// may be loaded. At most `limit`.
     fn order(&mut self, view: &PolicyView<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)>;
 
-    /// What is lost by evicting a resident unit; the least goes first.
+    /// Cost of evicting a resident unit; the unit with the least is evicted first.
     fn loss(&self, view: &PolicyView<'_>, unit: UnitId) -> f64;
 
-    /// May a load of this value displace a unit of this loss? A margin here is what keeps equals from swapping.
+    /// Returns true if a load of this value may displace a unit of this loss. A margin here keeps equals from swapping.
     fn displaces(&self, value: f64, loss: f64) -> bool;
 
-    /// The value of a load ahead of demand, `None` if this policy makes none.
+    /// Value of a load ahead of demand; `None` if this policy makes none.
     fn prefetch(&self, _view: &PolicyView<'_>, _unit: UnitId) -> Option<f64> {
         None
     }
 
-    /// The value of loading a unit that rays read in host memory; `None` if this policy does not bring such.
+    /// Value of loading a unit that rays read in host memory; `None` if this policy does not load such units.
     fn visited(&self, _view: &PolicyView<'_>, _unit: UnitId) -> Option<f64> {
         None
     }
 
-    /// The value of [`Self::visited`] from which on other units may go for such a load.
+    /// Value of [`Self::visited`] from which on other units may be evicted for such a load.
     fn least_visited(&self) -> f64 {
         f64::INFINITY
     }
 
-    /// A load was issued.
+    /// Notes that a load was issued.
     fn issued(&mut self, _unit: UnitId) {}
 }
 
-/// The policies there are; all may be compared in one run.
+/// The available policies; all may be compared in one run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PolicyKind {
     /// Round robin over all units with demand.
     Sweep,
-    /// Most waiting rays first.
+    /// The unit with most waiting rays first.
     Priority,
-    /// Most waiting rays per byte to load.
+    /// The unit with most waiting rays per byte first.
     #[default]
     Benefit,
 }
 
-/// A name no policy has.
+/// A name that no policy has.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown policy {0:?}, expected \"sweep\", \"priority\" or \"benefit\"")]
 pub struct UnknownPolicy(pub String);
 
 impl PolicyKind {
-    /// All, in the order of the documentation.
+    /// All policies, in the order of the documentation.
     pub const ALL: [Self; 3] = [Self::Sweep, Self::Priority, Self::Benefit];
 
     /// The name in settings and reports.
@@ -78,7 +77,7 @@ impl PolicyKind {
         }
     }
 
-    /// A policy of this kind in its first state.
+    /// Creates a policy of this kind in its initial state.
     pub fn policy(self) -> Box<dyn LoadPolicy> {
         match self {
             Self::Sweep => Box::new(SweepPolicy::default()),

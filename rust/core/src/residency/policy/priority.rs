@@ -2,18 +2,18 @@
 //! The schedule of L. Berchtold's thesis (2022): a unit's value is the number n of its waiting rays, 256 n when it is
 //! resident; units are loaded from the top of the list while their value is not ten times below the best.
 //!
-//! Where we differ: there, rays queue at resident units too and are traced from the queue; here they go on at once, so
-//! a resident unit's n is what it was visited by since the last step (0 when nobody counts), and the best value is
-//! taken among absent units. Equal losses: the least recently used goes.
+//! The difference: there, rays queue at resident units too and are traced from the queue; here they continue at once,
+//! so a resident unit's n is the number of its visits since the last step (0 if visits are not counted), and the best
+//! value is taken among absent units. Of equal losses the least recently used unit is evicted.
 
 use super::super::UnitId;
 use super::{LoadPolicy, PolicyView, top};
 
-/// Most waiting rays first.
+/// Loads the unit with most waiting rays first.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PriorityPolicy;
 
-/// A resident unit's rays count this many times.
+/// Factor of the rays of a resident unit.
 const RESIDENT_FACTOR: f64 = 256.0;
 /// Loads stop at this fraction of the best value.
 const DROP: f64 = 0.1;

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Round robin over all units that have demand, in the order of their ids, as GPU-Motunui (C. Hellmuth, 2020) passes
-//! over all its partitions again and again. What was loaded the longest time ago goes first. What rays need with a unit
-//! comes next to it: by its own turn it might come only when the unit has gone again.
+//! over all its partitions again and again. The unit that was loaded the longest time ago is evicted first. The partner
+//! that rays need with a unit is loaded next to it: by its own turn it might come only after the unit was evicted.
 
 use super::super::UnitId;
 use super::{LoadPolicy, PolicyView};
 
-/// Round robin.
+/// State of the round robin.
 #[derive(Clone, Debug, Default)]
 pub struct SweepPolicy {
-    /// The unit after the one loaded last by its turn.
+    /// The unit after the one that was loaded last by its turn.
     cursor: UnitId,
-    /// What rays need with that unit.
+    /// Partner that rays need with that unit.
     next: Option<UnitId>,
-    /// Units that could be loaded in this step, with what rays need with each.
+    /// Units that could be loaded in this step, with the partner of each.
     partners: Vec<(UnitId, Option<UnitId>)>,
 }
 

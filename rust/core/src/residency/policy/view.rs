@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a policy may look at during a step.
+//! The part of the planner's state that a policy may read during a step.
 
 use super::super::entry::UnitEntry;
 use super::super::holdings::AssetHoldings;
@@ -21,22 +21,22 @@ impl PolicyView<'_> {
         self.catalog
     }
 
-    /// Rays that wait for the unit.
+    /// Number of rays that wait for the unit.
     pub fn waiting(&self, unit: UnitId) -> u32 {
         at(self.demand.waiting, unit)
     }
 
-    /// A unit that rays need at the same time as this one, one of several.
+    /// A unit that rays need at the same time as this one; one of several.
     pub fn partner(&self, unit: UnitId) -> Option<UnitId> {
         at(self.demand.partners, unit).checked_sub(1)
     }
 
-    /// No ray can be traced: the device waits for loads.
+    /// Returns true if no ray can be traced, so that the device waits for loads.
     pub fn is_idle(&self) -> bool {
         self.demand.active == 0
     }
 
-    /// Rays that have the unit further down their list.
+    /// Number of rays that have the unit further down their list.
     pub fn next(&self, unit: UnitId) -> u32 {
         at(self.demand.next, unit)
     }
@@ -46,12 +46,12 @@ impl PolicyView<'_> {
         at(self.demand.visits, unit)
     }
 
-    /// Rays that needed the unit lately, halved every 16 steps.
+    /// Number of rays that needed the unit lately, halved every 16 steps.
     pub fn heat(&self, unit: UnitId) -> f64 {
         f64::from(self.entries[unit as usize].heat_at(self.step))
     }
 
-    /// Steps for which rays have waited for the unit without a gap.
+    /// Number of steps for which rays have waited for the unit without a gap.
     pub fn waited_steps(&self, unit: UnitId) -> u32 {
         self.step.wrapping_sub(self.entries[unit as usize].since)
     }
@@ -61,17 +61,18 @@ impl PolicyView<'_> {
         self.step.wrapping_sub(self.entries[unit as usize].used)
     }
 
-    /// Steps since the unit became usable; for resident units.
+    /// Number of steps since the unit became usable; for resident units.
     pub fn resident_steps(&self, unit: UnitId) -> u32 {
         self.step.wrapping_sub(self.entries[unit as usize].usable)
     }
 
-    /// Bytes a load would bring, `None` while one of its assets is on its way for another unit. Costs its assets.
+    /// Bytes that a load would copy; `None` while one of its assets is being loaded for another unit. The cost is a
+    /// visit of its assets.
     pub fn missing_bytes(&self, unit: UnitId) -> Option<u64> {
         self.holdings.missing(self.catalog, unit)
     }
 
-    /// Bytes an eviction would free.
+    /// Bytes that an eviction would free.
     pub fn exclusive_bytes(&self, unit: UnitId) -> u64 {
         self.holdings.exclusive(unit)
     }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Colour temperature. Pure.
+//! Converts colour temperatures to colours. Pure.
 
-/// Kelvin of the first row of [`FIT`].
+/// Temperature of the first row of [`FIT`], kelvin.
 const COLDEST: f64 = 1000.0;
-/// Kelvin of the last row.
+/// Temperature of the last row, kelvin.
 const HOTTEST: f64 = 10000.0;
-/// Kelvin between rows.
+/// Step between rows, kelvin.
 const STEP: f64 = 500.0;
 
 /// Green and blue relative to red, and their slopes per 1000 K.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Measured profiles of luminaires: IES files (ANSI/IES LM-63, 1986 to 2019). Pure; the bytes come from outside.
+//! Parses measured profiles of luminaires: IES files (ANSI/IES LM-63, 1986 to 2019). Pure; the caller reads the file.
 //!
 //! Guarantees: no allocation is larger than the file allows; every number of a profile is finite, candelas are not
 //! negative, angles grow. Only type C photometry is read (the usual one): vertical angle 0 is straight down, which is
@@ -9,10 +9,10 @@ use std::f64::consts::PI;
 
 /// Longest file that is read, bytes.
 const MAX_BYTES: usize = 16 << 20;
-/// Most angles in one direction.
+/// Largest number of angles in one direction.
 const MAX_ANGLES: usize = 4096;
 
-/// Why a profile cannot be used.
+/// Reason why a profile cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum IesError {
     /// The file is larger than any profile.
@@ -30,10 +30,10 @@ pub enum IesError {
     /// A count is out of range.
     #[error("{0} is out of range")]
     Range(&'static str),
-    /// Photometry of type A or B.
+    /// The photometry is of type A or B.
     #[error("photometry of type {0} is not supported (type C is)")]
     Photometry(&'static str),
-    /// Angles that do not grow.
+    /// The angles do not increase.
     #[error("{0} angles do not grow")]
     Order(&'static str),
 }
@@ -41,11 +41,11 @@ pub enum IesError {
 /// A profile: candelas over vertical (0 = down, 180 = up) and horizontal angles, degrees.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IesProfile {
-    /// At least one; grow.
+    /// Vertical angles, degrees; at least one, increasing.
     pub vertical: Vec<f32>,
-    /// The whole circle, 0 to 360; or just 0 for a profile that is the same all around.
+    /// Horizontal angles, degrees: the whole circle, 0 to 360; or just 0 for a profile that is rotationally symmetric.
     pub horizontal: Vec<f32>,
-    /// `candela[h * vertical.len() + v]`.
+    /// Candelas: `candela[h * vertical.len() + v]`.
     pub candela: Vec<f32>,
     /// Integral of the candelas over the sphere: lumens.
     pub power: f64,
@@ -69,7 +69,7 @@ impl NumberTokens<'_> {
     }
 
     fn list(&mut self, count: usize, what: &'static str) -> Result<Vec<f32>, IesError> {
-        // Grows with what is there, not with what the file says.
+        // The list grows with the numbers that are read, not with the count in the file.
         let mut list = Vec::new();
         for _ in 0..count {
             let value = super::narrow(self.next(what)?);
@@ -83,10 +83,10 @@ impl NumberTokens<'_> {
 }
 
 impl IesProfile {
-    /// Reads a file.
+    /// Parses the bytes of a file.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// [`IesError`] if the file is not a profile that can be used.
     pub fn parse(bytes: &[u8]) -> Result<Self, IesError> {
         if bytes.len() > MAX_BYTES {
             return Err(IesError::TooLarge);
@@ -151,11 +151,11 @@ impl IesProfile {
         column(h) * (1.0 - dh) + column(h + 1) * dh
     }
 
-    /// Mean candelas over the sphere, or over a half of it where the profile says no more than that: what `UsdLux`'s
-    /// `ies:normalize` divides by (as `hdEmbree`, Karma and RIS do).
+    /// Mean candelas over the sphere, or over half of it if the profile covers no more: the divisor of `UsdLux`'s
+    /// `ies:normalize` (as in `hdEmbree`, Karma and RIS).
     #[must_use]
     pub fn mean(&self) -> f64 {
-        // What hdEmbree allows a half to have.
+        // hdEmbree accepts a half up to this angle.
         const HALF: f64 = 0.5 * PI + 0.1;
         let extent = |ends: (&f32, &f32)| (f64::from(*ends.1) - f64::from(*ends.0)).to_radians();
         let is_half = self.vertical.first().zip(self.vertical.last()).map_or(0.0, extent) <= HALF;
@@ -168,7 +168,7 @@ impl IesProfile {
         self.candela.iter().copied().fold(0.0, f32::max)
     }
 
-    /// Midpoint rule; cells are finer than any luminaire's angles.
+    /// Integral by the midpoint rule; its cells are finer than any luminaire's angles.
     fn integral(&self) -> f64 {
         const STEPS: u32 = 720;
         let turns: u32 = if self.horizontal.len() > 1 { 360 } else { 1 };
@@ -182,7 +182,7 @@ impl IesProfile {
     }
 }
 
-/// What `TILT=` says, and all that follows its line.
+/// The value of `TILT=`, and everything after its line.
 fn after_tilt(text: &str) -> Option<(&str, &str)> {
     let start = text.find("TILT=")? + "TILT=".len();
     let rest = text.get(start..)?;
@@ -247,7 +247,7 @@ fn around(vertical: &[f32], horizontal: Vec<f32>, candela: Vec<f32>) -> Result<(
         if is_at(first, 0.0) && columns.last().is_some_and(|c| is_at(c.0, 180.0)) {
             mirror(&mut columns, 180.0);
         }
-        // A whole circle that is not closed is.
+        // Closes a whole circle that is not closed.
         if let (Some((a, column)), Some((b, _))) = (columns.first().cloned(), columns.last())
             && *b < a + 360.0 - 1e-3
         {

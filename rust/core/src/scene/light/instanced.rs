@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lights inside prototypes: where each of their instances is, and how it moves. Pure.
+//! Lights inside prototypes: computes the position and the motion of each of their instances. Pure.
 //!
-//! What moves in a chain of instancers is composed at times of the shutter, at most [`MAX_KEYS`] of them. Where that is
-//! no motion of keys, as of a lamp on an arm that turns, the way between two times is straight: of a quarter turn it is
-//! off by 0.14 % of the arm's length at most.
+//! The motions in a chain of instancers are composed at times of the shutter, at most [`MAX_KEYS`] of them. Where keys
+//! cannot describe the result, as for a lamp on an arm that turns, the path between two times is straight: for a
+//! quarter turn its error is at most 0.14 % of the arm's length.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -20,24 +20,24 @@ use crate::mesh::Aabb;
 use crate::scene::entries::InstancerEntry;
 use crate::scene::resolve::MAX_NESTING;
 
-/// Most places of lights in a scene.
+/// Largest number of placed lights in a scene.
 pub(crate) const MAX_INSTANCED_LIGHTS: usize = 1 << 20;
 
-/// How far a motion may be from what fewer keys say, relative to its size.
+/// Relative error up to which fewer keys replace a motion.
 const SAME_MOTION: f64 = 1e-9;
 
-/// A place of a prim.
+/// A placement of a light prim.
 #[derive(Clone, Debug)]
 pub(crate) struct PlacedLight {
     /// World transform at the frame's own time.
     pub(crate) world: DAffine3,
-    /// At times of the shutter; empty where nothing moves.
+    /// Transforms at times of the shutter; empty if it does not move.
     pub(crate) samples: Vec<TransformSample>,
 }
 
 /// World transforms of a prim: one, or one for each instance of the prototypes that it is in, in the order of the
-/// instancers' arrays. Hidden instancers, unusable matrices and instancers inside themselves give none. Not more than
-/// `most`; the flag tells that there would be.
+/// instancers' arrays. Hidden instancers, unusable matrices and instancers inside themselves give none. At most `most`;
+/// the flag is true if there are more.
 pub(crate) fn placements(
     prim: &PrimDesc,
     instancers: &BTreeMap<Arc<str>, InstancerEntry>,
@@ -52,8 +52,8 @@ pub(crate) fn placements(
     (worlds.iter().map(placed).collect(), places.is_cut)
 }
 
-/// The times while the shutter is open at which something that a prim is in has a key, its opening and its closing;
-/// none where nothing moves.
+/// The times while the shutter is open at which a prim or something that contains it has a key, with its opening and
+/// closing; none if nothing moves.
 fn key_times(prim: &PrimDesc, instancers: &BTreeMap<Arc<str>, InstancerEntry>) -> Vec<f64> {
     let (mut times, mut moves) = (vec![0.0, 1.0], false);
     let (mut prims, mut seen) = (vec![prim], FxHashSet::default());
@@ -78,7 +78,8 @@ fn key_times(prim: &PrimDesc, instancers: &BTreeMap<Arc<str>, InstancerEntry>) -
     times
 }
 
-/// With times between, as many as there may be: each gap is cut evenly, and the longest piece is as short as can be.
+/// The times, with as many times between them as there may be: each gap is cut evenly, such that the longest piece is
+/// as short as possible.
 #[expect(clippy::cast_precision_loss, reason = "at most 16")]
 fn split(own: &[f64]) -> Vec<f64> {
     let mut gaps: Vec<(f64, f64, usize)> = own.windows(2).map(|pair| (pair[0], pair[1] - pair[0], 1)).collect();
@@ -108,10 +109,10 @@ fn samples(maps: &[DAffine3], times: &[f64], own: &[f64]) -> Vec<TransformSample
     if is_enough { few } else { all }.into_iter().map(sample).collect()
 }
 
-/// The world transform of a place at the frame's own time, then at each of the times.
+/// The world transform of a placement at the frame's own time, then at each of the times.
 type TimedTransforms = Vec<DAffine3>;
 
-/// The transform of a prim in its parent.
+/// The transform of a prim in its parent, with its motion.
 struct LocalTransform {
     ways: TimedTransforms,
     moves: bool,
@@ -121,17 +122,17 @@ struct LightInstances<'a> {
     instancers: &'a BTreeMap<Arc<str>, InstancerEntry>,
     times: &'a [f64],
     most: usize,
-    /// Prims looked at: bounds what instancers that meet themselves cost.
+    /// Number of prims visited: it bounds the cost of instancers that contain themselves.
     steps: usize,
     is_cut: bool,
 }
 
-/// Most prims looked at for one light.
+/// Largest number of prims visited for one light.
 const MAX_STEPS: usize = 1 << 16;
 
 impl LightInstances<'_> {
-    /// Appends the world transforms of `prim`. Depth is bounded, so the recursion is; so is what an instancer inside
-    /// itself gives.
+    /// Appends the world transforms of `prim`. The depth is bounded, so the recursion is, and so are the results of an
+    /// instancer inside itself.
     fn of(&mut self, prim: &PrimDesc, depth: u32, out: &mut Vec<TimedTransforms>) {
         let Some(local) = self.local(prim) else { return };
         if prim.instanced_by.is_empty() {
@@ -156,7 +157,7 @@ impl LightInstances<'_> {
                     let placer =
                         InstancePlacer::new(DAffine3::IDENTITY, DAffine3::IDENTITY, Some(&entry.arrays), &unit);
                     let moving = entry.arrays.motion.as_ref().map(|motion| {
-                        // As records have it: what a prim that is at rest is placed by goes along with the instances.
+                        // As in records: the placement of a prim at rest moves with the instances.
                         let after = if local.moves { DAffine3::IDENTITY } else { local.ways[0] };
                         let placer = InstancePlacer::new(DAffine3::IDENTITY, after, Some(&entry.arrays), &unit);
                         placer.clone().moving(motion.placers(&entry.arrays, &placer))
@@ -191,7 +192,7 @@ impl LightInstances<'_> {
         }
     }
 
-    /// The transform of a prim; what cannot move stays.
+    /// The transform of a prim; a motion that cannot be used is left out.
     fn local(&self, prim: &PrimDesc) -> Option<LocalTransform> {
         let own = affine(&prim.transform)?;
         let keys = transform_motion(&prim.motion).ok().flatten().and_then(|samples| {
@@ -212,7 +213,7 @@ impl LightInstances<'_> {
     }
 }
 
-/// Lights may be flat, which other prims may not.
+/// The affine map of a matrix. Lights may be flat, unlike other prims.
 fn affine(m: &DMat4) -> Option<DAffine3> {
     usable_affine(m).or_else(|| {
         let is_affine = (m.row(3) - DVec4::W).abs().max_element() <= 1e-9;

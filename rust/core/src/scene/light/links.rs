@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
-/// Numbers of categories.
+/// The numbers of the categories that lights name.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LinkTable {
     categories: FxHashMap<Arc<str>, u32>,
@@ -26,7 +26,7 @@ impl LinkTable {
         *self.categories.entry(name.clone()).or_insert(next)
     }
 
-    /// True when no light names a category.
+    /// Returns true if no light names a category.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.categories.is_empty()

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lights that are somewhere: shape, placement, shaping. Pure.
+//! Lights at a position: their shape, placement and shaping. Pure.
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -7,47 +7,47 @@ use super::shape::{LocalShape, shape_of};
 use super::{narrow, orthonormal};
 use crate::desc::{AssetRef, LightDesc, ShapingCone};
 
-/// A light at a place.
+/// A light with a position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LocalLight {
     /// Shape of unit size.
     pub shape: LocalShape,
-    /// World (not relative to the snapshot's origin) from the unit shape. Regular; of a plane shape, the z axis is the
+    /// World (not relative to the snapshot's origin) from the unit shape. Regular; for a plane shape, the z axis is the
     /// unit normal.
     pub world_from_unit: DAffine3,
     /// Unit perpendicular axes (columns) of the light: it points along -z.
     pub frame: DMat3,
     /// Area in the world; 0 for points and lines.
     pub area: f64,
-    /// Where it shines; `None`: everywhere its shape does.
+    /// Restriction of its directions; `None`: it emits wherever its shape does.
     pub shaping: Option<LightShaping>,
-    /// Picture on a rectangle: u grows from +x to -x, v from +y to -y, (0, 0) the upper left of the file.
+    /// Texture of a rectangle: u grows from +x to -x, v from +y to -y, (0, 0) is the upper left of the file.
     pub texture: Option<AssetRef>,
 }
 
-/// Where a light shines about its -z axis. Checked: finite, in range.
+/// Restriction of a light's directions about its -z axis. Checked: finite, in range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightShaping {
-    /// Half angle of the cone, radians, in [0, pi]; pi with a profile, which says itself where no light goes
+    /// Half angle of the cone, radians, in [0, pi]; pi with a profile, which itself has the directions without light
     /// (`UsdLux`: the cone does not affect profiles).
     pub cone_angle: f32,
     /// Angle at which the light begins to fade out towards the cone's, radians.
     pub smooth_start: f32,
     /// Exponent of the cosine to the axis, forwards and backwards; 0: none.
     pub focus: f32,
-    /// Colour of what the exponent takes away.
+    /// Tint of the light that the exponent takes away.
     pub focus_tint: [f32; 3],
-    /// A measured profile.
+    /// Measured profile.
     pub ies: Option<AssetRef>,
-    /// `UsdLux` `ies:angleScale`.
+    /// `ies:angleScale` of `UsdLux`.
     pub ies_angle_scale: f32,
-    /// Divide the profile by its mean.
+    /// True if the profile is divided by its mean.
     pub ies_normalize: bool,
 }
 
 impl LightShaping {
-    /// `None` when a value is not finite; `Some(None)` when nothing is left out of the shape's own light, which of a
-    /// flat one is that to one side.
+    /// `None` if a value is not finite; `Some(None)` if the shaping leaves out no part of the shape's own light, which
+    /// for a flat one is that to one side.
     fn new(desc: &ShapingCone, is_flat: bool) -> Option<Option<Self>> {
         let numbers = [desc.cone_angle_degrees, desc.cone_softness, desc.focus, desc.ies_angle_scale];
         if !numbers.iter().chain(&desc.focus_tint).all(|v| v.is_finite()) {
@@ -75,7 +75,7 @@ impl LightShaping {
 }
 
 impl LocalLight {
-    /// The light and what its radiance is multiplied by; not finite when it has no extent that could shine.
+    /// The light, and the factor of its radiance; the factor is not finite if the light has no extent that could emit.
     pub(super) fn new(desc: &LightDesc, transform: &DAffine3) -> Option<(Self, f64)> {
         let (shape, size, texture) = shape_of(&desc.kind)?;
         if !size.is_finite() {
@@ -90,7 +90,7 @@ impl LocalLight {
         let unit = DMat3::from_cols(linear.x_axis * size.x, linear.y_axis * size.y, linear.z_axis * size.z);
         let area = shape.area(&unit);
         let (shape, scale) = finished(shape, area, &unit, desc);
-        // What has no extent keeps a regular matrix: it is only asked for its place.
+        // A light without extent keeps a regular matrix: only its position is used.
         let unit = if scale.is_finite() && is_regular(&unit) { unit } else { thin(&unit, &frame) };
         let shaping = match &desc.shaping {
             Some(shaping) => LightShaping::new(shaping, shape.is_flat())?,

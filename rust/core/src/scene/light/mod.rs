@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lights: the `UsdLux` inputs worked out to what the renderer samples. Pure.
+//! Lights: turns the `UsdLux` inputs into the emitters that the renderer samples. Pure.
 //!
-//! Follow a light: [`Light::from_desc`] (radiance, emitter), its [`LocalLight`] (`local`), the places of lights inside
-//! prototypes (`instanced`), the collections of light linking (`links`), measured profiles (`ies`).
+//! Follow a light: [`Light::from_desc`] (radiance, emitter), its [`LocalLight`] (`local`), the placements of lights
+//! inside prototypes (`instanced`), the collections of light linking (`links`), measured profiles (`ies`).
 
 mod blackbody;
 mod ies;
@@ -30,59 +30,59 @@ pub use shape::LocalShape;
 /// A light that shines.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light {
-    /// Its prim, for messages.
+    /// Path of its prim, for messages.
     pub path: Arc<str>,
-    /// Where its light comes from.
+    /// Kind and geometry of the emission.
     pub emitter: LightEmitter,
-    /// Radiance, linear Rec. 709. Of a distant light without extent: irradiance on a facing surface; of a point:
-    /// radiant intensity; of a line: radiant intensity per unit of length, seen from the side.
+    /// Radiance, linear Rec. 709. For a distant light without extent: irradiance on a facing surface; for a point:
+    /// radiant intensity; for a line: radiant intensity per unit of length, seen from the side.
     pub radiance: [f32; 3],
-    /// Seen directly by camera rays.
+    /// True if camera rays see it directly.
     pub camera_visible: bool,
-    /// Multiplier of what surfaces reflect diffusely.
+    /// Multiplier of its diffuse reflection.
     pub diffuse: f32,
-    /// Multiplier of what surfaces reflect otherwise.
+    /// Multiplier of its specular reflection.
     pub specular: f32,
-    /// False: nothing is in its way.
+    /// True if prims shadow it.
     pub has_shadows: bool,
-    /// Share of its light, by colour, that reaches what is in shadow.
+    /// Share of its light, by colour, that reaches points in shadow.
     pub shadow_color: [f32; 3],
-    /// How far its shadows reach; none: without end. Its numbers are usable: no stretch is longer than the distance,
-    /// and the exponent is above 0.
+    /// Length that its shadows reach; `None`: without end. Its numbers are usable: no stretch is longer than the
+    /// distance, and the exponent is above 0.
     pub shadow_reach: Option<ShadowReach>,
     /// Number in [`LinkTable`] of the category of prims that it lights; 0: all.
     pub light_link: u32,
     /// Number of the category of prims that shadow it; 0: all.
     pub shadow_link: u32,
-    /// How it moves while the shutter is open.
+    /// Motion while the shutter is open.
     pub motion: Option<Arc<LightMotion>>,
 }
 
 /// Kinds of light source.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LightEmitter {
-    /// Light from everywhere, times a picture.
+    /// Light from all directions, multiplied by a texture.
     Dome {
-        /// None: the same from everywhere.
+        /// Texture; `None`: constant radiance.
         texture: Option<DomeTexture>,
     },
     /// Light from a cone of directions.
     Distant {
         /// Unit, world space, from the scene towards the light.
         direction: [f32; 3],
-        /// `1 - cos` of half the opening angle; exactly 0 = a single direction. Kept apart from the cosine, which in
-        /// f32 is 0.3 % coarse in the solid angle of a sun of half a degree.
+        /// `1 - cos` of half the opening angle; exactly 0 = a single direction. It is stored instead of the cosine,
+        /// which in f32 has an error of 0.3 % in the solid angle of a sun of half a degree.
         one_minus_cos: f32,
     },
-    /// Light from a place in the world.
+    /// Light from a position in the world.
     Local(Arc<LocalLight>),
 }
 
-/// The picture of a dome. As longitude and latitude, as the `OpenEXR` format has it, a direction d of the dome's frame
-/// is at `u = 1/2 - atan2(d.x, d.z) / 2 pi` from the left and `v = acos(d.y) / pi` from the top.
+/// The texture of a dome. It is mapped by longitude and latitude as in the `OpenEXR` format: a direction d of the
+/// dome's frame is at `u = 1/2 - atan2(d.x, d.z) / 2 pi` from the left and `v = acos(d.y) / pi` from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DomeTexture {
-    /// The file.
+    /// File of the texture.
     pub asset: AssetRef,
     /// Rows of the rotation (or reflection) from the world to the dome.
     pub dome_from_world: [[f32; 3]; 3],
@@ -91,8 +91,8 @@ pub struct DomeTexture {
 }
 
 impl Light {
-    /// Works out one light. `None` when a value is not finite or the transform gives no direction; a light that shines
-    /// nothing is a light of radiance 0.
+    /// Computes one light. `None` if a value is not finite or the transform gives no direction; a light without
+    /// emission is a light of radiance 0.
     ///
     /// `UsdLux`: `L = intensity * 2^exposure * color * blackbody(temperature)`. A normalised light is divided by its
     /// area in the world; a distant one of half angle t by `pi sin^2 t` (t <= 90 degrees) or `pi (2 - sin^2 t)`: at
@@ -103,7 +103,7 @@ impl Light {
         Self::placed(desc, &transform)
     }
 
-    /// As [`Light::from_desc`], with a transform of its own.
+    /// As [`Light::from_desc`], with another transform.
     pub(crate) fn placed(desc: &LightDesc, transform: &DAffine3) -> Option<Self> {
         if !transform.is_finite() {
             return None;
@@ -137,7 +137,7 @@ impl Light {
         })
     }
 
-    /// True when the light adds nothing.
+    /// Returns true if the light adds nothing.
     #[must_use]
     pub fn is_black(&self) -> bool {
         let is_dark = self.radiance.iter().all(|&c| c <= 0.0);
@@ -145,10 +145,11 @@ impl Light {
     }
 }
 
-/// Least exponent of what is left of a stretch over which shadows fade out: less is none to single precision.
+/// Least exponent of the remaining part of the stretch over which shadows fade out: smaller ones vanish in single
+/// precision.
 const LEAST_GAMMA: f32 = 1e-3;
 
-/// What is usable of how far shadows reach. What is no number limits nothing.
+/// The usable part of a reach of shadows. Values that are not numbers limit nothing.
 fn shadow_reach(desc: ShadowReach) -> ShadowReach {
     let usable = |value: f32, otherwise: f32| if value.is_nan() { otherwise } else { value };
     let distance = usable(desc.distance, f32::MAX).clamp(0.0, f32::MAX);
@@ -159,8 +160,8 @@ fn shadow_reach(desc: ShadowReach) -> ShadowReach {
     }
 }
 
-/// Emitted radiance times `scale`. `None` when a value is not finite. A scale that is not finite belongs to a light
-/// without extent, which gives no light.
+/// Emitted radiance times `scale`. `None` if a value is not finite. A scale that is not finite belongs to a light
+/// without extent, which emits no light.
 pub(super) fn radiance(desc: &LightDesc, scale: f64) -> Option<[f32; 3]> {
     let power = f64::from(desc.intensity) * f64::from(desc.exposure).exp2();
     let tint = desc.color_temperature.map_or(Some([1.0; 3]), blackbody)?;
@@ -203,7 +204,7 @@ fn distant(angle_degrees: f32, normalize: bool, transform: &DAffine3) -> Option<
     Some((LightEmitter::Distant { direction: direction.as_vec3().to_array(), one_minus_cos }, scale))
 }
 
-/// Half angle in radians below which a cone cannot be told from a single direction: a fifth of an arc second.
+/// Half angle in radians below which a cone cannot be distinguished from a single direction: a fifth of an arc second.
 const MIN_HALF_ANGLE: f64 = 1e-6;
 
 /// `UsdLux`'s size of a distant light of half angle `t` (radians).
@@ -214,7 +215,7 @@ fn distant_size(t: f64) -> f64 {
 
 /// The frame next to `m` whose axes are unit and perpendicular: z as the planes z = const face, x next to the x axis,
 /// and the handedness of `m`. A z axis that lies in the plane of the others, or is missing, is replaced by their
-/// normal. `None` when x and y do not span a plane.
+/// normal. `None` if x and y do not span a plane.
 fn orthonormal(m: &DMat3) -> Option<DMat3> {
     let normal = m.x_axis.normalize_or_zero().cross(m.y_axis.normalize_or_zero()).try_normalize()?;
     let mirrored = normal.dot(m.z_axis) < 0.0;

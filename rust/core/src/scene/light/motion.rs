@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lights that move while the shutter is open: keys of what the device has of them. Pure; any thread.
+//! Lights that move while the shutter is open, as keys of the data that the device has of them. Pure; any thread.
 
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 
@@ -8,22 +8,23 @@ use crate::desc::{LightDesc, TransformSample};
 use crate::instancing::array_motion::transform_motion;
 use crate::instancing::motion::{MAX_KEYS, MotionKey, PlacementKeys, key_at, map_at, motion_keys, swept_box};
 
-/// Turn of a light between two of the times at which it is asked where it points, radians.
+/// Largest turn of a light between two of the times at which its direction is sampled, radians.
 const STEP: f64 = 0.1;
 
-/// How a light moves.
+/// The motion of a light, as keys.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightMotion {
-    /// World from the unit shape; of a light at infinity from its frame. Two or more, in the order of time.
+    /// World from the unit shape; for a light at infinity, world from its frame. Two or more, in the order of time.
     pub keys: Vec<MotionKey>,
     /// Radiance at each key, relative to the light's own: that of a normalised light falls as it grows.
     pub radiance: Vec<f64>,
-    /// The light's own axes (columns) where the rotation of the keys is none.
+    /// Axes (columns) of the light for the identity as the keys' rotation.
     pub frame: DMat3,
 }
 
 impl LightMotion {
-    /// Of a light that moves by `samples` of its transform and shows it; `None` of others; or why it has to stay.
+    /// The motion of a light by `samples` of its transform; `None` if it does not move or the motion is not visible; an
+    /// error with the reason if it cannot be used.
     pub(crate) fn new(desc: &LightDesc, light: &Light, samples: &[TransformSample]) -> Result<Option<Self>, String> {
         if matches!(light.emitter, LightEmitter::Dome { texture: None }) {
             return Ok(None);
@@ -31,7 +32,8 @@ impl LightMotion {
         let Some(samples) = transform_motion(samples)? else { return Ok(None) };
         let motion = Self::of(desc, light, &samples)?;
         let changes = motion.radiance.windows(2).any(|pair| (pair[1] / pair[0] - 1.0).abs() > 1e-6);
-        // Radiance is linear between keys, which that of a light that grows is not: as many as there may be.
+        // Radiance is linear between keys, but not that of a growing light: such a light gets as many keys as there may
+        // be.
         let finer = if changes { dense(&samples) } else { None };
         Ok(Some(finer.map_or(Ok(motion), |samples| Self::of(desc, light, &samples))?))
     }
@@ -73,8 +75,8 @@ impl LightMotion {
         (min.to_array(), max.to_array())
     }
 
-    /// Where the light points (unit) at times while the shutter is open, and by what angle at most it turns between
-    /// two of them that follow each other.
+    /// Directions (unit) in which the light points at times while the shutter is open, and the largest angle by which
+    /// it turns between two consecutive ones.
     #[must_use]
     pub fn axes(&self) -> (Vec<[f64; 3]>, f64) {
         let axis = |time: f64| DMat3::from_quat(key_at(&self.keys, time).rotation) * -self.frame.z_axis;
@@ -95,13 +97,13 @@ impl LightMotion {
         (axes, most)
     }
 
-    /// Of a distant light: the direction towards it where the rotation of the keys is none, unit.
+    /// For a distant light: the direction towards it for the identity as the keys' rotation, unit.
     #[must_use]
     pub fn direction(&self) -> [f32; 3] {
         self.frame.z_axis.as_vec3().to_array()
     }
 
-    /// Of a dome: rows of the map to it from there.
+    /// For a dome: rows of the map from the world to the dome.
     #[must_use]
     pub fn rows(&self) -> [[f32; 3]; 3] {
         // The transpose of a rotation is its inverse.
@@ -109,7 +111,7 @@ impl LightMotion {
     }
 }
 
-/// The same motion as [`MAX_KEYS`] samples while the shutter is open, evenly spread.
+/// The same motion as [`MAX_KEYS`] evenly spread samples while the shutter is open.
 fn dense(samples: &[TransformSample]) -> Option<Vec<TransformSample>> {
     let maps: Vec<(f64, DAffine3)> =
         samples.iter().map(|sample| (sample.time, DAffine3::from_mat4(sample.transform))).collect();

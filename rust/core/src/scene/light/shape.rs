@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Shapes of local lights: what descriptions make of them, their areas and sizes under affine maps. Pure.
+//! Shapes of local lights: their choice from descriptions, and their areas and sizes under affine maps. Pure.
 //!
-//! All that is said of a shape here; `shaders/light/shapes` has a file of the same name for each.
+//! This is the only Rust code that depends on a shape; `shaders/light/shapes` has a file of the same name for each.
 
 use std::f64::consts::{PI, TAU};
 
@@ -9,28 +9,28 @@ use glam::{DMat3, DVec3};
 
 use crate::desc::{AssetRef, LightKind};
 
-/// A shape of unit size; a [`super::LocalLight`] says where it is and how large.
+/// A shape of unit size; a [`super::LocalLight`] has its position and its size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LocalShape {
-    /// The square `|x| <= 1, |y| <= 1` in the plane z = 0; shines to -z.
+    /// The square `|x| <= 1, |y| <= 1` in the plane z = 0; it emits to -z.
     Rect,
-    /// The disk `x^2 + y^2 <= 1` in the plane z = 0; shines to -z.
+    /// The disk `x^2 + y^2 <= 1` in the plane z = 0; it emits to -z.
     Disk,
-    /// The unit sphere; shines outwards.
+    /// The unit sphere; it emits outwards.
     Sphere,
-    /// The cylinder `y^2 + z^2 = 1, |x| <= 1` without caps; shines outwards.
+    /// The cylinder `y^2 + z^2 = 1, |x| <= 1` without caps; it emits outwards.
     Cylinder,
-    /// The origin; shines the same in all directions.
+    /// The origin; it emits the same in all directions.
     Point,
-    /// The segment `|x| <= 1` of the x axis; shines with the sine of the angle to it.
+    /// The segment `|x| <= 1` of the x axis; it emits with the sine of the angle to it.
     Line,
-    /// The triangle `x >= -1, y >= -1, x + y <= 0` in the plane z = 0; shines to -z. Tests alone have it.
+    /// The triangle `x >= -1, y >= -1, x + y <= 0` in the plane z = 0; it emits to -z. Only tests have it.
     #[cfg(feature = "faults")]
     ToyLight,
 }
 
 impl LocalShape {
-    /// As its file in `shaders/light/shapes` is called.
+    /// Name of its file in `shaders/light/shapes`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -45,13 +45,13 @@ impl LocalShape {
         }
     }
 
-    /// True for shapes that no ray can meet.
+    /// Returns true for shapes that no ray can meet.
     #[must_use]
     pub fn is_thin(self) -> bool {
         matches!(self, Self::Point | Self::Line)
     }
 
-    /// True for shapes that shine to one side of a plane.
+    /// Returns true for shapes that emit to one side of a plane.
     #[must_use]
     pub fn is_flat(self) -> bool {
         self.half_box()[2] <= 0.0 && !self.is_thin()
@@ -86,8 +86,8 @@ impl LocalShape {
         }
     }
 
-    /// Area of the shape after the linear map `m`; 0 for what has none. Exact for plane shapes; curved ones are summed
-    /// over their surface (error below 1e-6 of the result unless one axis is some fifty times another).
+    /// Area of the shape after the linear map `m`; 0 for points and lines. Exact for plane shapes; curved ones are
+    /// summed over their surface (error below 1e-6 of the result unless one axis is some fifty times another).
     #[must_use]
     pub fn area(self, m: &DMat3) -> f64 {
         // The area element of a map: |cofactor(m) n| for the unit normal n.
@@ -118,7 +118,7 @@ impl LocalShape {
     }
 }
 
-/// Shape, and the sizes of the unit shape's axes.
+/// The shape, and the sizes of the unit shape's axes.
 pub(super) fn shape_of(kind: &LightKind) -> Option<(LocalShape, DVec3, Option<AssetRef>)> {
     let wide = f64::from;
     match kind {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Bounds against lookups in f64: whatever a lookup meets lies in them.
+//! Compares bounds with lookups in f64: everything that a lookup hits lies in them.
 
 #![expect(clippy::cast_possible_truncation, reason = "numbers of choices are small")]
 
@@ -30,7 +30,7 @@ impl Random {
     }
 }
 
-/// Members of a set, or with number 0 a file.
+/// Files: members of a set, or with number 0 a single file.
 #[derive(Clone, Debug)]
 pub(crate) struct Files(pub(crate) Vec<(u32, Picture)>);
 
@@ -47,7 +47,7 @@ impl Picture {
         Self { size, texels: all.map(|st| texel(st) as f32).collect() }
     }
 
-    /// The probability that a lookup meets something.
+    /// The probability that a lookup hits the surface.
     pub(crate) fn share(&self, query: &OpacityQuery, st: [f64; 2]) -> f64 {
         let layout = TileLayout::new(self.size, 4).expect("a layout");
         let texel = |_, x: u32, y: u32| [f64::from(self.texels[(y * self.size[0] + x) as usize]); 4];
@@ -90,7 +90,7 @@ fn disc([s, t]: [f64; 2]) -> f64 {
     ((0.3 - (s - 0.4).hypot(t - 0.6)) * 40.0 + 0.5).clamp(0.0, 1.0)
 }
 
-/// Any wrap mode, factor, summand, threshold and what is around.
+/// A cutout with any wrap mode, factor, summand, threshold and border.
 pub(crate) fn any_cut(random: &mut Random, file: &str) -> CutoutImage {
     const WRAPS: [Wrap; 5] = [Wrap::UseMetadata, Wrap::Black, Wrap::Clamp, Wrap::Repeat, Wrap::Mirror];
     let numbers = [
@@ -102,7 +102,7 @@ pub(crate) fn any_cut(random: &mut Random, file: &str) -> CutoutImage {
     cut(file, wrap, numbers, random.one_of([0.0, 0.0, 0.0, 1.0, 0.3]))
 }
 
-/// Pictures of which little is there.
+/// Pictures of which little is kept.
 pub(crate) fn any_picture(random: &mut Random) -> Picture {
     let size = random.one_of([[1, 1], [2, 1], [7, 3], [16, 16], [33, 64], [130, 200], [600, 40]]);
     let corner = [random.between(-0.2, 1.0), random.between(-0.2, 1.0)];
@@ -156,7 +156,7 @@ fn bounds_are_those_of_the_cells_that_a_footprint_meets() {
     let is_near = |region: UvRegion, [low, high]: UvRegion| {
         let found = covered.within(region, [0.0; 2]).expect("a leaf");
         let off = (0..2).map(|i| (found[0][i] - low[i]).abs().max((found[1][i] - high[i]).abs())).fold(0.0, f64::max);
-        // A cell, and half a texel that a lookup reaches farther.
+        // Tolerance: a cell, and half a texel that a lookup reaches farther.
         assert!(off < 2.0 / 256.0, "{region:?}: {found:?}, not {:?}", [low, high]);
     };
     is_near([[0.0, 0.0], [1.0, 0.5]], [[0.1, 0.1], [0.3, 0.2]]);
@@ -174,8 +174,8 @@ fn bounds_are_those_of_the_cells_that_a_footprint_meets() {
     assert!(CoveredImage::read(&image, &Files(Vec::new())).is_none(), "it cannot be read");
 }
 
-/// A leaf that begins at the edge of a picture that repeats: its other edge is half of it, and beyond that is the next
-/// one.
+/// A leaf that begins at the edge of a repeated picture: the other edge mixes half of it, and beyond that edge is the
+/// next leaf.
 #[test]
 fn edges_of_repeated_pictures_do_not_count() {
     let corner = |[s, t]: [f64; 2]| f64::from(u8::from(s < 0.5 && t < 0.5));

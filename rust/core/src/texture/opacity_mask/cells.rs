@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The cells of a texel: in what share of each a lookup at the finest level meets the surface. Between the centres of
-//! four texels a lookup is bilinear, so a quarter of a texel lies in one such patch. Pure; any thread.
+//! Computes the cells of a texel: the share of each in which a lookup at the finest level meets the surface. Between
+//! the centres of four texels a lookup is bilinear, so a quarter of a texel lies in one such patch. Pure; any thread.
 
 use super::{OpacityQuery, PLACE_SLACK};
 use crate::texture::Wrap;
 
-/// How much of an area is there.
+/// Coverage of an area.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct OpacityCell {
     pub(super) share: f32,
-    /// Some of it may be there, and some may not.
+    /// True if a ray may meet it, and true if a ray may miss it.
     pub(super) may_meet: bool,
     pub(super) may_miss: bool,
 }
 
 impl OpacityCell {
-    /// 0 and 255 are sure.
+    /// Coverage as a byte; 0 and 255 are certain.
     pub(super) fn byte(self) -> u8 {
         match [self.may_meet, self.may_miss] {
             [false, _] => 0,
@@ -25,7 +25,7 @@ impl OpacityCell {
         }
     }
 
-    /// Adds a part that covers `weight` of it.
+    /// Adds a part that covers `weight` of the area.
     pub(super) fn add(&mut self, part: Self, weight: f32) {
         self.share += weight * part.share;
         self.may_meet |= part.may_meet;
@@ -33,7 +33,7 @@ impl OpacityCell {
     }
 }
 
-/// Where all texels have this value.
+/// The cell of an area in which all texels have this value.
 pub(super) fn of_value(query: &OpacityQuery, value: f32) -> OpacityCell {
     of_equal(query, f64::from(value)).unwrap_or_else(|| {
         let share = shortened(query.share(value.into()));
@@ -41,7 +41,7 @@ pub(super) fn of_value(query: &OpacityQuery, value: f32) -> OpacityCell {
     })
 }
 
-/// Where all texels have this value, if they are sure to be there or not.
+/// The cell of an area in which all texels have this value, if the result is certain.
 fn of_equal(query: &OpacityQuery, value: f64) -> Option<OpacityCell> {
     let [may_meet, may_miss] = query.may([value; 2], 0.0, value.abs());
     (may_meet != may_miss).then(|| OpacityCell { share: f32::from(u8::from(may_meet)), may_meet, may_miss })
@@ -79,7 +79,7 @@ pub(super) fn of_row(query: &OpacityQuery, rows: [&[f32]; 3], fine: u32) -> Vec<
     out
 }
 
-/// Smallest and largest of some values, of which none is NaN.
+/// Smallest and largest of some values, none of which is NaN.
 fn hull(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
     let add = |[low, high]: [f64; 2], value: f64| match value.is_nan() {
         true => [f64::NEG_INFINITY, f64::INFINITY],
@@ -102,7 +102,7 @@ fn of_texel(query: &OpacityQuery, around: [[f32; 3]; 3], fine: u32, out: &mut Ve
         ));
         return;
     }
-    // Along a side of the texel; a part lies in one patch.
+    // Parts along a side of the texel; each part lies in one patch.
     let parts = (1_usize << fine).max(2);
     let samples = (8 / parts).max(2);
     let mut whole = OpacityCell::default();
@@ -123,8 +123,8 @@ fn of_texel(query: &OpacityQuery, around: [[f32; 3]; 3], fine: u32, out: &mut Ve
     }
 }
 
-/// What of the texel before, at, and behind the middle one a place in that one has, from 0 to 1: which pair, and the
-/// share of the second.
+/// Position `at` (0 to 1) in the middle one of three texels as a pair of neighbours: index of the pair, and share of
+/// the second texel.
 fn place(at: f64) -> (usize, f64) {
     if at < 0.5 { (0, at + 0.5) } else { (1, at - 0.5) }
 }
@@ -138,11 +138,11 @@ fn bilinear(around: &[[f64; 3]; 3], (column, right): (usize, f64), (row, upper):
     mix(across(row), across(row + 1), upper)
 }
 
-/// In what share of a rectangle a bilinear function with these values at its corners meets the surface.
+/// Share of a rectangle in which a bilinear function with these values at its corners meets the surface.
 fn share_of(query: &OpacityQuery, corners: [[f64; 2]; 2], samples: usize) -> f64 {
     let shares = corners.map(|row| row.map(|value| query.share(value)));
     let [low, high] = hull(shares.as_flattened().iter().copied());
-    // A patch has its extremes at the corners, and what is inside of 0 and 1 is its own mean.
+    // A patch has its extremes at the corners, and values strictly between 0 and 1 have their own mean.
     let is_linear = query.is_chance() && low > 0.0 && high < 1.0;
     if low == high || is_linear {
         return shares.as_flattened().iter().sum::<f64>() / 4.0;

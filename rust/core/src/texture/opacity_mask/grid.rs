@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A mask's cells, each the mean of the finer ones in it by area. Pure; any thread.
+//! The cells of a mask's level, each the mean of finer cells weighted by area. Pure; any thread.
 
 use super::cells::OpacityCell;
 
@@ -10,7 +10,7 @@ pub(super) struct OpacityGrid {
     pub(super) cells: Vec<OpacityCell>,
 }
 
-/// A grid that is made of the rows of a finer one, in any order.
+/// A grid made from the rows of a finer one, in any order.
 #[derive(Clone, Debug)]
 pub(super) struct GridReduction {
     from: [u32; 2],
@@ -23,7 +23,7 @@ impl GridReduction {
         Self { from, grid: OpacityGrid { size, cells: vec![OpacityCell::default(); count] } }
     }
 
-    /// Adds row `y`; each once.
+    /// Adds row `y`; each row is added once.
     pub(super) fn push(&mut self, y: usize, row: &[OpacityCell]) {
         let [width, height] = self.grid.size;
         if y >= self.from[1] as usize {
@@ -53,7 +53,7 @@ impl GridReduction {
     }
 }
 
-/// Of `fine` cells along a side those that lie in cell `at` of `coarse`, or the other way round.
+/// The `fine` cells along a side that lie in cell `at` of `coarse`, or vice versa.
 fn covered(fine: u32, coarse: u32, at: u32) -> std::ops::Range<u32> {
     let [fine, coarse, at] = [fine, coarse, at].map(u64::from);
     #[expect(clippy::cast_possible_truncation, reason = "at most the cells of a side")]
@@ -61,7 +61,7 @@ fn covered(fine: u32, coarse: u32, at: u32) -> std::ops::Range<u32> {
     begin..end
 }
 
-/// What share of cell `at` of `coarse` along a side is of cell `part` of `fine`.
+/// Share of cell `at` of `coarse` along a side that cell `part` of `fine` covers.
 fn weight(fine: u32, coarse: u32, at: u32, part: u32) -> f32 {
     let [fine, coarse, at, part] = [fine, coarse, at, part].map(u64::from);
     let [begin, end] = [(at * fine).max(part * coarse), ((at + 1) * fine).min((part + 1) * coarse)];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Masks against lookups in f64: what is sure holds everywhere, and shares are those of the area.
+//! Compares masks with lookups in f64: certain cells hold everywhere, and shares are those of the area.
 
 #![expect(clippy::cast_possible_truncation, reason = "levels, cells and numbers of choices are small")]
 
@@ -17,12 +17,12 @@ impl Random {
         x ^ (x >> 31)
     }
 
-    /// From `low` up to `high`.
+    /// A number from `low` up to `high`.
     fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * ((self.bits() >> 40) as f32 / (1 << 24) as f32)
     }
 
-    /// Below `count`.
+    /// A number below `count`.
     fn below(&mut self, count: u32) -> u32 {
         (self.bits() >> 32) as u32 % count
     }
@@ -34,18 +34,18 @@ impl Random {
 
 const CUT: OpacityQuery =
     OpacityQuery { wrap: [Wrap::Repeat, Wrap::Clamp], outside: 0.0, scale: 1.0, bias: 0.0, threshold: 0.5 };
-/// Of the levels of masks here.
+/// Largest side of the levels of the masks here.
 const MOST_SIDE: u32 = 512;
 const WRAPS: [Wrap; 5] = [Wrap::UseMetadata, Wrap::Black, Wrap::Clamp, Wrap::Repeat, Wrap::Mirror];
 
-/// Texels of level 0, from their places.
+/// Texels of level 0, from their positions.
 fn texels(layout: &TileLayout, mut texel: impl FnMut([f32; 2]) -> f32) -> Vec<f32> {
     let [w, h] = layout.size();
     let at = |i: u32, side: u32| (i as f32 + 0.5) / side as f32;
     (0..h).flat_map(|y| (0..w).map(move |x| [at(x, w), at(y, h)])).map(&mut texel).collect()
 }
 
-/// A mask of texels that come in bands of so many rows.
+/// A mask of texels that come in bands of `rows` rows.
 fn banded(layout: &TileLayout, values: &[f32], query: &OpacityQuery, rows: usize) -> Option<OpacityMask> {
     let mut maker = OpacityMaskMaker::new(layout, query, MOST_SIDE)?;
     values.chunks(rows * layout.size()[0] as usize).for_each(|band| maker.push(band));
@@ -56,7 +56,7 @@ fn mask(layout: &TileLayout, values: &[f32], query: &OpacityQuery) -> OpacityMas
     banded(layout, values, query, 7).expect("a mask")
 }
 
-/// Cells of a mask that was read from its words.
+/// Cells of a mask, as read from its words.
 struct Read {
     size: [u32; 2],
     bytes: Vec<u8>,
@@ -67,14 +67,14 @@ impl Read {
         self.bytes.iter().map(|byte| f64::from(*byte)).sum::<f64>() / (255 * self.bytes.len()) as f64
     }
 
-    /// The cell of a place.
+    /// The cell at a position.
     fn at(&self, st: [f32; 2]) -> u8 {
         let [x, y] = [0, 1].map(|i| ((st[i] * self.size[i] as f32) as u32).min(self.size[i] - 1));
         self.bytes[(y * self.size[0] + x) as usize]
     }
 }
 
-/// The cells, and the level that they are of.
+/// The cells, and their level.
 fn cells(mask: &OpacityMask, layout: &TileLayout) -> (u32, Read) {
     let [size, modes] = [mask.words[0], mask.words[1]];
     assert_eq!([size & 0xffff, size >> 16], layout.size());
@@ -119,7 +119,7 @@ fn coverage_of_a_disc_is_the_same_whatever_the_size_of_its_cells() {
     }
 }
 
-/// What lookups of level 0 give in the mean over a cell.
+/// Mean result of lookups of level 0 over a cell.
 fn share_by_lookups(
     sampler: &TextureSampler<impl Fn(u32, u32, u32) -> [f64; 4]>,
     query: &OpacityQuery,
@@ -142,7 +142,7 @@ fn query(random: &mut Random) -> OpacityQuery {
     }
 }
 
-/// Random queries of random images: what is sure is so at every place of the cell, and shares are those of its area.
+/// Random queries of random images: certain cells hold at every position, and shares are those of the area.
 fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) {
     let mut random = Random(seed);
     for size in [[1, 1], [2, 1], [7, 3], [16, 16], [33, 64], [200, 130], [1025, 40]] {
@@ -163,11 +163,11 @@ fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) {
                 let ends = [end(0), end(1)];
                 let share = share_by_lookups(&sampler, &query, ends);
                 let text = || format!("{query:?} {size:?} {cell:?} of {:?}: {byte}, not {share}", level.size);
-                // Of a part of a texel all that matters is whether it is sure, and few samples are taken.
+                // For a part of a texel only certainty matters, and few samples are taken.
                 let most = if level.size[0] > size[0] { 0.4 } else { 0.1 };
                 assert!((f64::from(byte) / 255.0 - share).abs() < most, "{}", text());
                 let at = |i: usize, part: f64| ends[0][i] + part * (ends[1][i] - ends[0][i]);
-                // A rim of what is not there may be there.
+                // The rim of an empty cell may be kept.
                 let parts = if byte == 0 { [4.0e-3, 1.0 - 4.0e-3, 1.0 / 3.0] } else { [0.0, 1.0, 0.5] };
                 let st = [0, 1].map(|i| at(i, random.one_of(parts)));
                 let opacity = query.share(sampler.bilinear(st, 0)[0]);
@@ -201,7 +201,7 @@ fn most_cells_of_a_disc_are_sure() {
     }
 }
 
-/// Texels that are there, there, not there and not there, and what the first and the last mix with beside the image.
+/// Texels kept, kept, empty and empty, with the texels that the first and the last mix with beside the image.
 #[test]
 fn cells_at_image_borders_follow_the_wrap_mode() {
     let layout = TileLayout::new([4, 1], 1).expect("a layout");
@@ -209,7 +209,7 @@ fn cells_at_image_borders_follow_the_wrap_mode() {
     for (wrap, outside, first, last) in [
         (Wrap::Clamp, 0.0, 255, 0),
         (Wrap::Mirror, 0.0, 255, 0),
-        // Half and half on the border: at the threshold, of which a rim has no area.
+        // Half of each cell is on the border, exactly at the threshold, where a rim has no area.
         (Wrap::Repeat, 0.0, 254, 0),
         (Wrap::Black, 0.0, 254, 0),
         (Wrap::Black, 1.0, 255, 0),
@@ -286,7 +286,7 @@ fn masks_of_hostile_images_are_bounded() {
     assert!(OpacityMaskMaker::new(&long, &CUT, MOST_SIDE).is_none(), "too long");
 }
 
-/// With any longest side: the bytes are as many as was said, and coverage is the same.
+/// With any longest side the mask has the predicted number of bytes, and coverage is the same.
 #[test]
 fn smaller_masks_cover_as_much() {
     for size in [[1, 1], [3, 2], [100, 64], [777, 300], [2048, 4]] {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Instancing against brute force: the answer is worked out here from the descriptions, with other code.
+//! Instancing against brute force: the answer is computed here from the descriptions, with other code.
 
 use oocpt_abi::Features;
 use std::sync::Arc;

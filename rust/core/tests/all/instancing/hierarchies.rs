@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Cycles, missing parents, depth: hierarchies that make no sense are cut where they stop doing so.
+//! Cycles, missing parents, depth: invalid hierarchies are cut where they become invalid.
 
 use oocpt_core::{DroppedData, SceneDb};
 

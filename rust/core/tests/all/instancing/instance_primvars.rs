@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Primvars with a value per instance: who gets which, what is left out, and what an edit touches.
+//! Primvars with a value per instance: the choice between instancers, primvars left out, and effects of edits.
 
 use oocpt_abi::{Features, NAME_DISPLAY_COLOR, NO_ROW, NO_VALUE};
 use std::sync::Arc;
@@ -235,7 +235,7 @@ fn opacities_of_one_need_no_table() {
     assert_eq!(snapshot.world.chunks[0].columns().len(), 1);
 }
 
-/// A large edit beside others that change values alone: chunks of the latter are not taken for what they were.
+/// A large edit besides others that change only values: chunks of the latter must not count as unchanged.
 #[test]
 fn values_update_beside_a_large_edit_sorted_in_stretches() {
     let mut db = SceneDb::new();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Instancers and what they place, against brute force and closed forms.
+//! Instancers and their placements, against brute force and closed forms.
 
 mod flattening;
 mod hierarchies;

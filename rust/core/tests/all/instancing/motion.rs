@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Placements that move: their keys, boxes that hold them at every time, and motion that cannot be used.
+//! Placements that move: their keys, boxes that contain them at every time, and unusable motion.
 
 use glam::{DAffine3, DMat4, DVec3};
 use oocpt_abi::Features;
@@ -62,7 +62,7 @@ fn add_swarm(db: &mut SceneDb, desc: InstancerDesc) {
     db.upsert_instancer(desc);
 }
 
-/// One or the other kind of everything that moves.
+/// A scene with every kind of motion.
 fn everything() -> SceneDb {
     let mut db = SceneDb::new();
     let mut mesh = triangle("/turns", 0.25);
@@ -84,7 +84,7 @@ fn bounds_of(snapshot: &Snapshot, target: InstanceTarget) -> Aabb {
     }
 }
 
-/// The box of what is placed, at 200 times, is in that of its record, which is little larger.
+/// Checks that the box of the target, at 200 times, is in that of its record, which is little larger.
 fn holds(snapshot: &Snapshot, record: &InstanceRecord, keys: &[MotionKey]) {
     let target = bounds_of(snapshot, record.target);
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -112,7 +112,7 @@ fn check_all(snapshot: &Snapshot, records: &[InstanceRecord], keys: &[Vec<Motion
     keys.len()
 }
 
-/// What moves is measured with all its keys wherever the partition does so.
+/// Moving placements are measured with all their keys wherever the partition measures them.
 #[test]
 fn moving_items_partition_equally_in_stretches_and_at_once() {
     let mut in_stretches = everything();

@@ -34,7 +34,7 @@ fn constant_subgraphs_are_described_as_numbers() {
     assert!(material.warnings.is_empty() && material.lookups == 0, "{material:?}");
 }
 
-/// The same value is read twice, so it has a name; what is read once stands in its reader.
+/// The same value is read twice, so it has a name; a value that is read once is written in its reader.
 #[test]
 fn a_program_is_described_as_formulas_and_instructions() {
     let weight = [("base_weight", ParamValue::Float(1.0))];
@@ -58,7 +58,7 @@ fn a_program_is_described_as_formulas_and_instructions() {
     assert!(material.needs.contains(&"PATTERNS".to_owned()), "{:?}", material.needs);
 }
 
-/// A register that is written again is another value.
+/// A register that is written again has another value.
 #[test]
 fn formulas_follow_reused_registers() {
     let weight = [("base_weight", ParamValue::Float(1.0))];
@@ -119,7 +119,7 @@ fn the_emission_program_is_described() {
     assert!(!by_normal.program.instructions.is_empty() && by_normal.emission_program.instructions.is_empty());
 }
 
-/// What is chosen by chance is told with the number that chooses.
+/// A random choice is described with the number that chooses.
 #[test]
 fn mixtures_are_described() {
     let metal = |roughness: f32| node("ND_conductor_bsdf", &[("roughness", ParamValue::Vec2([roughness; 2]))], &[]);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Networks that nobody means, as scenes bring them: random kinds, wrong types, numbers that are none, texts without
-//! end, circles. Each is a material of finite numbers or none, and one message for its prim.
+//! Hostile networks, as scenes may contain them: random kinds, wrong types, NaN, endless texts, cycles. Each gives a
+//! material of finite numbers or none, and one message for its prim.
 
 use std::sync::OnceLock;
 
@@ -20,7 +20,7 @@ fn networks() -> u32 {
     if std::env::var_os("OOCPT_TEST_FULL").is_some() { 10_000 } else { 300 }
 }
 
-/// Most bytes of a message about a material: eight lines of 512, and what stands between.
+/// Most bytes of a message about a material: eight lines of 512, and the separators.
 const LONGEST: usize = 8 * (512 + 8);
 
 fn definitions() -> &'static [&'static NodeDef] {
@@ -159,7 +159,7 @@ fn check_material(material: &Material) {
     }
 }
 
-/// Everything that a material of strangers promises.
+/// Checks everything that is guaranteed for a material of unknown origin.
 fn check(desc: &MaterialDesc) {
     let CompiledMaterial { material, textures, problems, .. } = compile(desc);
     assert!(material.is_some() || !problems.is_empty(), "a surface that is none says why");
@@ -168,7 +168,7 @@ fn check(desc: &MaterialDesc) {
     let told = describe(desc);
     assert_eq!(told.warnings.len(), problems.len());
     assert!(!format!("{told:?}").contains("\\u{1b}"), "no escapes of a terminal");
-    // In a scene: what it is, once, with the prim.
+    // In a scene there is one message with the prim.
     let mut db = SceneDb::new();
     db.upsert_material(desc.clone());
     db.upsert_mesh(bind(grid("/q", 1), "/m", &[]));
@@ -222,7 +222,7 @@ fn overlong_strings_give_short_messages() {
     assert!(problems.len() == 1 && problems[0].starts_with("`xxx") && problems[0].ends_with("..."), "{problems:?}");
 }
 
-/// Sums and differences of numbers near the largest one are none; they were found by random networks.
+/// Sums and differences of numbers near the largest one overflow; random networks found these.
 #[test]
 fn overflowing_inputs_are_dropped() {
     let huge = ParamValue::Vec3([3.4e38; 3]);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Networks of `MaterialX` as materials: colour spaces of values and files, what a material is flagged for. The
-//! translation itself has tests of its own in `oocpt-materialx`.
+//! Networks of `MaterialX` as materials: colour spaces of values and files, flags of a material. The translation itself
+//! has tests of its own in `oocpt-materialx`.
 
 use oocpt_abi::{MaterialFlags, MaterialInput};
 use oocpt_core::material::{CompiledMaterial, compile};
@@ -69,7 +69,7 @@ fn material_flags_match_the_features_they_need() {
     assert!(material.program.instructions.is_empty() && !material.opacity_program.instructions.is_empty());
 }
 
-/// A fibre's inputs mean something else, so it needs nothing of what their names say.
+/// The inputs of a fibre have another meaning, so it needs no feature that their names suggest.
 #[test]
 fn hair_materials_set_only_the_hair_flag() {
     let said = [("roughness_R", ParamValue::Vec2([0.5, 0.25])), ("absorption_coefficient", ParamValue::Vec3([1.0; 3]))];

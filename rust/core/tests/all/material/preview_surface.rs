@@ -109,7 +109,7 @@ fn opacity_is_transmission_presence_or_a_threshold() {
     let coated = [number("roughness", 0.0), number("clearcoat", 1.0), number("clearcoatRoughness", 0.5)];
     assert_eq!(made(0.5, &coated), (rough | MaterialFlags::COAT, all(0.5)));
     assert_eq!(made(0.5, std::slice::from_ref(&presence)), (MaterialFlags::PRESENCE, all(0.5)));
-    // At the threshold the surface is there, all of it.
+    // At the threshold the surface exists completely.
     assert_eq!(made(0.5, &[threshold(0.5)]), (MaterialFlags::empty(), all(1.0)));
     assert_eq!(made(0.4, &[threshold(0.5)]), (MaterialFlags::PRESENCE, all(0.0)));
     assert_eq!(made(1.0, &[presence]), (MaterialFlags::empty(), all(1.0)));
@@ -217,7 +217,7 @@ fn a_transform_scales_then_rotates_then_translates() {
     // (1, 1) scaled (2, 3), turned a quarter counter-clockwise (-3, 2), moved (7, 13).
     let (uv, one) = with(vec![transform([2.0, 3.0], 90.0, [10.0, 11.0], 3), st()]);
     assert_eq!((uv, apply(one, [1.0, 1.0])), (Some(0), [7.0, 13.0]));
-    // What is nearer to the texture comes later: (1, 1) moved (2, 3), then scaled (20, 300).
+    // The transform nearer to the texture is applied later: (1, 1) moved (2, 3), then scaled (20, 300).
     let (_, two) =
         with(vec![transform([10.0, 100.0], 0.0, [0.0; 2], 3), transform([1.0; 2], 0.0, [1.0, 2.0], 4), st()]);
     assert_eq!(apply(two, [1.0, 1.0]), [20.0, 300.0]);

@@ -127,7 +127,7 @@ fn nearest(bvh: &Bvh2, triangles: &[Triangle], origin: glam::DVec3, direction: g
     best.is_finite().then_some(best)
 }
 
-/// Rays into a soup of triangles: `nearest` gives what a test of all of them gives.
+/// Traces rays into a soup of triangles: `nearest` must give the result of testing all triangles.
 pub(crate) fn expect_brute_force(triangles: &[Triangle], nearest: impl Fn(glam::DVec3, glam::DVec3) -> Option<f64>) {
     let mut hits = 0;
     for k in 0..300_u32 {

@@ -127,8 +127,8 @@ fn a_walk_finds_what_brute_force_finds() {
     expect_brute_force(&ordered, |origin, direction| nearest(&bvh, &ordered, origin, direction));
 }
 
-/// Follows every way down; gives the boxes that were reached and checks that planes hold them with a little to spare,
-/// and hardly more than a cell.
+/// Follows every path down; returns the boxes that were reached and checks that planes contain them with a little
+/// slack, and hardly more than a cell.
 fn reached(boxes: &[Aabb], nodes: &[LevelNode], stack: u32) -> Vec<u32> {
     let (mut items, mut most) = (Vec::new(), 0);
     let mut open = vec![(0_u32, 0_u32)];
@@ -160,7 +160,7 @@ fn reached(boxes: &[Aabb], nodes: &[LevelNode], stack: u32) -> Vec<u32> {
     items
 }
 
-/// All nodes are reached, and all but one have four children.
+/// Checks that all nodes are reached, and that all but one have four children.
 fn expect_full(nodes: &[LevelNode], boxes: usize) {
     let there = |node: &LevelNode| node.child.iter().filter(|child| **child != ABSENT).count();
     let absent: usize = nodes.iter().map(|node| 4 - there(node)).sum();
@@ -209,7 +209,8 @@ fn the_largest_child_comes_first() {
 
 #[test]
 fn distant_clusters_split_at_the_root() {
-    // The distance between neighbours in a cluster is as much of the scene as single precision can tell, or far more.
+    // The distance between neighbours in a cluster is about the resolution of single precision in the scene, or far
+    // more.
     for (scale, far) in [(1.0, 1e3), (1e-18, 1e3), (1e18, 1e3), (1e-3, 1e6)] {
         for (left, all) in [(2, 7_u16), (5, 30), (20, 100), (1001, 4097), (5000, 20_000)] {
             let center = |k: u16| {
@@ -219,7 +220,7 @@ fn distant_clusters_split_at_the_root() {
             };
             let half = 0.05 * scale;
             let box_of = |c: [f32; 3]| Aabb { min: c.map(|x| x - half), max: c.map(|x| x + half) };
-            // In an order that tells nothing: 1009 is prime.
+            // The order is unrelated to the positions: 1009 is prime.
             let boxes: Vec<Aabb> = (0..u32::from(all))
                 .map(|k| center(u16::try_from(k * 1009 % u32::from(all)).expect("below all")))
                 .map(box_of)

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Boxes of meshes that are cut out: around what is there, in trees, clusters, at all keys, by slot; edits and files.
+//! Boxes of meshes with cutouts: they enclose the kept parts, in trees, clusters, at all keys, by slot; edits and
+//! files.
 
 use std::sync::{Arc, Mutex};
 
@@ -17,7 +18,7 @@ use crate::mesh::store;
 use crate::scene::bindings::bind;
 use crate::support::{asset, committed, grid, polygons, primvar};
 
-/// What is there of an image, in places from 0 to 1.
+/// The kept part of an image, as a predicate on coordinates from 0 to 1.
 type Shape = fn(f32, f32) -> bool;
 
 #[derive(Debug)]
@@ -42,7 +43,7 @@ impl HeightImage for Picture {
     }
 }
 
-/// The quarter at the origin, by name; other files may be set.
+/// Files of which one, by name, keeps the quarter at the origin; other files may be set.
 #[derive(Debug, Default)]
 struct Files {
     replaced: Mutex<Option<Shape>>,
@@ -69,7 +70,7 @@ impl HeightFiles for Files {
     }
 }
 
-/// Cut out by a texture.
+/// A mesh cut out by a texture.
 fn textured(path: &str, name: &str, own: &[(&str, ParamValue)]) -> MaterialDesc {
     wrapped(path, name, "clamp", own)
 }
@@ -88,7 +89,7 @@ fn threshold(value: f32) -> (&'static str, ParamValue) {
     ("opacityThreshold", ParamValue::Float(value))
 }
 
-/// Cut out by a primvar.
+/// A mesh cut out by a primvar.
 fn by_primvar(path: &str, own: &[(&str, ParamValue)]) -> MaterialDesc {
     let reader = node("UsdPrimvarReader_float", &[("varname", text("cut"))], &[]);
     network(path, vec![node("UsdPreviewSurface", own, &[("opacity", 1, "result")]), reader])
@@ -119,7 +120,7 @@ fn built(desc: MeshDesc, material: MaterialDesc) -> Arc<MeshAsset> {
     asset(&committed(&mut db).meshes[0])
 }
 
-/// What is there lies in the box, which is hardly larger.
+/// Checks that the box contains the kept part and is hardly larger.
 fn is_around(mesh: &MeshAsset, low: [f32; 3], high: [f32; 3]) {
     let Aabb { min, max } = mesh.bounds;
     for k in 0..3 {
@@ -140,7 +141,7 @@ fn the_box_of_a_card_is_that_of_its_leaf() {
     is_around(&mesh, [0.0, 0.0, 1.0], [1.0, 1.0, 1.0]);
     assert_eq!(mesh.whole, Aabb { min: [0.0, 0.0, 1.0], max: [2.0, 2.0, 1.0] });
     assert_eq!(mesh.triangles.len(), 2);
-    // Where it repeats, lookups at its edges mix with the other side.
+    // In a repeated picture, lookups at its edges mix with the other side.
     assert_eq!(built(card("/a"), wrapped("/m", "quarter", "repeat", &[threshold(0.5)])).bounds, mesh.whole);
     for (name, own) in [
         ("all", vec![threshold(0.5)]),
@@ -185,7 +186,7 @@ fn triangles_of_which_nothing_is_there_are_in_no_tree() {
     assert!(mesh.is_clipped && mesh.whole == mesh.bounds);
 }
 
-/// What is there of triangles lies in the boxes of the leaves that have them.
+/// Checks that the kept parts of triangles lie in the boxes of their leaves.
 fn holds_what_is_there(mesh: &MeshAsset, is_there: impl Fn([f32; 2]) -> bool) -> usize {
     let st = match &mesh.primvars[0].values {
         oocpt_core::AnyAttribute::Two(st) => st,
@@ -220,7 +221,7 @@ fn holds_what_is_there(mesh: &MeshAsset, is_there: impl Fn([f32; 2]) -> bool) ->
     seen
 }
 
-/// Coordinates that go twice around the image over a wavy grid, with its points at two times.
+/// A wavy grid whose coordinates go twice around the image, with its points at two times.
 fn waving(path: &str, count: u16) -> MeshDesc {
     let desc = bind(grid(path, count), "/m", &[]);
     let view = desc.points.view();
@@ -297,7 +298,7 @@ fn edits_of_cutouts_build_meshes_again() {
     is_whole(&mesh_of(&committed(&mut db)));
 }
 
-/// As long as a scene shows a file, boxes are of the file as it was: so are its tiles.
+/// As long as a scene shows a file, boxes are those of the file as it was when it was read, as its tiles are.
 #[test]
 fn a_file_is_read_once_as_long_as_it_is_shown() {
     let files = Arc::<Files>::default();
@@ -320,7 +321,7 @@ fn a_file_is_read_once_as_long_as_it_is_shown() {
     is_around(&mesh_of(&committed(&mut db)), [0.0, 0.0, 1.0], [1.0, 2.0, 1.0]);
 }
 
-/// A process that finds meshes in files does not find those of an image that was replaced since.
+/// A process that finds meshes in files does not use those of an image that was replaced since.
 #[test]
 fn kept_meshes_are_of_the_image_as_it_is() {
     let kept = Arc::new(store::Files::lasting());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Curves and points as assets: pieces, radii, values along curves; what makes no sense is left out and counted.
+//! Curves and points as assets: pieces, radii, values along curves; unusable data are left out and counted.
 
 use glam::{DVec3, Vec3};
 use oocpt_abi::AttributeRate;
@@ -122,7 +122,7 @@ fn widths_support_uniform_varying_and_vertex_rates() {
         let expected = if x < 4.5 { x - 1.0 } else { x - 6.0 + 3.0 };
         assert!((radius - expected).abs() < 1e-4, "by end: {radius} at {x}");
     }
-    // A spline keeps what is linear.
+    // A spline reproduces linear values.
     for (x, radius) in radii_of(Interpolation::Vertex, (0..10_u8).map(f32::from).collect()) {
         assert!((radius - 0.5 * x).abs() < 1e-4, "by point: {radius} at {x}");
     }
@@ -309,7 +309,7 @@ fn curves_of_no_extent_give_no_asset() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
 
-    /// Random arrays of wrong lengths: an asset without a number that is none, or nothing; never a panic.
+    /// Random arrays of wrong lengths give an asset of finite numbers, or nothing; never a panic.
     #[test]
     fn random_curves_never_panic(
         basis in 0..4_usize,
@@ -339,7 +339,7 @@ proptest! {
             if let Some(asset) = build_with(&desc, &[], &dicing).asset {
                 prop_assert!(!asset.triangles.is_empty(), "an asset has something");
                 prop_assert!(asset.triangles.iter().flat_map(|t| t.vertices.as_flattened()).all(|v| v.is_finite()), "numbers");
-                // The check itself rounds by the size of the whole.
+                // The check itself has a rounding error proportional to the size of the whole.
                 let largest = asset.bounds.max.iter().chain(&asset.bounds.min).fold(0.0, |m, v| v.abs().max(m));
                 if largest < 1e6 {
                     prop_assert_eq!(asset.bvh.validate(&asset.triangles, asset.kind), Ok(()), "the hierarchy");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Points that move while the shutter is open: what the keys of an asset hold.
+//! Points that move while the shutter is open: the contents of the keys of an asset.
 
 use glam::DVec3;
 use oocpt_core::mesh::{MeshKeys, build_mesh, build_mesh_split, mesh_key};

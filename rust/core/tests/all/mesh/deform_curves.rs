@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Curves and points whose widths and normals change while the shutter is open, and ribbons that move: every key is
-//! what a still prim of its values is.
+//! Curves and points whose widths and normals change while the shutter is open, and ribbons that move: every key equals
+//! a still prim with its values.
 
 use glam::Vec3;
 use oocpt_core::mesh::{LeafKind, MeshKeys, build_mesh, mesh_key};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Displaced meshes against closed forms: heights of vertices, normals, closed surfaces, what bad data does.
+//! Displaced meshes against closed forms: heights of vertices, normals, closed surfaces, effects of bad data.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use oocpt_core::{
 
 use crate::material::preview_surface::{file, node, text};
 
-/// An image of 64 x 32 texels; the file name says which.
+/// An image of 64 x 32 texels; its contents depend on the file name.
 #[derive(Debug)]
 struct Picture(String);
 
@@ -48,10 +48,10 @@ impl HeightImage for Picture {
             "broken" => Err("is damaged".into()),
             "short" => Ok(vec![0.0; 7]),
             "nan" => Ok(places.map(|(x, _)| if x % 2 == 0 { f32::NAN } else { 1e30 }).collect()),
-            // Shows its level.
+            // This file shows its level.
             "levels" => Ok(places.map(|_| level as f32).collect()),
             "one" => Ok(places.map(|_| 1.0).collect()),
-            // Rises from its number on, by a sixteenth.
+            // This file rises from its number on, by a sixteenth.
             name if name.starts_with("tile") => {
                 let number: f32 = name[4..8].parse().unwrap();
                 Ok(places.map(|(x, _)| number + (x as f32 + 0.5) / (16 * width) as f32).collect())
@@ -112,7 +112,7 @@ pub(crate) fn build(desc: &MeshDesc, material: &MaterialDesc, pieces: f64) -> Bu
     build_by_slot(desc, &[Some(displacement(material))], pieces)
 }
 
-/// Edges of one unit are cut into so many pieces.
+/// Builds a mesh, with edges of one unit cut into this number of pieces.
 pub(crate) fn build_by_slot(desc: &MeshDesc, displacements: &[Option<Arc<Displacement>>], pieces: f64) -> BuiltMesh {
     let dicing = DicingRate { pixels: 1.0, density: pieces, ..DicingRate::default() };
     let heights = HeightCache::new(Some(Arc::new(Files)));
@@ -180,7 +180,7 @@ pub(crate) fn corners(asset: &MeshAsset) -> Vec<(DVec3, DVec3, u32)> {
     .collect()
 }
 
-/// Edges that no other triangle has the other way round.
+/// Number of edges without a triangle on the other side.
 fn open_edges(asset: &MeshAsset) -> usize {
     let bits = |v: [f32; 3]| v.map(|v| (v + 0.0).to_bits());
     let mut edges: HashMap<([u32; 3], [u32; 3]), i32> = HashMap::new();
@@ -194,7 +194,7 @@ fn open_edges(asset: &MeshAsset) -> usize {
     edges.values().filter(|count| **count != 0).count()
 }
 
-/// Bilinear filter of the picture, by the textbook.
+/// Bilinear filter of the picture, from its definition.
 pub(crate) fn filtered(s: f64, t: f64, channel: u8, wrap: impl Fn(i64, i64) -> Option<i64>) -> f64 {
     let (x, y) = (s * f64::from(SIZE[0]) - 0.5, t * f64::from(SIZE[1]) - 0.5);
     let mut sum = 0.0;
@@ -281,7 +281,7 @@ fn displaced_normals_match_the_height_field() {
 
 #[test]
 fn a_ball_grows_by_its_displacement() {
-    // Normals are positions: inside faces both are the same mean, so a point at p is moved to p + h p / |p|.
+    // Normals equal positions: inside faces both are the same mean, so a point at p is moved to p + h p / |p|.
     let (rings, around) = (32_i32, 64_i32);
     let angle = |k: i32, of: i32| std::f32::consts::PI * k as f32 / of as f32;
     let point = |ring: i32, k: i32| {

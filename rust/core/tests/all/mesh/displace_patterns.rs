@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Meshes displaced by `displacement` nodes of `MaterialX`, against their fields: programs, textures, primvars; what
-//! cannot be read, edits.
+//! Meshes displaced by `displacement` nodes of `MaterialX`, against their fields: programs, textures, primvars;
+//! unreadable files, edits.
 
 use std::sync::Arc;
 
@@ -102,7 +102,7 @@ fn a_displaced_square_matches_the_field_of_its_program() {
         assert_eq!(asset(&built).triangles.len(), 2 * 60 * 60, "60 pieces an edge");
         let mut highest = f64::MIN;
         for (position, _, _) in corners(asset(&built)) {
-            // What is on the square moves straight up.
+            // Points on the square move straight up.
             let expected = field(DVec3::new(position.x, position.y, 0.0));
             assert!((position.z - expected).abs() < 2e-6, "{name}: {position} is not {expected} high");
             highest = highest.max(position.z);
@@ -134,7 +134,7 @@ fn node_displacement_textures_are_filtered_as_preview_surface_ones() {
             assert!((position.z - expected).abs() < 1e-5, "{position} is not {expected} high");
         }
     }
-    // Each channel by itself, at places that a program works out; scale is another texture.
+    // Each channel is read by itself, at coordinates that a program computes; scale is another texture.
     for channel in 0..3_u8 {
         let material = displacing(vec![
             node(FLOAT, &[], &[("displacement", 1, "out"), ("scale", 3, "out")]),
@@ -152,7 +152,7 @@ fn node_displacement_textures_are_filtered_as_preview_surface_ones() {
     }
 }
 
-/// Also where a program says where it looks, and with more pieces than are measured.
+/// The level is also right if a program computes the coordinates, and with more pieces than are measured.
 #[test]
 fn displacement_texture_level_matches_the_dicing_rate() {
     let placed = vec![
@@ -228,7 +228,7 @@ fn unreadable_files_give_one_warning_and_the_fallback() {
         let bounds = built.asset.unwrap().bounds;
         assert!(bounds.min[2] == 0.5 && bounds.max[2] == 0.5, "{name}: {bounds:?}");
     }
-    // Numbers that are none are 0; what is too large stays where it is.
+    // Values that are NaN count as 0; vertices with too large a displacement stay where they are.
     let image = |name: &str, scale: f32| {
         displacing(vec![
             node(FLOAT, &[("scale", number(scale))], &[("displacement", 1, "out")]),
@@ -289,7 +289,7 @@ fn any_number_of_threads_gives_the_same_bits() {
     assert!([2, 5].into_iter().all(|threads| with(threads) == one));
 }
 
-/// Whatever a mesh is displaced by builds it anew; what is the same does not.
+/// Any change of a displacement builds the mesh anew; an equal one does not.
 #[test]
 fn edits_rebuild_displaced_meshes() {
     let mut db = SceneDb::new();
@@ -343,7 +343,7 @@ fn edits_rebuild_displaced_meshes() {
     assert_eq!(db.commit().snapshot.meshes[0].bounds.max[2], 1009.0, "a primvar that no surface reads");
 }
 
-/// The terminals of a network are read each by its kind.
+/// The terminals of a network are each read by the kind of their node.
 #[test]
 fn surface_and_displacement_terminals_may_mix_node_systems() {
     let mut mixed = displacing(vec![node("UsdPreviewSurface", &[("displacement", number(0.5))], &[])]);

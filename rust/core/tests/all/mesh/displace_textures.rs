@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Displaced meshes and their textures: levels, sets of files, what cannot be read, edits.
+//! Displaced meshes and their textures: levels, sets of files, unreadable files, edits.
 
 use std::sync::Arc;
 
@@ -31,8 +31,7 @@ fn udim_tiles_are_selected_by_face() {
     };
     let built = build(&desc, &textured("tile<UDIM>", "r", &[], &[]), 8.0);
     for (position, _, _) in corners_of(asset(&built)) {
-        // Members go on as their last texels do.
-        // Pieces of an eighth look at level 2, of 16 x 8 texels.
+        // Members go on as their last texels do. Pieces of an eighth look at level 2, of 16 x 8 texels.
         let within = |x: f64| x.clamp(0.5 / 16.0, 15.5 / 16.0) / 16.0;
         let expected = if position.x < 0.999 {
             1001.0 + within(position.x)
@@ -87,7 +86,7 @@ fn only_inputs_of_the_displacement_terminal_trigger_a_rebuild() {
     assert_eq!(compile(&constant(0.0)), compile(&MaterialDesc { displacement: None, ..constant(0.0) }), "nothing");
     let ptex = compile(&textured("a.ptx", "r", &[], &[]));
     assert!(ptex.displacement.is_none() && ptex.problem().unwrap().contains("Ptex"), "Ptex");
-    // What a surface reads is not used up.
+    // Slots that a surface reads remain available.
     let material = textured("waves", "r", &[], &[]);
     let compiled = compile(&material);
     assert!(compiled.textures.is_empty() && compiled.material.unwrap().uv_sets.is_empty(), "of its own");

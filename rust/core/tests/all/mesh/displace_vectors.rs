@@ -38,7 +38,7 @@ fn vector_displacement_uses_the_tangent_frame() {
     assert!((x.hypot(y) - 101.0_f32.sqrt()).abs() < 1e-5 && (z - 100.0).abs() < 1e-5, "no coordinates: some frame");
 }
 
-/// A shear by texture coordinates: x is moved by the square of y, and normals are those of what it is then.
+/// A shear by texture coordinates: x is moved by the square of y, and normals are those of the sheared surface.
 #[test]
 fn a_constant_vector_shears_the_square() {
     let material = displacing(vec![
@@ -59,7 +59,7 @@ fn a_constant_vector_shears_the_square() {
     }
 }
 
-/// Faces say vectors of their own; a place between them takes the mean.
+/// Faces have vectors of their own; a position between them takes the mean.
 #[test]
 fn per_face_vectors_are_averaged_at_shared_points() {
     let material = displacing(vec![node(VECTOR, &[("displacement", ParamValue::Vec3([0.0, 0.0, 0.5]))], &[])]);

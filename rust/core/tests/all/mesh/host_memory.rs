@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A budget of host memory: building keeps to it, the result is the same at every budget, and what needs more than all
-//! of it is left out and named.
+//! A budget of host memory: building keeps it, the result is the same at every budget, and meshes that need more than
+//! all of it are left out and named.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ fn scene() -> SceneDb {
     db
 }
 
-/// The scene with so many MiB for building, and for all; half of it may be kept.
+/// The scene with this many MiB for building, and for everything; half of it may be kept.
 fn within(room_mib: u64, budget_mib: u64, files: &Arc<Files>) -> SceneDb {
     let mut db = scene();
     db.set_host_budget(budget_mib * MIB);
@@ -32,7 +32,7 @@ fn within(room_mib: u64, budget_mib: u64, files: &Arc<Files>) -> SceneDb {
     db
 }
 
-/// Commits on so many threads that they would take more than there is.
+/// Commits on so many threads that they would take more memory than there is.
 fn commit(db: &mut SceneDb) -> SceneCommit {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(16).build().expect("threads");
     pool.install(|| db.commit())

@@ -27,7 +27,7 @@ fn at<T: Copy>(asset: &MeshAsset, attribute: &Attribute<T>, triangle: usize, cor
     attribute.values[index]
 }
 
-/// What the values should be, from the position of the corner and the face: (x, y, face).
+/// The expected values, from the position of the corner and the face: (x, y, face).
 fn expected(asset: &MeshAsset, triangle: usize, corner: usize) -> [f32; 3] {
     let t = &asset.triangles[triangle];
     [t.vertices[corner][0], t.vertices[corner][1], f32::from(u16::try_from(t.face).unwrap())]

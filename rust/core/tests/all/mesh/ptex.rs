@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Ptex: which textures are, and where triangles lie in faces.
+//! Ptex: recognition of its textures, and positions of triangles in faces.
 
 use oocpt_abi::{Features, MaterialFlags, MaterialInput, NAME_PTEX};
 use oocpt_core::material::{PTEX_SET, compile, is_ptex_name};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Subdivision surfaces as assets: what belongs to faces stays with them, what belongs to points is the surface's.
+//! Subdivision surfaces as assets: values by face are kept, values by point are those of the surface.
 
 use glam::{DVec3, Vec3};
 use oocpt_abi::AttributeRate;

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 use crate::support::{grid, primvar};
 
-/// What a triangle looks like, as bits: corners, face, and per corner normal, colour and opacity.
+/// A triangle with its attributes, as bits: corners, face, and per corner normal, colour and opacity.
 type Look = (Vec<u32>, u32, Vec<u32>);
 
 fn value<T: Copy>(attribute: &Attribute<T>, corners: &[[u32; 3]], triangle: usize, corner: usize) -> T {
@@ -39,7 +39,7 @@ fn looks<'a>(meshes: impl IntoIterator<Item = &'a MeshAsset>) -> Vec<Look> {
     looks
 }
 
-/// How many values an attribute of the cluster must have.
+/// Number of values that an attribute of the cluster must have.
 fn values_wanted(rate: AttributeRate, mesh: &MeshAsset) -> usize {
     let mut points = mesh.corner_indices.as_flattened().to_vec();
     points.sort_unstable();
@@ -130,7 +130,7 @@ proptest! {
     }
 }
 
-/// All that a cluster is.
+/// Compares all data of two clusters.
 fn same(a: &MeshAsset, b: &MeshAsset) -> bool {
     (a.key, a.bounds, &a.bvh, &a.triangles, &a.corner_indices)
         == (b.key, b.bounds, &b.bvh, &b.triangles, &b.corner_indices)
@@ -198,7 +198,7 @@ fn only_meshes_above_the_limit_are_split() {
     assert_eq!(nothing.dropped.empty_meshes, 1, "and it is told");
 }
 
-/// Triangles at the same place cannot be cut by space; they are cut all the same.
+/// Triangles at the same position cannot be separated by planes; they are split nevertheless.
 #[test]
 fn coincident_triangles_are_split_too() {
     let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0_f32]];

@@ -16,7 +16,7 @@ use crate::support::{asset, committed, grid, primvar};
 /// A head and payloads.
 type Entry = (Vec<u8>, Vec<Vec<u8>>);
 
-/// What was written.
+/// Files in memory, with the entries that were written.
 #[derive(Debug, Default)]
 pub(crate) struct Files {
     lasts: bool,
@@ -59,7 +59,7 @@ impl Files {
         Self { lasts: true, ..Self::default() }
     }
 
-    /// How many entries were found.
+    /// Number of entries that were found.
     pub(crate) fn found(&self) -> usize {
         self.found.load(Ordering::Relaxed)
     }
@@ -146,7 +146,7 @@ fn entries(snapshot: &Snapshot) -> usize {
     snapshot.meshes.len() + 1
 }
 
-/// Without files.
+/// The scene committed without files.
 fn plain() -> Arc<Snapshot> {
     let snapshot = committed(&mut database(&Arc::default(), u64::MAX));
     assert!(snapshot.meshes.len() > 5, "the large mesh is split: {}", snapshot.meshes.len());
@@ -276,7 +276,8 @@ fn corrupt_stored_entries_are_rejected() {
                 0 => head.truncate(at % (head.len() + 1)),
                 1 => payloads.truncate(at % (payloads.len() + 1)),
                 2 => payloads.iter_mut().take(1).for_each(|payload| payload.truncate(at % payload.len())),
-                // Any byte: sizes that do not fit the payloads are refused. What still fits, a hash tells (of files).
+                // Any byte is changed: sizes that do not fit the payloads are refused. Other changes are detected by a
+                // hash (of files).
                 _ => {
                     let length = head.len().max(1);
                     head.iter_mut().skip(at % length).take(1).for_each(|byte| *byte = 0xFF);

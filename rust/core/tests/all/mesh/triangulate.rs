@@ -25,8 +25,8 @@ fn shoelace(outline: &[[f32; 2]]) -> f64 {
     (0..n).map(|k| 0.5 * (p(k)[0] * p(k + 1)[1] - p(k + 1)[0] * p(k)[1])).sum()
 }
 
-/// All triangles face the way of the polygon, their areas sum up to its area (so that none overlap), at most n - 2 of
-/// them (fewer where corners lie on straight edges), and nothing counts as lost.
+/// Checks that all triangles face the way of the polygon, that their areas sum up to its area (so that none overlap),
+/// that there are at most n - 2 of them (fewer where corners lie on straight edges), and that nothing counts as lost.
 fn assert_covers(outline: &[[f32; 2]]) {
     let built = build(&polygon(outline));
     let asset = built.asset.unwrap();
@@ -177,7 +177,7 @@ fn a_quad_that_closes_to_a_point_is_a_triangle_and_nothing_is_lost() {
     assert_eq!(flat.dropped, DroppedData { zero_area_triangles: 2, empty_meshes: 1, ..DroppedData::default() });
 }
 
-/// What has area has it in any unit of length, from a galaxy's to an atom's.
+/// A mesh with area keeps it in any unit of length, from a galaxy's to an atom's.
 #[test]
 fn small_and_large_meshes_keep_their_triangles() {
     let scaled = |desc: &MeshDesc, scale: f64| {
@@ -210,8 +210,8 @@ fn small_and_large_meshes_keep_their_triangles() {
     }
 }
 
-/// The middle corner is off the line by far less than double precision can tell from rounding, or the triangle is
-/// smaller than single precision can compute with.
+/// The middle corner is off the line by far less than the rounding of double precision, or the triangle is smaller than
+/// single precision can compute with.
 #[test]
 fn slivers_beyond_precision_have_no_area_at_any_scale() {
     for scale in [1e-9_f32, 1e-3, 1.0, 1e9] {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Edits of many instances at once, one after the other: each gives what a new database gives, which cuts in stretches.
+//! Edits of many instances at once, one after the other: each gives the result of a new database, which cuts in
+//! stretches.
 
 use oocpt_core::{InstancerDesc, PartitionOptions, SceneDb, TypedArray};
 
@@ -10,7 +11,7 @@ use crate::support::{by, committed, scatter, triangle};
 /// Instances; more than are sorted without buckets.
 const COUNT: usize = 60_000;
 
-/// Which prototype an instance shows: most one, few each of the others, which are scanned anew where it is edited.
+/// Prototype that an instance shows: most show one, few each of the others, which are scanned anew where it is edited.
 fn kind(n: usize) -> usize {
     (n % 10).saturating_sub(7)
 }
@@ -34,7 +35,7 @@ fn database(desc: &InstancerDesc) -> SceneDb {
     db
 }
 
-/// An edit: its name, and what becomes of each point, by number.
+/// An edit: its name, and the new position of each point, by number.
 type Edit = (&'static str, fn(usize, [f32; 3]) -> [f32; 3]);
 
 #[test]
@@ -71,7 +72,7 @@ fn bulk_moves_equal_a_new_database() {
         if at < 5 {
             desc.translations = Some(TypedArray::of(points.clone()));
         } else {
-            // Some are taken away and come back between; with other numbers all is scanned anew.
+            // Some instances are removed and come back; with other numbers all are scanned anew.
             desc = instancer(&points, [5000, 0, 100][at % 3]);
         }
         db.upsert_instancer(desc.clone());

@@ -57,7 +57,7 @@ fn below(snapshot: &Snapshot, record: &InstanceRecord, frame: DMat4, id: u32, le
     }
 }
 
-/// Both lists place the same meshes at the same places.
+/// Checks that both lists place the same meshes at the same positions.
 pub(crate) fn assert_same_leaves(mut a: Vec<Leaf>, mut b: Vec<Leaf>) {
     assert_eq!(a.len(), b.len(), "number of leaves");
     let order = |x: &Leaf, y: &Leaf| {
@@ -74,7 +74,7 @@ pub(crate) fn assert_same_leaves(mut a: Vec<Leaf>, mut b: Vec<Leaf>) {
     }
 }
 
-/// By position, coarsely, so that rounding does not swap what is far apart.
+/// Orders by position, coarsely, so that rounding does not swap distant placements.
 fn compare(a: &DMat4, b: &DMat4) -> std::cmp::Ordering {
     let key = |m: &DMat4| (m.transform_point3(DVec3::ONE) * 8.0).round().to_array();
     key(a).partial_cmp(&key(b)).unwrap_or(std::cmp::Ordering::Equal)
@@ -153,7 +153,7 @@ fn large_prototypes_are_opened() {
     assert_same_leaves(flatten(&whole), flatten_world(&whole));
 }
 
-/// A mesh above the limit is an opened assembly of clusters; everything users count stays as it was.
+/// A mesh above the limit is an opened assembly of clusters; all counts for users stay the same.
 #[test]
 fn large_meshes_are_split_and_still_count_as_one() {
     let scene = || {

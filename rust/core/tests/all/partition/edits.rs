@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Edits: what they leave alone stays, and the result is what a new database makes of the same scene.
+//! Edits: untouched data stay, and the result is that of a new database for the same scene.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -48,7 +48,7 @@ pub(crate) fn assert_same_world(a: &Snapshot, b: &Snapshot) {
     assert_eq!((a.counts, a.dropped), (b.counts, b.dropped), "counts");
 }
 
-/// Chunks of one key have the same records, whichever snapshot they are of.
+/// Chunks of one key have the same records in any snapshot.
 pub(crate) fn assert_keys_tell(before: &Snapshot, after: &Snapshot) -> usize {
     let old: HashMap<u64, usize> = before.world.chunks.iter().enumerate().map(|(k, c)| (c.key(), k)).collect();
     let mut kept = 0;
@@ -122,7 +122,7 @@ impl Model {
         }
     }
 
-    /// Describes everything; what did not change is no edit.
+    /// Describes everything; unchanged descriptions are no edit.
     fn apply(&self, db: &mut SceneDb) {
         for (k, instancer) in self.instancers.iter().enumerate() {
             let path = PATHS[k];
@@ -350,7 +350,7 @@ fn prims_come_and_go_without_touching_other_chunks() {
     assert_same_world(&fresh(&model), &less);
 }
 
-/// Another chunk size gives what a new database gives with it.
+/// Another chunk size gives the result of a new database with it.
 #[test]
 fn the_chunk_size_may_change() {
     let model = Model::new();

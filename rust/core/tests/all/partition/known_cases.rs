@@ -36,7 +36,7 @@ fn growing_one_prototype_leaves_the_chunks_of_others() {
     assert!(kept >= 3, "{kept} of {} kept", after.world.chunks.len());
 }
 
-/// Old arrays go once nobody needs them, although kept chunks were made from them.
+/// Old arrays are freed once they are not needed, although kept chunks were made from them.
 #[test]
 fn kept_chunks_release_replaced_arrays() {
     let all: Vec<i32> = (0..600).collect();
@@ -145,7 +145,7 @@ fn cells_with_large_mesh_closures_are_split() {
 }
 
 /// A few edits in chunks of many records, some of them flat or with equal sides: records come, go and pass each other,
-/// prims as well as instances, and after each step all is as made anew.
+/// prims as well as instances, and after each step the result equals that of a new database.
 #[test]
 fn few_edits_of_long_chunks_give_what_a_new_database_gives() {
     const N: usize = 9000;
@@ -256,7 +256,7 @@ fn stretched_sorting_equals_sorting_at_once() {
         assert_same_world(&at_once, &in_stretches);
     };
     scene(&points);
-    // Where no sample is, and nothing else; then beyond all samples: on a lattice that these do not tell.
+    // First where no sample is; then beyond all samples, on a lattice that these do not determine.
     points[200_000] = [-10.0, 20.0, -24.0];
     for k in [200_002, 200_006, 500_000] {
         points[k] = [30.0, 30.0, 30.0];
@@ -295,7 +295,7 @@ fn small_edits_beside_a_large_one_are_seen() {
     };
     let mut db = with_instancer(still(0.0));
     let before = scene(&mut db, 0.0, 200.0);
-    // Kept chunks read the new arrays: what they were is told now.
+    // Kept chunks read the new arrays, so their earlier values are compared now.
     let chunks = before.world.chunks.iter().enumerate();
     let old: HashMap<u64, _> = chunks.map(|(k, chunk)| (chunk.key(), chunk_records(&before.world, k))).collect();
     let after = scene(&mut db, 1e-6, 200.5);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The partition into chunks: what it holds, what edits leave as it is.
+//! The partition into chunks: its contents, and the chunks that edits leave unchanged.
 
 mod bulk_moves;
 pub(crate) mod cut;

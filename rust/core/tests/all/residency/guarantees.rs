@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What holds whatever the rays ask, the loads do and the budget becomes.
+//! The guarantees of the planner under any demand, any results of loads and any budget.
 
 use super::witness::{Witness, budget_of, catalogs, kinds};
 use oocpt_core::residency::{PolicyKind, RayDemand, ResidencyCommand};
 use proptest::prelude::*;
 use std::sync::Arc;
 
-/// What happens before a step, and its demand.
+/// The events before a step, and its demand.
 #[derive(Clone, Debug)]
 struct Event {
     waiting: Vec<u32>,
@@ -39,7 +39,7 @@ fn events() -> impl Strategy<Value = Vec<Event>> {
     prop::collection::vec(event, 1..60)
 }
 
-/// How rough a case is.
+/// The kinds of events in a case.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Weather {
     /// Loads complete, the budget stays.
@@ -116,7 +116,7 @@ proptest! {
         prop_assert_eq!(run(), run(), "two runs");
     }
 
-    /// A list of what was asked for, past the catalog and with units that nobody asked for too, changes nothing.
+    /// A list of the demanded units, past the catalog and with other units too, gives the same commands.
     #[test]
     fn a_demand_list_gives_the_same_commands_as_the_full_table(
         catalog in catalogs(), percent in 0_u64..=100, kind in kinds(), events in events(), more in 0_u32..13,
@@ -133,7 +133,7 @@ proptest! {
         prop_assert_eq!(run(|_, _| None), run(list), "with and without the list");
     }
 
-    /// In flight is what the option says, four times that when the device idles, or one load.
+    /// The bytes in flight are at most those of the option, four times as many when the device idles, or one load.
     #[test]
     fn loads_in_flight_are_bounded(
         catalog in catalogs(), kind in kinds(), events in events(), in_flight in 1_u64..300,
@@ -151,7 +151,7 @@ proptest! {
         }
     }
 
-    /// An edit: what is kept is resident, is not loaded, and never exceeds the budget.
+    /// After an edit, kept units are resident, are not loaded, and never exceed the budget.
     #[test]
     fn kept_units_are_resident(
         catalog in catalogs(), percent in 0_u64..=100, kind in kinds(), events in events(),

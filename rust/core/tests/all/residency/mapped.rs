@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Units that rays read in host memory come to the device for their visits alone.
+//! Units that rays read in host memory are loaded to the device for their visits alone.
 
 use oocpt_core::residency::{PlannerOptions, PolicyKind, RayDemand, ResidencyCommand, ResidencyPlanner, UnitCatalog};
 use std::sync::Arc;
@@ -61,7 +61,7 @@ fn unmapped_or_unvisited_units_are_not_moved() {
     }
 }
 
-/// Nothing goes for a unit that hardly any ray reads; a few more rays, and something does.
+/// Nothing is evicted for a unit that hardly any ray reads; with a few more rays, something is.
 #[test]
 fn few_visits_displace_nothing() {
     let bytes = 16 << 20;
@@ -77,7 +77,7 @@ fn few_visits_displace_nothing() {
     assert_eq!(planner.resident_units(), [0], "18 900 lately");
 }
 
-/// When nearly all rays wait, what the few others read displaces nothing.
+/// When nearly all rays wait, units that the few others read displace nothing.
 #[test]
 fn waiting_rays_take_precedence_over_visits() {
     let mut planner = planner(20, PolicyKind::Benefit);
@@ -89,7 +89,7 @@ fn waiting_rays_take_precedence_over_visits() {
     let visits = [0, 0, 8_000_000, 0];
     let mut loads = Vec::new();
     for waiting in [10_000, 0] {
-        // What rays wait for does not come.
+        // The units that rays wait for are not loaded.
         let demand = RayDemand {
             visits: &visits,
             mapped: &mapped,
@@ -106,7 +106,7 @@ fn waiting_rays_take_precedence_over_visits() {
     assert_eq!(loads, [(3, 10_000), (2, 0)]);
 }
 
-/// What hardly any ray waits for comes while there is room, and displaces nothing.
+/// Units that hardly any ray waits for are loaded while there is room, and displace nothing.
 #[test]
 fn units_with_little_demand_load_only_into_free_space() {
     let waiting = [1000, 1, 0, 2];
@@ -117,8 +117,8 @@ fn units_with_little_demand_load_only_into_free_space() {
     }
 }
 
-/// Two chunks and two tiles, where rays do not wait for chunks any more: what they cannot read in host memory stays,
-/// whatever waits.
+/// Two chunks and two tiles, where rays do not wait for chunks any more: units that they cannot read in host memory
+/// stay, whatever rays wait for.
 #[test]
 fn unmapped_units_stay_resident_for_rays_that_do_not_wait() {
     let mut planner = planner(20, PolicyKind::Benefit);
@@ -141,7 +141,7 @@ fn unmapped_units_stay_resident_for_rays_that_do_not_wait() {
     }
 }
 
-/// A chunk and a mesh of ten bytes, and six tiles of two. Nobody counts the visits of tiles.
+/// A chunk and a mesh of ten bytes, and six tiles of two. Visits of tiles are not counted.
 fn with_tiles(budget: u64, first_tile: Option<u32>) -> ResidencyPlanner {
     let bytes = [vec![10; 2], vec![2; 6]].concat();
     let catalog = UnitCatalog::new(bytes, (0..8).map(|asset| vec![asset])).expect("a good catalog");
@@ -149,8 +149,8 @@ fn with_tiles(budget: u64, first_tile: Option<u32>) -> ResidencyPlanner {
     ResidencyPlanner::with_policy(Arc::new(catalog), budget, PolicyKind::Benefit.policy(), options).expect("they fit")
 }
 
-/// How many tiles are there after rays have waited for all six, two at a time, while others visit chunk and mesh,
-/// which are mapped.
+/// Number of tiles that are resident after rays have waited for all six, two at a time, while others visit chunk and
+/// mesh, which are mapped.
 fn tiles_left(planner: &mut ResidencyPlanner) -> usize {
     let mapped = [true, true, false, false, false, false, false, false];
     for tiles in [[2, 3], [4, 5], [6, 7]] {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Rays that need two units at the same time, such as a chunk and a mesh that it places: they all get on, also where
-//! the budget holds no more than the two.
+//! Rays that need two units at the same time, such as a chunk and a mesh that it places: all of them continue, also if
+//! the budget has room for no more than the two.
 
 use super::witness::{Witness, kinds};
 use oocpt_core::residency::{PolicyKind, RayDemand, ResidencyCommand, ResidencyPlanner, UnitCatalog};
 use proptest::prelude::*;
 use std::sync::Arc;
 
-/// Bytes of bases and of other units, and what each ray needs, one pair after the other.
+/// Bytes of bases and of other units, and the units that each ray needs, one pair after the other.
 #[derive(Clone, Debug)]
 struct Case {
     bases: Vec<u64>,
@@ -37,7 +37,7 @@ impl Case {
     }
 }
 
-/// What rays wait for after a step: a ray knows the second unit of a pair once it has seen the first one.
+/// The demand of rays after a step: a ray knows the second unit of a pair once it has seen the first one.
 #[derive(Clone, Default)]
 struct Waiting {
     rays: Vec<u32>,
@@ -72,7 +72,8 @@ impl Ray<'_> {
     }
 }
 
-/// Steps until all rays are done, none within `most`. The planner sees what the step before the last one left.
+/// Number of steps until all rays are done, `None` if that is not within `most`. The planner sees the demand of the
+/// step before the last one.
 fn steps_to_the_end(case: &Case, witness: &mut Witness, latency: u32, most: u32) -> Option<u32> {
     let units = witness.planner.catalog().unit_count();
     let mut rays: Vec<Ray<'_>> = case.rays.iter().map(|pairs| Ray { pairs, knows: false }).collect();
@@ -130,7 +131,7 @@ fn the_partner_stays_while_a_unit_is_loaded() {
         for _ in 0..5 {
             let _ = planner.step(&RayDemand::default());
         }
-        // Nobody waits for the first one as the planner sees it, and it was of use least lately.
+        // No ray waits for the first one in the planner's view, and it was used least recently.
         let demand = RayDemand { waiting: &[0, 0, 9], partners: &[0, 0, 1], visits: &[0, 5], ..RayDemand::default() };
         let commands = planner.step(&RayDemand { active: 0, ..demand });
         let evicted: Vec<_> =
@@ -159,8 +160,7 @@ fn another_partner_takes_no_room_from_units_that_starve_together() {
     }
 }
 
-/// A device whose free memory is in pieces: a unit finds none beside anything but its partner, though all fits the
-/// budget.
+/// A device whose free memory is fragmented: a unit finds room only beside its partner, though all fits the budget.
 #[test]
 fn a_load_that_keeps_failing_ends_beside_its_partner_alone() {
     for kind in PolicyKind::ALL {
@@ -183,7 +183,7 @@ fn a_load_that_keeps_failing_ends_beside_its_partner_alone() {
     }
 }
 
-/// Round robin brought each of these units again and again, and never two that a ray needs together.
+/// Round robin loaded each of these units again and again, and never two that a ray needs together.
 #[test]
 fn units_that_come_by_turns_meet_their_partners() {
     let case = Case {

@@ -49,8 +49,8 @@ fn first_resident(witness: &mut Witness, demand: &[Vec<u32>], latency: u32, step
 proptest! {
     #![proptest_config(ProptestConfig { cases: 128, ..ProptestConfig::default() })]
 
-    /// Every unit somebody waits for becomes resident, whatever the others ask, also when one unit fills the budget;
-    /// that it then stays for a step is checked by the witness (pins).
+    /// Every unit that rays wait for becomes resident, whatever the others ask, also if one unit fills the budget; the
+    /// witness checks that it then stays for a step (pins).
     #[test]
     fn every_demanded_unit_becomes_resident(
         catalog in catalogs(), percent in prop_oneof![Just(0_u64), 0_u64..=100], kind in kinds(),
@@ -64,7 +64,8 @@ proptest! {
         prop_assert!(first.iter().all(Option::is_some), "{:?} within {} steps", first, steps);
     }
 
-    /// The device has less than the budget says: loads fail until the planner holds less, then all goes on.
+    /// The device has less memory than the budget says: loads fail until the planner holds less, then all loads
+    /// succeed.
     #[test]
     fn failures_are_followed_by_progress(catalog in catalogs(), kind in kinds(), percent in 0_u64..=100) {
         let device_bytes = budget_of(&catalog, percent);
@@ -79,7 +80,7 @@ proptest! {
             witness.step(&RayDemand { waiting: &waiting, active: 1, ..RayDemand::default() });
             let loading: Vec<u32> = witness.loading.keys().copied().collect();
             for unit in loading {
-                // Held bytes are counted at the end of the list; what fits then has fitted.
+                // Held bytes are counted at the end of the list; if they fit then, they fitted before.
                 if witness.planner.stats().bytes_held > device_bytes {
                     witness.failed(unit);
                 } else {
@@ -118,7 +119,7 @@ fn swaps(kind: PolicyKind, steps: u32) -> u64 {
 
 #[test]
 fn equally_demanded_units_rarely_swap() {
-    // The pin alone allows a swap every second step; that is what a round robin is.
+    // The pin alone allows a swap every second step, as in a round robin.
     assert!(swaps(PolicyKind::Sweep, 1000) <= 500, "sweep swaps at most every second step");
     for kind in [PolicyKind::Priority, PolicyKind::Benefit] {
         let swaps = swaps(kind, 1000);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Keeps the books of a device beside a planner, from its commands alone, and checks every one of them.
+//! Tracks the memory of a device beside a planner, from its commands alone, and checks every command.
 
 use oocpt_core::residency::{PlannerOptions, PolicyKind, RayDemand, ResidencyCommand, ResidencyPlanner, UnitCatalog};
 use proptest::prelude::*;
@@ -13,14 +13,14 @@ pub(crate) struct Witness {
     pub(crate) planner: ResidencyPlanner,
     pub(crate) budget: u64,
     pub(crate) step: u32,
-    /// Units that are loading, with what their loads bring.
+    /// Units that are loading, with the assets of their loads.
     pub(crate) loading: BTreeMap<u32, Vec<u32>>,
     /// Usable units, with the step after which they became so and whether rays had asked for them.
     pub(crate) resident: BTreeMap<u32, (u32, bool)>,
-    /// Assets on the device or on their way.
+    /// Assets that are on the device or being loaded.
     pub(crate) held: BTreeSet<u32>,
     pub(crate) commands: Vec<ResidencyCommand>,
-    /// A load failed or the budget was lowered: evictions may look early from here on.
+    /// True after a load failed or the budget was lowered: evictions may seem early from here on.
     pub(crate) disturbed: bool,
     asked: BTreeSet<u32>,
 }
@@ -72,8 +72,9 @@ impl Witness {
                         ResidencyCommand::Evict { .. } => None,
                     });
                     let resident = self.resident.contains_key(unit);
-                    // What a load that follows shares stays, what was thrown out for another reason comes back with
-                    // it; failed loads share out among them what they drop (the count of bytes below sees a leak).
+                    // Assets that a following load shares stay, and assets that were evicted for another reason are
+                    // loaded again with it; failed loads divide among themselves the assets that they drop (the count
+                    // of bytes below detects a leak).
                     let frees = [self.only_of(*unit, successor), self.only_of(*unit, None)];
                     let drops = !resident && assets.iter().all(|asset| frees[1].contains(asset));
                     let right = frees[0] == *assets || (self.disturbed && frees[1] == *assets) || drops;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Who has which material: bindings, subsets, primvars that materials read, and edits of them.
+//! Material bindings: meshes, subsets, primvars that materials read, and edits of them.
 
 use oocpt_abi::{AttributeRate, Features, NO_MATERIAL};
 use std::sync::Arc;
@@ -205,7 +205,7 @@ fn only_primvars_that_a_material_reads_are_built() {
     let with_glow = committed(&mut db);
     let widths: Vec<u32> = with_glow.meshes[0].primvars.iter().map(|p| p.values.width).collect();
     assert_eq!(widths.iter().sum::<u32>(), 4, "one float and a colour");
-    // An array that nobody reads may change without anything being built.
+    // An array that no material reads may change without anything being built.
     mesh.primvars[0] = named("st", primvar(Interpolation::Constant, vec![[0.0_f32; 2]]));
     db.upsert_mesh(mesh);
     assert!(!db.commit().changed);

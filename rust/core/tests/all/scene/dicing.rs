@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How finely surfaces are cut in a scene: by their nearest placement, whatever the way that leads to it.
+//! Dicing of surfaces in a scene: by their nearest placement, through any chain of instancers.
 
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::camera::Camera;
@@ -65,7 +65,7 @@ fn at(z: f64) -> DVec3 {
     DVec3::new(0.0, 0.0, z)
 }
 
-/// The largest count of triangles that the rate asks for: 200 pixels for 2 units at distance 1, so edges of 2 units at
+/// Returns true if this count of triangles fits the rate: 200 pixels for 2 units at distance 1, so edges of 2 units at
 /// `distance` have `200 / distance` pixels, and rounding up is by a factor of less than the root of two.
 fn is_fine_enough(count: u64, distance: f64) -> bool {
     let pieces = 200.0 / distance / 2.0;
@@ -152,7 +152,7 @@ fn the_nearest_instance_sets_the_dicing_rate() {
     assert!(near > alone * 8, "{near} triangles of one that is near");
 }
 
-/// Instances in instances: the same places, multiplied out or not, are cut alike within a factor.
+/// Instances in instances: the same placements, multiplied out or not, are cut alike within a factor.
 #[test]
 fn dicing_finds_nested_instances() {
     let nested = |outer: &[[f32; 3]], inner: &[[f32; 3]]| {

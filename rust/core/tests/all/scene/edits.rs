@@ -216,8 +216,8 @@ fn a_path_may_change_between_prim_types() {
     assert_eq!(committed(&mut db).counts.instances, 0);
 }
 
-/// Prototypes that share arrays ask for what changed in them from all threads at once, and whoever works it out does so
-/// in parallel: a thread that helps out meanwhile must not come to wait for itself.
+/// Prototypes that share arrays ask for the changes in them from all threads at once, and the comparison itself runs in
+/// parallel: a thread that helps meanwhile must not come to wait for itself.
 #[test]
 fn diffing_an_array_shared_by_many_prototypes_does_not_deadlock() {
     const PROTOTYPES: u16 = 48;

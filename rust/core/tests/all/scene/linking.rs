@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Links of lights to instances: which collections each placement is in, under which prim and instance id.
+//! Light linking of instances: the collections of each placement, by prim id and instance id.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

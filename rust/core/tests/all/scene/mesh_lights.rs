@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Meshes that are lights by `MeshLightAPI`: what their materials become.
+//! Meshes that are lights by `MeshLightAPI`: the materials that they get.
 
 use oocpt_abi::{MaterialFlags, MaterialInput};
 use oocpt_core::material::InputValue;

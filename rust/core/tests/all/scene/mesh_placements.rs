@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Placements of meshes, multiplied out: where they are at every time of the shutter, and bounds that hold them then.
+//! Placements of meshes, multiplied out: their positions at every time of the shutter, and bounds that contain them
+//! then.
 
 use std::f64::consts::PI;
 
@@ -52,7 +53,7 @@ fn all(snapshot: &Snapshot) -> MeshPlacements {
     snapshot.mesh_placements(&|_| true, 1000)
 }
 
-/// Of a placement: that it is where `known` says, at every time, and all bounds hold it.
+/// Checks that a placement is at `known` at every time, and that all bounds contain it.
 fn check(what: &str, snapshot: &Snapshot, placement: &MeshPlacement, known: &Map<'_>) {
     let mesh = &snapshot.meshes[placement.mesh as usize];
     let [low, high] = [mesh.bounds.min, mesh.bounds.max].map(|corner| corner.map(f64::from));
@@ -80,7 +81,7 @@ fn check(what: &str, snapshot: &Snapshot, placement: &MeshPlacement, known: &Map
     assert!(size >= most * (1.0 - 1e-9) && size < 30.0 * most, "{what}: {size} for {most}");
 }
 
-/// A normal is within half the turn of what it is at one of the times.
+/// Checks that a normal is within half the turn of its direction at one of the times.
 fn check_normals(what: &str, placement: &MeshPlacement, bounded: bool) {
     let (times, turn) = placement.motion.times();
     assert!(times.first() == Some(&0.0) && times.last() == Some(&1.0) && times.is_sorted(), "{what}: {times:?}");
@@ -152,7 +153,8 @@ fn nested_motion_composes_exactly() {
     }
 }
 
-/// A frame at rest that stretches what turns inside is a level of its own, and normals in it turn by no one knows what.
+/// A frame at rest that stretches a rotating frame inside is a level of its own, and the turn of normals in it is
+/// unknown.
 #[test]
 fn rotation_inside_a_nonuniform_scale_is_exact() {
     let mut outer = scatter("/outer", &[[3.0, 0.0, 1.0]], &[("/outer/hub", &[0])]);
@@ -185,7 +187,7 @@ fn bounds_widen_by_the_rounding_error_at_their_distance() {
     let reach = |map: &Map<'_>| {
         let mut db = SceneDb::new();
         db.upsert_mesh(mesh("/mesh", None, map));
-        // The origin of the snapshot is the middle of all there is.
+        // The origin of the snapshot is the middle of the scene.
         db.upsert_mesh(MeshDesc { prim_id: 8, ..mesh("/other", None, &|_| at(-1000.0, 0.0, 0.0)) });
         db.set_partition(PartitionOptions { chunk_bytes: 16 << 20 });
         let snapshot = committed(&mut db);

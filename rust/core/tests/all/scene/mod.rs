@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The scene database: edits, bindings, links, lights, dicing, and prims that make no sense.
+//! The scene database: edits, bindings, links, lights, dicing, and invalid prims.
 
 pub(crate) mod bindings;
 mod dicing;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which primvars are used, and which are left out because nothing reads them.
+//! Reports of the primvars that are used, and of those that are left out because nothing reads them.
 
 use crate::support::{by, constant, scatter, triangle};
 use oocpt_core::inventory::PrimvarUse;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Tables of cutouts that nobody has made: random words, whose numbers and addresses now and then name something.
+//! Random tables of cutouts: words whose numbers and addresses are sometimes valid.
 
 use super::{Random, World, put};
 use bytemuck::Zeroable;

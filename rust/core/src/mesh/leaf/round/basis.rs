@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How control points make curves: segments of the bases of `UsdGeomBasisCurves`, and their weights. Pure.
+//! Turns control points into curves: the segments of the bases of `UsdGeomBasisCurves`, and their weights. Pure.
 
 use crate::desc::{CurveBasis, CurveWrap};
 
-/// Four control points of a cubic segment, or two of a line (the last two of `vertices` are not used then): numbers
+/// Four control points of a cubic segment, or two of a line (the last two of `vertices` are then unused): indices
 /// within the curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct CurveSegment {
     pub(super) vertices: [usize; 4],
-    /// The first control point is the second one mirrored, `2 P0 - P1` (pinned ends).
+    /// True if the first control point is the second one mirrored, `2 P0 - P1` (pinned ends).
     pub(super) mirrors_first: bool,
-    /// The last one is.
+    /// True if the last control point is mirrored.
     pub(super) mirrors_last: bool,
 }
 
@@ -40,7 +40,7 @@ pub(super) fn segments(basis: CurveBasis, wrap: CurveWrap, count: usize) -> Vec<
     }
 }
 
-/// Values at the ends of segments that a curve of `segments` segments has (`varying`).
+/// Number of values at the ends of segments of a curve of `segments` segments (`varying`).
 pub(super) fn varying_count(basis: CurveBasis, wrap: CurveWrap, segments: usize, count: usize) -> usize {
     match (basis, wrap) {
         (CurveBasis::Linear, _) => count,
@@ -95,7 +95,7 @@ impl CurveSegment {
         bends.map(|weights| self.folded(weights))
     }
 
-    /// Weights of mirrored ends, given to the points that they are made of.
+    /// Weights of mirrored ends, added to those of the points that they are computed from.
     fn folded(&self, [mut a, mut b, mut c, mut d]: [f64; 4]) -> [f64; 4] {
         if self.mirrors_first {
             (a, b, c) = (0.0, b + 2.0 * a, c - a);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Curves cut into straight pieces. Pure.
+//! Cuts curves into straight pieces. Pure.
 //!
 //! A cubic segment with second derivatives of at most `b` leaves its chord by at most `b / (8 k^2)` when it is cut into
 //! `k` pieces; the radius, which is cubic too, is taken as a fourth coordinate. `k` is such that this is at most
@@ -15,18 +15,19 @@ use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{CurvesDesc, DroppedData, Interpolation, MeshDesc, Primvar};
 use crate::mesh::dicing::DicingRate;
 
-/// Largest distance of a piece from its curve, in dicing rates.
+/// Largest distance of a piece from its curve, in units of the dicing rate's piece length.
 const TOLERANCE: f64 = 0.05;
 /// Radius in pixels above which a curve is thick.
 const THICK: f64 = 2.0;
 /// Largest angle between pieces of thick curves, and of thin ones.
 const THICK_TURN: f64 = 0.08;
 const THIN_TURN: f64 = 0.8;
-/// Pieces of a cubic segment where no camera says how many.
+/// Number of pieces of a cubic segment if no camera decides it.
 const UNSEEN_PIECES: u32 = 8;
-/// Most pieces of a segment.
+/// Largest number of pieces of a segment.
 const MOST_PIECES: u32 = 256;
-/// Pieces of one prim above which its segments are cut into fewer, though always into up to [`ALWAYS_PIECES`].
+/// Number of pieces of one prim above which its segments are cut into fewer, though always into up to
+/// [`ALWAYS_PIECES`].
 const MOST_IN_ALL: usize = 1 << 23;
 const ALWAYS_PIECES: u32 = 8;
 
@@ -37,12 +38,12 @@ pub(super) struct CurvePiece {
     pub(super) curve: u32,
 }
 
-/// Where a point of the cut comes from.
+/// The control points from which a point of the cut is computed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CurveStencil {
     /// Points of the prim and their weights.
     pub(super) vertex: [(u32, f32); 4],
-    /// The two nearest values of a varying primvar, and how far it is from the first to the second.
+    /// Indices of the two nearest values of a varying primvar; the weight between them follows.
     pub(super) varying: [u32; 2],
     pub(super) along: f32,
 }
@@ -57,17 +58,17 @@ pub(super) struct CutCurves {
     pub(super) stencils: Vec<CurveStencil>,
     /// Unit directions of the curves, for ribbons.
     pub(super) tangents: Vec<DVec3>,
-    /// Weights of the stencils' points in these directions, of what moves.
+    /// Weights of the stencils' points in these directions, for moving prims.
     pub(super) slopes: Vec<[f64; 4]>,
     moves: bool,
-    /// Values that a varying primvar must have.
+    /// Number of values that a varying primvar must have.
     pub(super) varying_count: usize,
     /// Curve of each point.
     pub(super) curves: Vec<u32>,
-    /// Most pieces of a segment, and whether some segment would have more.
+    /// Largest number of pieces of a segment; the next field is true if some segment would have more.
     most_pieces: u32,
     is_coarse: bool,
-    /// Points of all segments, and whether nothing else is wanted.
+    /// Number of points of all segments, and whether nothing else is wanted.
     point_total: u64,
     counts_only: bool,
 }
@@ -77,18 +78,18 @@ struct ControlCurve<'a> {
     number: u32,
     /// Points of its vertices.
     vertices: &'a [u32],
-    /// Its first value of a varying primvar, and how many it has.
+    /// First value of a varying primvar on the curve, and the number of its values.
     varying: (usize, usize),
 }
 
-/// Radii by whatever widths go by.
+/// Radii of curves, at the rate of the authored widths.
 pub(super) struct CurveRadii<'a> {
     interpolation: Interpolation,
     view: Result<ArrayView<'a>, LineWidths<'a>>,
 }
 
 impl CutCurves {
-    /// `moves`: it will be asked for poses.
+    /// `moves`: poses will be read too.
     pub(super) fn new(
         desc: &MeshDesc,
         curves: &CurvesDesc,
@@ -99,7 +100,7 @@ impl CutCurves {
         Self { moves, ..Self::default() }.read(desc, curves, dicing, dropped)
     }
 
-    /// Points of the cut, or somewhat more.
+    /// Number of points of the cut, or somewhat more.
     pub(super) fn count(desc: &MeshDesc, curves: &CurvesDesc, dicing: &DicingRate) -> u64 {
         let counting = Self { counts_only: true, ..Self::default() };
         counting.read(desc, curves, dicing, &mut DroppedData::default()).point_total
@@ -228,13 +229,13 @@ impl CutCurves {
     }
 }
 
-/// Most pieces of a segment of curves with so many vertices, which have no more segments than that.
+/// Largest number of pieces of a segment of curves with this many vertices, which have no more segments than that.
 fn most_pieces(vertices: usize) -> u32 {
     let share = u32::try_from(MOST_IN_ALL / vertices.max(1)).unwrap_or(MOST_PIECES);
     share.clamp(ALWAYS_PIECES, MOST_PIECES)
 }
 
-/// Pieces of a segment; `sum` gives place and radius for weights.
+/// Number of pieces of a segment; `sum` gives position and radius for weights.
 fn pieces(
     segment: &CurveSegment,
     curves: &CurvesDesc,
@@ -255,7 +256,7 @@ fn pieces(
     let for_shape = (bend * density / (8.0 * TOLERANCE * dicing.pixels)).sqrt();
     let turn = if from.w.max(to.w) * density > THICK { THICK_TURN } else { THIN_TURN };
     let speed = from.truncate().distance(to.truncate());
-    // The curve turns by about its second derivative over its speed; back on itself, by half a turn and more.
+    // The curve turns by about its second derivative over its speed; if it turns back, by half a turn and more.
     let for_turn = f64::min(bend / speed, 2.0 * std::f64::consts::PI) / turn;
     let wanted = for_shape.max(for_turn).ceil().clamp(1.0, f64::from(MOST_PIECES));
     #[expect(
@@ -279,7 +280,7 @@ fn stencil(segment: &CurveSegment, weights: [f64; 4], number: usize, t: f64, cur
 }
 
 impl<'a> CurveRadii<'a> {
-    /// Those of a prim: of its widths, or where it has none that can be used, of lines.
+    /// The radii of a prim: those of its widths, or of lines if it has no usable widths.
     fn of(desc: &'a MeshDesc, dicing: &'a DicingRate, dropped: &mut DroppedData) -> Self {
         let usable = usable_widths(desc);
         dropped.primvars += u64::from(desc.widths.as_ref().is_some_and(|w| !w.values.is_empty()) && usable.is_none());
@@ -289,14 +290,14 @@ impl<'a> CurveRadii<'a> {
         )
     }
 
-    /// Those of widths that can be used.
+    /// The radii of widths that can be used.
     pub(super) fn of_widths(primvar: &'a Primvar) -> Self {
         let is_one = primvar.values.len() == 1;
         let interpolation = if is_one { Interpolation::Constant } else { primvar.interpolation };
         Self { interpolation, view: Ok(primvar.values.view()) }
     }
 
-    /// True where there are fewer widths than the interpolation needs.
+    /// Returns true if there are fewer widths than the interpolation needs.
     fn is_short(&self, curves: usize, points: usize, ends: usize) -> bool {
         let needed = match self.interpolation {
             Interpolation::Constant | Interpolation::Instance => 1,
@@ -312,7 +313,7 @@ impl<'a> CurveRadii<'a> {
         view.scalar(at).or(view.scalar(0)).filter(|width| is_width(*width)).unwrap_or(0.0)
     }
 
-    /// Radius at a point of the cut; 0 where a spline is negative.
+    /// Radius at a point of the cut; 0 if a spline is negative there.
     pub(super) fn at_stencil(&self, stencil: &CurveStencil, curve: u32) -> f64 {
         let width = match self.interpolation {
             Interpolation::Constant | Interpolation::Instance => self.width(0),
@@ -328,8 +329,8 @@ impl<'a> CurveRadii<'a> {
         (0.5 * width).max(0.0)
     }
 
-    /// Radius at a vertex, or so many segments along a curve. What is missing is as wide as the first, what makes no
-    /// sense has no width.
+    /// Radius at a vertex, or at a number of segments along a curve. A missing width is that of the first vertex; an
+    /// unusable width counts as 0.
     fn at(&self, point: usize, along: f64, curve: &ControlCurve<'_>) -> f64 {
         let width = |at: usize| self.width(at);
         0.5 * match self.interpolation {

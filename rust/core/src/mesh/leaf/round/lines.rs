@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Curves and points without widths: lines and dots of a pixel, as Hydra draws them. Pure.
+//! Gives curves and points without widths the width of a pixel, as Hydra draws them. Pure.
 //!
 //! A width is that of a pixel where the prim is nearest to the camera, as [`DicingRate`] knows it: from the nearest
 //! placements, in steps of half a power of two, at most a pixel wide and at least 0.7. So a line is as wide as the
@@ -11,10 +11,10 @@ use glam::DVec3;
 use crate::desc::{Interpolation, MeshDesc, PrimShape, Primvar};
 use crate::mesh::dicing::DicingRate;
 
-/// Width where nobody knows how large a pixel is, in diagonals of the box of the points.
+/// Width if the size of a pixel is not known, in diagonals of the box of the points.
 const UNSEEN_WIDTH: f64 = 1e-3;
 
-/// How wide lines are.
+/// Widths of lines and dots.
 pub(super) struct LineWidths<'a> {
     dicing: &'a DicingRate,
     unseen: f64,
@@ -51,7 +51,7 @@ pub(super) fn usable_widths(desc: &MeshDesc) -> Option<&Primvar> {
     (view.scalar(0).is_some() && fits).then_some(widths)
 }
 
-/// Whether a prim is drawn as lines or dots of a pixel.
+/// Returns true if a prim is drawn as lines or dots of one pixel.
 pub(in crate::mesh) fn is_of_lines(desc: &MeshDesc) -> bool {
     matches!(desc.shape, PrimShape::Curves(_) | PrimShape::Points) && usable_widths(desc).is_none()
 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Curves and points: round things ([`LeafKind::Rounds`], [`LeafKind::Points`]), or ribbons of triangles. Pure.
 //!
-//! [`basis`] says how control points make a curve, [`curves`] cuts curves into pieces, [`values`] brings primvars
-//! along, [`posed`] says where they are at other times. A piece of a tube is the hull of the balls at its ends, so
-//! pieces fit without a gap, and linear curves are exact. A piece of a cubic curve is straight: [`curves`] says how far
-//! it is from the curve. A point is a ball, a piece of no length. What has no widths is [`lines`].
+//! [`basis`] turns control points into curves, [`curves`] cuts curves into pieces, [`values`] evaluates primvars at the
+//! cuts, [`posed`] computes the points at other times. A piece of a tube is the hull of the balls at its ends, so
+//! pieces fit without a gap, and linear curves are exact. A piece of a cubic curve is straight: [`curves`] bounds its
+//! distance from the curve. A point is a ball, a piece of no length. [`lines`] gives widths to prims without any.
 
 mod basis;
 mod curves;
@@ -50,12 +50,12 @@ fn usable_points<'a>(desc: &'a MeshDesc, dropped: &mut DroppedData) -> Option<Ar
     (is_usable && view.len() <= MAX_CORNERS / 4).then_some(view)
 }
 
-/// Points that curves are cut at, or somewhat more.
+/// Number of points that curves are cut at, or somewhat more.
 pub(in crate::mesh) fn curve_points(desc: &MeshDesc, curves: &CurvesDesc, dicing: &DicingRate) -> u64 {
     usable_points(desc, &mut DroppedData::default()).map_or(0, |_| CutCurves::count(desc, curves, dicing))
 }
 
-/// An item for each piece, or two of a ribbon, with the number of its curve.
+/// Reads an item for each piece, or two for each piece of a ribbon, with the number of its curve.
 pub(super) fn read_curves(
     desc: &MeshDesc,
     curves: &CurvesDesc,
@@ -135,7 +135,7 @@ pub(super) fn read_points(
     LeafItems { topology, desc, kind: LeafKind::Points, radii, poses }
 }
 
-/// A pose of points, with their radii at it where widths change.
+/// A pose of points, with their radii if widths change.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn widened(desc: &MeshDesc, pose: &PointsPose, count: usize) -> PointsPose {
     let radii = pose.widths.as_ref().zip(desc.widths.as_ref()).map(|(values, own)| {
@@ -146,12 +146,12 @@ fn widened(desc: &MeshDesc, pose: &PointsPose, count: usize) -> PointsPose {
     PointsPose { radii, ..pose.clone() }
 }
 
-/// Whether a point can be seen at a pose that has widths of its own.
+/// Returns true if a point can be seen at a pose that has widths of its own.
 fn has_width(pose: &PointsPose, at: usize) -> bool {
     pose.radii.as_ref().and_then(|radii| radii.get(at)).is_some_and(|&radius| radius > 0.0)
 }
 
-/// Widths by point.
+/// Widths of points.
 enum PointWidths<'a> {
     Constant(f64),
     ByPoint(ArrayView<'a>),
@@ -183,7 +183,7 @@ impl<'a> PointWidths<'a> {
     }
 }
 
-/// Pieces as hulls of balls.
+/// The pieces of curves as hulls of balls.
 fn as_tubes(
     desc: &MeshDesc,
     wanted: &[WantedPrimvar],
@@ -209,7 +209,7 @@ fn as_tubes(
     LeafItems { topology, desc, kind: LeafKind::Rounds, radii: cut.radii, poses }
 }
 
-/// Pieces as two triangles each, across the normals. The two points of an end have the values of the end.
+/// Pieces as two triangles each, perpendicular to the normals. The two points of an end have the values of the end.
 fn as_ribbons(
     desc: &MeshDesc,
     wanted: &[WantedPrimvar],

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Cut curves as ribbons, and at poses of what moves. A curve is the same sum of its control points at any time, so are
-//! its direction and its width. Pure.
+//! Cut curves as ribbons, and cut curves at the poses of a moving prim. A point of a curve is the same weighted sum of
+//! its control points at any time, and so are its direction and its width. Pure.
 
 use glam::{DVec3, Vec3};
 
@@ -16,12 +16,12 @@ pub(super) struct RibbonPoints {
     pub(super) normals: Primvar,
 }
 
-/// What a ribbon is made of, by point of the cut.
+/// Inputs of a ribbon, by point of the cut.
 #[derive(Clone, Copy)]
 struct RibbonSource<'a> {
     points: &'a [[f32; 3]],
     radii: &'a [f32],
-    /// Of unit length, or 0.
+    /// Directions of unit length, or 0.
     tangents: &'a [DVec3],
     normals: &'a [[f32; 3]],
 }
@@ -36,7 +36,7 @@ impl RibbonSource<'_> {
             let side = tangent.cross(normal).normalize_or_zero() * f64::from(*radius);
             let center = DVec3::from(point.map(f64::from));
             points.extend([center - side, center + side].map(|p| p.as_vec3().to_array()));
-            // What is seen is perpendicular to the ribbon.
+            // The visible width is perpendicular to the ribbon.
             let across = side.cross(*tangent).normalize_or(normal.normalize_or(DVec3::Z));
             out.extend([across.as_vec3().to_array(); 2]);
         }
@@ -45,7 +45,7 @@ impl RibbonSource<'_> {
 }
 
 impl CutCurves {
-    /// The cut as ribbons, if the prim has normals that can be used.
+    /// The cut as ribbons, if the prim has usable normals.
     pub(super) fn ribbon(&self, desc: &MeshDesc, dropped: &mut DroppedData) -> Option<RibbonPoints> {
         let normals = self.normals(desc.normals.as_ref()?, desc, dropped)?;
         let (points, normals) =
@@ -65,7 +65,7 @@ impl CutCurves {
         Some(normals.to_vec())
     }
 
-    /// The points of the cut at a pose of the prim's, with their radii where widths change.
+    /// The points of the cut at a pose of the prim, with their radii if widths change.
     pub(super) fn posed(&self, desc: &MeshDesc, pose: &PointsPose) -> PointsPose {
         let place = |stencil: &CurveStencil| {
             let weights = stencil.vertex.map(|(_, weight)| f64::from(weight));
@@ -83,11 +83,11 @@ impl CutCurves {
         Some(self.stencils.iter().zip(&self.curves).map(radius).collect())
     }
 
-    /// The ribbon at a pose of the prim's; none where the prim has no normals that can be used.
+    /// The ribbon at a pose of the prim; `None` if the prim has no usable normals.
     pub(super) fn ribbon_at(&self, desc: &MeshDesc, pose: &PointsPose) -> Option<PointsPose> {
         let own = desc.normals.as_ref()?;
         let values = pose.normals.clone().unwrap_or_else(|| own.values.clone());
-        // What cannot be used is counted where the frame's own are read.
+        // Unusable values are counted when those of the frame's own time are read.
         let normals = self.normals(&Primvar { values, ..own.clone() }, desc, &mut DroppedData::default())?;
         let slope =
             |(stencil, weights): (&CurveStencil, &[f64; 4])| sum(stencil, *weights, &pose.points).normalize_or_zero();
@@ -100,7 +100,7 @@ impl CutCurves {
     }
 }
 
-/// A sum of points of the prim. A weight of 0 takes nothing from a point that is no number.
+/// A weighted sum of points of the prim. A weight of 0 ignores its point, also if that is NaN.
 fn sum(stencil: &CurveStencil, weights: [f64; 4], points: &[[f32; 3]]) -> DVec3 {
     let point = |((at, _), weight): (&(u32, f32), f64)| {
         let point = points.get(*at as usize).copied().unwrap_or_default();

@@ -39,7 +39,7 @@ pub(super) fn on_curves(
     out
 }
 
-/// Width and values of a primvar at each point of the cut; `None` where it cannot be used.
+/// Width and values of a primvar at each point of the cut; `None` if it cannot be used.
 pub(super) fn on_points(
     primvar: &Primvar,
     desc: &MeshDesc,
@@ -65,7 +65,7 @@ pub(super) fn on_points(
             Interpolation::Constant | Interpolation::Instance => add(0, 1.0),
             Interpolation::Uniform => add(curve, 1.0),
             Interpolation::Vertex => {
-                // A weight of 0 takes nothing from a value that is no number.
+                // A weight of 0 ignores its value, also if that is NaN.
                 stencil.vertex.into_iter().filter(|(_, weight)| *weight != 0.0).for_each(|(at, w)| add(at, w));
             }
             Interpolation::Varying | Interpolation::FaceVarying => {

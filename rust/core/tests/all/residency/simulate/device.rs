@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The device of the simulation: slots, rounds, the link, and the clock that is counted.
+//! The device of the simulation: slots, rounds, the link, and a simulated clock.
 
 use super::rays::Ray;
 use super::scene::Workload;
@@ -8,7 +8,7 @@ use oocpt_core::residency::{
 };
 use std::collections::VecDeque;
 
-/// What the device can do. The defaults are about a `PCIe` 4 card with a million rays in flight.
+/// Capabilities of the device. The defaults are about those of a `PCIe` 4 card with a million rays in flight.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Device {
     /// Bytes the link moves in a second.
@@ -69,7 +69,7 @@ pub(crate) struct Report {
     pub(crate) residency: ResidencyStats,
 }
 
-/// Rounds in a row without any visit after which a simulation gives up.
+/// Number of consecutive rounds without any visit after which a simulation gives up.
 const STUCK_ROUNDS: u32 = 10_000;
 
 /// Traces all paths of the workload under a budget. An error when a unit does not fit the budget.
@@ -120,7 +120,7 @@ struct Simulation<'a> {
     /// Segments that hold paths, oldest first.
     segment: VecDeque<u32>,
     next_path: u32,
-    /// Loads by the time at which they are usable.
+    /// Loads with the times at which they become usable.
     link: VecDeque<(f64, UnitId)>,
     link_free_secs: f64,
     counts: Counts,
@@ -145,7 +145,7 @@ impl Simulation<'_> {
         self.report.residency = self.planner.stats().clone();
     }
 
-    /// New paths for a segment, as long as there are any.
+    /// Fills a segment with new paths, as long as there are any.
     fn fill(&mut self, segment: u32) {
         let options = &self.workload.options;
         if self.next_path >= options.paths {
@@ -159,7 +159,8 @@ impl Simulation<'_> {
         self.segment.push_back(segment);
     }
 
-    /// A round: every ray visits what it can, rays that know their hit go on to the path's next. Returns the visits.
+    /// One round: every ray visits the units that it can, and rays that know their hit continue with the path's next
+    /// ray. Returns the visits.
     fn trace(&mut self) -> u64 {
         let (counts, resident, weight) = (&mut self.counts, &self.resident, self.device.weight);
         counts.visits.fill(0);
@@ -190,7 +191,7 @@ impl Simulation<'_> {
         visits
     }
 
-    /// Segments whose paths are done, oldest first, take new paths.
+    /// Gives new paths to segments whose paths are done, oldest first.
     fn retire(&mut self) {
         let slots = self.device.segment_slots;
         while let Some(&oldest) = self.segment.front() {
@@ -205,7 +206,7 @@ impl Simulation<'_> {
         }
     }
 
-    /// The clock goes on by the round, or to the next arrival when there was nothing to trace.
+    /// Advances the clock by the round, or to the next arrival if there was nothing to trace.
     fn pass_time(&mut self, visits: u64) {
         #[expect(clippy::cast_precision_loss, reason = "an estimate")]
         let traced = visits as f64 / self.device.visits_per_sec;

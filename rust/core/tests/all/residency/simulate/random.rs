@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Random numbers as a function of their keys, so that no order of events changes them.
+//! Random numbers as a function of keys, so that they do not depend on the order of events.
 
 /// A stream of numbers (`SplitMix64`; Steele, Lea, Flood 2014).
 #[derive(Clone, Copy, Debug)]

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Synthetic rays: which units a path's ray crosses, in order, and where it hits. A function of the path and bounce.
+//! Synthetic rays: the units that a path's ray crosses, in order, and the unit of its hit. A function of path and
+//! bounce.
 
 use super::random::Random;
 use super::scene::SceneOptions;
 use oocpt_core::residency::UnitId;
 
-/// Units a ray crosses at most, those behind its hit included.
+/// Largest number of units that a ray crosses, including those behind its hit.
 const CROSSED_MAX: usize = 12;
-/// Absent units a ray remembers, as in the renderer.
+/// Largest number of absent units that a ray remembers, as in the renderer.
 const PENDING: usize = 4;
 
 /// A ray of a path in a slot.
@@ -17,14 +18,14 @@ pub(crate) struct Ray {
     bounce: u8,
     units: [UnitId; CROSSED_MAX],
     count: u8,
-    /// Place of the unit it hits; those after it matter only until it is visited.
+    /// Index of the unit that it hits; those after it matter only until it is visited.
     hit: u8,
     visited: u16,
     /// The absent units it remembers, nearest first; none = it can go on.
     pub(crate) pending: Pending,
 }
 
-/// Up to [`PENDING`] units.
+/// Absent units that a ray waits for, at most [`PENDING`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Pending {
     units: [UnitId; PENDING],
@@ -116,7 +117,7 @@ impl Ray {
         }
     }
 
-    /// Units from the first on that matter now.
+    /// Number of units, from the first on, that matter now.
     fn needed(&self) -> u8 {
         if self.visited & (1 << self.hit) == 0 { self.count } else { self.hit + 1 }
     }

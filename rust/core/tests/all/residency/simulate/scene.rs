@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Synthetic scenes: a square of units with blocks of uneven size and meshes they share.
+//! Synthetic scenes: a square of units with blocks of uneven size, and meshes that they share.
 
 use super::random::Random;
 use oocpt_core::residency::{AssetId, CatalogError, UnitCatalog, UnitId};
 use std::sync::Arc;
 
-/// What a scene and its paths are like.
+/// Parameters of a scene and its paths.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SceneOptions {
     /// Seed of everything.
@@ -50,7 +50,7 @@ impl Default for SceneOptions {
     }
 }
 
-/// A scene to be traced.
+/// A synthetic scene.
 #[derive(Clone, Debug)]
 pub(crate) struct Workload {
     /// How it was made.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! IES profiles: angles, symmetry, power, and files that are not to be trusted.
+//! IES profiles: angles, symmetry, power, and hostile files.
 
 use std::f64::consts::PI;
 
@@ -45,7 +45,7 @@ fn a_cosine_profile_interpolates_and_integrates() {
     assert!(profile.candela(91.0_f64.to_radians(), 0.0).abs() < 1e-12, "nothing above the last angle");
 }
 
-/// What `ies:normalize` divides by: over the sphere, or over the half that a profile covers.
+/// The divisor of `ies:normalize`: the mean over the sphere, or over the half that a profile covers.
 #[test]
 fn the_mean_covers_only_measured_angles() {
     let mean = |first: f64, last: f64| {
@@ -116,7 +116,7 @@ fn malformed_profiles_give_a_specific_error() {
 }
 
 proptest! {
-    /// No bytes make it panic, and what it gives is finite.
+    /// No bytes make it panic, and its results are finite.
     #[test]
     fn arbitrary_bytes_never_panic(noise in proptest::collection::vec(any::<u8>(), 0..400), cut in 0_usize..200) {
         let good = file(&steps(6, 180.0), &steps(4, 90.0), |v, h| v + h);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lights at places: areas, normalisation, frames, shaping, instances, links.
+//! Local lights: areas, normalisation, frames, shaping, instances, links.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
@@ -33,7 +33,7 @@ fn local(light: &Light) -> Arc<LocalLight> {
     Arc::clone(local.expect("a local light"))
 }
 
-/// Complete elliptic integrals are beside the point: the perimeter by Ramanujan's second formula, 1e-6 at this ratio.
+/// Perimeter of an ellipse by Ramanujan's second formula, exact to 1e-6 at this ratio.
 fn perimeter(a: f64, b: f64) -> f64 {
     let h = ((a - b) / (a + b)).powi(2);
     PI * (a + b) * (1.0 + 3.0 * h / (10.0 + (4.0 - 3.0 * h).sqrt()))
@@ -67,7 +67,7 @@ fn normalisation_divides_by_the_area_in_the_world() {
     }
 }
 
-/// Cauchy: a convex body's mean shadow is a quarter of its surface, so far away all agree.
+/// Cauchy: the mean shadow of a convex body is a quarter of its surface, so far away all agree.
 #[test]
 fn point_and_line_lights_keep_the_power_of_their_shape() {
     let point = |radius, normalize| LightDesc {

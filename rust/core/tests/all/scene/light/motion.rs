@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lights that move: bounds that hold them at every time, motion that cannot be used, and what is no motion.
+//! Lights that move: bounds that contain them at every time, unusable motion, and lights at rest.
 
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ fn ball() -> LightKind {
     LightKind::Sphere { radius: 0.5, treat_as_point: false }
 }
 
-/// The motion of the only light, and what was said.
+/// The motion of the only light, and the warnings.
 fn moved(build: impl FnOnce(&mut SceneDb)) -> (Option<Arc<LightMotion>>, Vec<String>) {
     let mut db = SceneDb::new();
     build(&mut db);
@@ -112,7 +112,7 @@ fn motion_without_visible_effect_is_dropped() {
     let same = [(0.0, DMat4::IDENTITY), (1.0, DMat4::IDENTITY)];
     let (motion, said) = moved(|db| db.upsert_light(lamp(ball(), &same)));
     assert!(motion.is_none() && said.is_empty(), "it rests: {said:?}");
-    // Radiance is linear between keys, of which there are enough where a normalised lamp grows.
+    // Radiance is linear between keys, and a normalised lamp that grows has enough of them.
     let grow = [(0.0, DMat4::IDENTITY), (1.0, DMat4::from_scale(DVec3::splat(2.0)))];
     let (motion, _) = moved(|db| db.upsert_light(LightDesc { normalize: true, ..lamp(ball(), &grow) }));
     let motion = motion.expect("it moves");
@@ -121,7 +121,7 @@ fn motion_without_visible_effect_is_dropped() {
     assert!((last - 0.25).abs() < 1e-6, "a quarter for four times the area: {last}");
 }
 
-/// The motions of all lights of a ball in `/row`, and what was said.
+/// The motions of all lights of a ball in `/row`, and the warnings.
 fn of_prototype(own: Maps<'_>, instancers: impl IntoIterator<Item = InstancerDesc>) -> (Vec<Light>, Vec<String>) {
     let mut db = SceneDb::new();
     let mut desc = lamp(ball(), own);
