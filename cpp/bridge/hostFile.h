@@ -21,16 +21,13 @@ struct HdOocPTPlainFile
 };
 
 /// What the file system says of a resolved path, without opening it; none for what only the resolver knows (members of
-/// packages,
-/// resolver plugins, nothing at all) and for what is no file. Any thread.
+/// packages, resolver plugins, nothing at all) and for what is no file. Any thread.
 std::optional<HdOocPTPlainFile> HdOocPTFindPlainFile(const std::string& resolved);
 
 /// The bytes of a file by the host's resolver; null when it has no such file. What the resolver has to say about that
-/// goes no
-/// further: this may be any thread, and the caller names the file. Directories, pipes, devices and links in circles
-/// are refused
-/// before anybody opens them, since opening a pipe waits and a device has no end: std::runtime_error with the reason.
-/// Any thread.
+/// goes no further: this may be any thread, and the caller names the file. Directories, pipes, devices and links in
+/// circles are refused before anybody opens them, since opening a pipe waits and a device has no end:
+/// std::runtime_error with the reason. Any thread.
 std::shared_ptr<const HdOocPTImageBytes> HdOocPTOpenHostFile(const std::string& resolved);
 
 PXR_NAMESPACE_CLOSE_SCOPE

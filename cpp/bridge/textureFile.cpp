@@ -11,11 +11,10 @@
 
 PXR_NAMESPACE_USING_DIRECTIVE
 
-/// Looks at a texture file (`info`) or puts it into the texture cache (`convert`). `path` is an asset path, resolved
-/// as it is by the host's
-/// resolver; a path that it does not resolve is taken as it stands. The answer is a JSON object, of which `error` is
-/// the only member where
-/// it failed; it is this thread's until its next call. Any thread, several at once.
+/// Looks at a texture file (`info`) or puts it into the texture cache (`convert`). `path` is an asset path, resolved as
+/// it is by the host's resolver; a path that it does not resolve is taken as it stands. The answer is a JSON object, of
+/// which `error` is the only member where it failed; it is this thread's until its next call. Any thread, several at
+/// once.
 extern "C" __attribute__((visibility("default"))) const char* HdOocPTTextureFile(
     const char* command, const char* path, const char* colorSpace)
 {

@@ -11,8 +11,7 @@
 #include <vector>
 
 /// Which channels of a file are its texels, by their numbers in the file, 1 to 4: by name where a file has more than a
-/// texture
-/// needs (layers, depth, ids).
+/// texture needs (layers, depth, ids).
 std::vector<int> HdOocPTChooseChannels(const std::vector<std::string>& names);
 
 /// What is known of an open file, of which `channels` are read. Throws std::runtime_error where it is too large.

@@ -43,8 +43,7 @@ public:
         // libtiff's work.
         _readsRowByRow = std::strcmp(lease.Input().format_name(), "tiff") == 0;
         // OpenImageIO's reader of TIFF is spoilt when it was asked for a level that is not there: it forgets how many
-        // bits a
-        // channel has.
+        // bits a channel has.
         lease.Discard();
     }
 

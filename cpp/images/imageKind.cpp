@@ -76,9 +76,8 @@ int HdOocPTFindPngColorSpace(const HdOocPTImageBytes& bytes)
         if (std::memcmp(&head[4], "sRGB", 4) == 0) {
             return 1;
         }
-        // An embedded profile, by its name: "sRGB IEC61966-2.1", "sRGB built-in". PNG says that such a file has no
-        // sRGB chunk, so 16-bit
-        // files of many programs say it in this way alone.
+        // An embedded profile, by its name: "sRGB IEC61966-2.1", "sRGB built-in". PNG says that such a file has no sRGB
+        // chunk, so 16-bit files of many programs say it in this way alone.
         if (std::memcmp(&head[4], "iCCP", 4) == 0 && std::memcmp(&head[8], "sRGB", 4) == 0) {
             return 1;
         }

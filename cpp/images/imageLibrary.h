@@ -75,8 +75,7 @@ public:
         void* out, std::size_t byteCount) const = 0;
 
     /// Decodes a level once, from the top of the image down, in bands of whole rows of at most 4 MiB (or one row).
-    /// Throws as Read,
-    /// and lets pass what the sink throws.
+    /// Throws as Read, and lets pass what the sink throws.
     virtual void Decode(std::uint32_t level, const HdOocPTRowSink& sink) const = 0;
 };
 
@@ -93,9 +92,8 @@ public:
 
 /// The functions of the library; their names are below. Both throw std::runtime_error with the reason.
 using HdOocPTOpenImageFunction = std::unique_ptr<HdOocPTImageFile>(const std::string& name, HdOocPTImageOpener opener);
-/// The conversion from a color space that OpenColorIO knows: by the configuration that $OCIO names, then by one of
-/// ours with the
-/// names that OpenUSD and ACES use (colorConfig.h).
+/// The conversion from a color space that OpenColorIO knows: by the configuration that $OCIO names, then by one of ours
+/// with the names that OpenUSD and ACES use (colorConfig.h).
 using HdOocPTMakeColorTransformFunction = std::unique_ptr<HdOocPTColorTransform>(const std::string& name);
 
 #define HDOOCPT_OPEN_IMAGE_NAME "HdOocPTOpenImage"

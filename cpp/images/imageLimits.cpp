@@ -34,9 +34,8 @@ void CheckSides(std::uint64_t width, std::uint64_t height)
 }
 
 /// Most decoded bytes of a byte of a TIFF. Of LZW the longest strings of a table of 4096; RLE in zstd's blocks of 128
-/// KiB; the fax
-/// codes, where a white row is one bit, and anything else: no limit (what is decoded at once is bounded by strips and
-/// tiles).
+/// KiB; the fax codes, where a white row is one bit, and anything else: no limit (what is decoded at once is bounded by
+/// strips and tiles).
 double TiffRatio(const OIIO::ImageSpec& spec)
 {
     const std::string compression = spec.get_string_attribute("compression", "none");
@@ -186,8 +185,7 @@ void HdOocPTCheckSpec(const OIIO::ImageSpec& spec, const std::string& format, st
                     + " texels, which is more than is read");
     }
     // Runs of TGA: 128 texels for two bytes (of a palette of four channels: 256 times). Of BMP: 255 texels for two
-    // bytes; rows
-    // may be left out. Of Radiance: 127 for two bytes, in each of four channels that become three floats.
+    // bytes; rows may be left out. Of Radiance: 127 for two bytes, in each of four channels that become three floats.
     const double ratio = format == "tiff" ? TiffRatio(spec)
         : format == "targa"               ? 260.0
         : format == "bmp"                 ? 1100.0

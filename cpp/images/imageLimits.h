@@ -16,9 +16,8 @@
 constexpr int HdOocPTMaxSide = 65536;
 /// Bytes of a level when it is decoded: 65536 x 65536 texels of 4 bytes.
 constexpr std::size_t HdOocPTMaxLevelBytes = std::size_t { 1 } << 34;
-/// Bytes that a reader may have to hold at once: a tile, a strip, a block of rows; of JPEG in several scans,
-/// interlaced PNG, TGA
-/// and BMP the image.
+/// Bytes that a reader may have to hold at once: a tile, a strip, a block of rows; of JPEG in several scans, interlaced
+/// PNG, TGA and BMP the image.
 constexpr std::size_t HdOocPTMaxHeldBytes = std::size_t { 1 } << 31;
 /// A file of any size may be that large when it is decoded; beyond, it has to be as long as its compression needs.
 constexpr std::size_t HdOocPTAlwaysAllowedBytes = std::size_t { 64 } << 20;

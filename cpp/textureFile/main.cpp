@@ -46,8 +46,7 @@ bool EndsWith(const std::string& name, const std::string& end)
 }
 
 /// How artists' programs save: JPEG at quality 92, TIFF with deflate, half EXR with zip. PNG is packed as fast as zlib
-/// can, which hardly
-/// changes how long it takes to unpack.
+/// can, which hardly changes how long it takes to unpack.
 OIIO::ImageSpec SpecOf(const std::string& file, int size)
 {
     OIIO::ImageSpec spec(size, size, 3, OIIO::TypeDesc::UINT8);

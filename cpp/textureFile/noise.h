@@ -5,9 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-/// A picture that compresses about as a photograph does: octaves of value noise, some color, and noise of each pixel
-/// by itself. A pure
-/// function of size and seed: texels in any order would be the same, rows are made one after the other.
+/// A picture that compresses about as a photograph does: octaves of value noise, some color, and noise of each pixel by
+/// itself. A pure function of size and seed: texels in any order would be the same, rows are made one after the other.
 class Noise
 {
 public:

@@ -152,9 +152,8 @@ bool set_gradients(uint mesh, uint name, uint triangle, vec2 st, vec3 e, vec3 f,
     return edge_gradients(b.xy - a.xy, c.xy - a.xy, e, f, u, v, n);
 }
 
-// Sets tangent, handedness and, for a ray along `d`, footprints. Gradients are covectors and go to the world as
-// normals do; with n normal to
-// the plane, dP/du is orthogonal to n and to the gradient of v.
+// Sets tangent, handedness and, for a ray along `d`, footprints. Gradients are covectors and go to the world as normals
+// do; with n normal to the plane, dP/du is orthogonal to n and to the gradient of v.
 void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, vec3 f, vec3 n, vec3 d, ChunkMap world,
                  Affine map) {
     Materials materials = Materials(FRAME.materials);

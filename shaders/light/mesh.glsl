@@ -7,16 +7,15 @@
 // and normal. The tree of a mesh is walked with the receiver taken into its frame: which side of a plane it is on stays
 // the same there, so nothing that shines on the receiver is left out; nearness may be off under uneven scales, which
 // costs noise only. With M the placement's linear map and N the unit normal in the world, areas grow by |det M| / |M^T
-// N|.
-// All tables are always on the device: what is chosen does not depend on which chunks are there. Placements that are
-// not in the table are met by BSDF rays alone. One that moves is where it is at the time of the path, for choosing
+// N|. All tables are always on the device: what is chosen does not depend on which chunks are there. Placements that
+// are not in the table are met by BSDF rays alone. One that moves is where it is at the time of the path, for choosing
 // faces and points, for densities and for hits; the tree over placements holds it at all times (book, design/motion).
 // With HAS_MESH_LIGHT_VALUES some emissions are no constants. What a point emits is worked out as at a hit there: a
 // primvar between its values at the corners, a texture through the very lookup and with the cone that a BSDF ray in
 // this direction would have, so that both strategies see one function. Weights are means over faces, made by the host
-// (see the book, design/lights); they only decide what is chosen.
-// With streaming the texture is looked up before the surface is shaded, as one more lookup of its own (resolve_lights).
-// Emission goes to both sides, as it does for rays that meet it.
+// (see the book, design/lights); they only decide what is chosen. With streaming the texture is looked up before the
+// surface is shaded, as one more lookup of its own (resolve_lights). Emission goes to both sides, as it does for rays
+// that meet it.
 #ifndef OOCPT_LIGHT_MESH_GLSL
 #define OOCPT_LIGHT_MESH_GLSL
 

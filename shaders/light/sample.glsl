@@ -7,8 +7,8 @@
 // the receiver (local_share, decisions/0062). Each light is a strategy of its own against the BSDF's: a ray that meets
 // several gets each with its own weight. A constant dome is sampled by the BSDF. Lights without shadows, or with
 // coloured or linked ones, are sampled by shadow rays only, and so are points, lines and single directions; a delta
-// lobe's rays (density 0) bring all that they meet.
-// Needs: Bsdf and its functions (bsdf.glsl or bsdf_lambert.glsl), wavefront.glsl.
+// lobe's rays (density 0) bring all that they meet. Needs: Bsdf and its functions (bsdf.glsl or bsdf_lambert.glsl),
+// wavefront.glsl.
 #ifndef OOCPT_LIGHT_SAMPLE_GLSL
 #define OOCPT_LIGHT_SAMPLE_GLSL
 

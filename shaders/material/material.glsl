@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A material at a hit: inputs worked out to what the BSDF takes. UsdPreviewSurface and OpenPBR; a surface without a
-// material is diffuse in its displayColor.
-// begin_lookups (texture.glsl) comes before; textures without images are black and opaque.
+// material is diffuse in its displayColor. begin_lookups (texture.glsl) comes before; textures without images are black
+// and opaque.
 #ifndef OOCPT_MATERIAL_GLSL
 #define OOCPT_MATERIAL_GLSL
 

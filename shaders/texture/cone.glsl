@@ -14,11 +14,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Cones { vec2
 const float CONE_SAMPLES = 64.0;
 const float CONE_WIDEST = 0.5;
 
-// Width of a camera ray's cone, in pixels. The samples of a pixel are spread over it, and filter; a filter of a
-// pixel's width
-// for each of them blurs twice. By half the width the blur's error at 64 samples is about that of their noise without
-// a filter
-// (decisions/0018).
+// Width of a camera ray's cone, in pixels. The samples of a pixel are spread over it, and filter; a filter of a pixel's
+// width for each of them blurs twice. By half the width the blur's error at 64 samples is about that of their noise
+// without a filter (decisions/0018).
 const float CAMERA_CONE = 0.5;
 
 // The cone of a camera ray; `d` is the direction of length 1 along the view axis.

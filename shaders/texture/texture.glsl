@@ -3,8 +3,7 @@
 // tiles and levels are numbered as in rust/core/src/texture/layout.rs.
 //
 // st: (0, 0) is the lower left corner of the image. `width`: of the filter, in texels of level 0
-// (texture/footprint.glsl). Between 2^l and
-// 2^(l+1) texels levels l and l + 1 are mixed linearly in it.
+// (texture/footprint.glsl). Between 2^l and 2^(l+1) texels levels l and l + 1 are mixed linearly in it.
 //
 // A lookup takes up to eight texels, one after the other, and keeps the mean of those it has (West 1979: mean += (x -
 // mean) * w / W), which for equal texels is that texel exactly. So it can stop at any texel whose tile is absent and go
@@ -258,8 +257,7 @@ uint continue_lookup(uint texture, vec2 st, float width, inout TextureProgress p
 }
 
 // In core: a whole lookup. Tiles that are absent are requested, the path is traced again when they are there, and goes
-// on for now
-// without them, so that it requests what lies behind, too.
+// on for now without them, so that it requests what lies behind, too.
 const vec4 UNKNOWN_TEXEL = vec4(0.5);
 
 uint requested_lookup(uint path, uint texture, vec2 st, float width, inout TextureProgress progress) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How much of a cutout is there around a place, without its texture (decisions/0058). Only with OPACITY_MASKS. Made by
-// rust/core/src/texture/opacity_mask.rs, which has the layout.
-// Reads: the mask of a material. Writes nothing.
+// rust/core/src/texture/opacity_mask.rs, which has the layout. Reads: the mask of a material. Writes nothing.
 #ifndef OOCPT_OPACITY_MASK_GLSL
 #define OOCPT_OPACITY_MASK_GLSL
 

@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Walk of a ray through the top level, chunks, nested assemblies and meshes: one
-// stack, near child first. traversal/rays.glsl has the loop.
+// Walk of a ray through the top level, chunks, nested assemblies and meshes: one stack, near child first.
+// traversal/rays.glsl has the loop.
 //
 // Before including, define ANY_HIT as 1 to stop at the first hit, else 0; and SETTLES as 1 to look cutouts up where
-// DEFERRED_CUTOUTS leaves those out that no mask knows. A surface of opacity a is met with
-// probability a, decided by a hash of seed, instances and triangle; for AOVs (PUSH_AOVS) it is met if a > 0.
-// begin_walk(), then descend() and visit() until `reference` is DONE, then end_walk(): `found` is the closest hit
-// nearer than t_max if walk.hit; at equal distance the hit with the lower (chunk instance, records, triangle) wins, so
-// the result does not depend on the order of the walk. Reads the scene, writes nothing but a counter of rays that ran
-// out of stack or levels.
+// DEFERRED_CUTOUTS leaves those out that no mask knows. A surface of opacity a is met with probability a, decided by a
+// hash of seed, instances and triangle; for AOVs (PUSH_AOVS) it is met if a > 0. begin_walk(), then descend() and
+// visit() until `reference` is DONE, then end_walk(): `found` is the closest hit nearer than t_max if walk.hit; at
+// equal distance the hit with the lower (chunk instance, records, triangle) wins, so the result does not depend on the
+// order of the walk. Reads the scene, writes nothing but a counter of rays that ran out of stack or levels.
 //
 // Frames: the top level is walked with the high part of the world origin, boxes padded for the low part; a chunk is
-// entered with the whole (math/double.glsl), and all below it with single floats. Distances are in units of the
-// world direction throughout. The world ray is read from memory when a walk comes back to the top level: registers are
+// entered with the whole (math/double.glsl), and all below it with single floats. Distances are in units of the world
+// direction throughout. The world ray is read from memory when a walk comes back to the top level: registers are
 // dearer.
 //
 // Distance of a hit: what the triangle test says, but not before the ray has entered every box above it, up to

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adds the samples of a wave, or of a segment whose first place is arg0, to the
-// film, each pixel's in ascending order: one thread per pixel of it, at least min(path_count, width * height).
-// Adaptive: one thread per entry of it; and notes at powers of two what the samples so far say of their error. In core,
-// with textures: does nothing while a path of the wave lacks a tile. Reads: radiance, streaming: ended_radiance. Reads
-// and writes: film. Adaptive:
-// reads entries, writes estimates.
+// Adds the samples of a wave, or of a segment whose first place is arg0, to the film, each pixel's in ascending order:
+// one thread per pixel of it, at least min(path_count, width * height). Adaptive: one thread per entry of it; and notes
+// at powers of two what the samples so far say of their error. In core, with textures: does nothing while a path of the
+// wave lacks a tile. Reads: radiance, streaming: ended_radiance. Reads and writes: film. Adaptive: reads entries,
+// writes estimates.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shades every hit of a round: a shadow ray towards one light, and the ray of the next bounce. One thread per hit,
-// WavefrontCounters::surface_args.
-// Reads: surface_queue, hits, rays, paths, the scene. Writes: paths, rays (the next one in place of this one),
-// shadow_rays and, at bounce 0, radiance (alpha 1); pushes the path to shadow_queue and ray_queue[(round + 1) & 1].
-// With streaming: reads surfaces in place of hits and the scene; writes progress, segments. Where lights ask something
-// of the surface that a ray left also: reads and writes light_paths. Adds to radiance what the ray brings of the lights
-// that it has met.
+// WavefrontCounters::surface_args. Reads: surface_queue, hits, rays, paths, the scene. Writes: paths, rays (the next
+// one in place of this one), shadow_rays and, at bounce 0, radiance (alpha 1); pushes the path to shadow_queue and
+// ray_queue[(round + 1) & 1]. With streaming: reads surfaces in place of hits and the scene; writes progress, segments.
+// Where lights ask something of the surface that a ray left also: reads and writes light_paths. Adds to radiance what
+// the ray brings of the lights that it has met.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

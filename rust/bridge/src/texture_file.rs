@@ -24,8 +24,7 @@ enum FileAnswer {
 }
 
 /// Looks at a file (`info`) or puts it into the cache (`convert`); the answer is a JSON object with what the file is,
-/// or with `error`. The
-/// cache is where `OOCPT_TEXTURE_CACHE` says. `color_space` is a `sourceColorSpace`.
+/// or with `error`. The cache is where `OOCPT_TEXTURE_CACHE` says. `color_space` is a `sourceColorSpace`.
 pub(crate) fn texture_file(
     images: UniquePtr<ImageSource>,
     command: &str,

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The report of error against time that `oocpt:report` names: a JSON object a line, first one about the render, one
 //! about what it is made of ([`RenderInventory`]), then an [`ErrorRow`] at each power of two of the samples and at the
-//! end, last one about what it used ([`RenderUsage`]).
-//! `oocpt report plot` draws it.
+//! end, last one about what it used ([`RenderUsage`]). `oocpt report plot` draws it.
 //!
 //! Every line is written whole and at once: a render that is killed leaves all lines up to then. The first render of a
 //! session empties the file, later ones go on: each begins with its own [`ErrorReportHeader`]. A file that is no report

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which tiles of textures the waves lacked, in core: what the passes write (`oocpt_abi::TextureFeedback`), and
-//! how the host
-//! learns of it. Each wave ends with a copy to one of a few small buffers that the host reads when the wave is done.
-//! Render thread only.
+//! Which tiles of textures the waves lacked, in core: what the passes write (`oocpt_abi::TextureFeedback`), and how the
+//! host learns of it. Each wave ends with a copy to one of a few small buffers that the host reads when the wave is
+//! done. Render thread only.
 
 use oocpt_abi::{TextureFeedback, WavefrontCounters};
 use oocpt_core::inventory::RenderInventory;

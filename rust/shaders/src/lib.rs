@@ -2,8 +2,8 @@
 //! The compiled shaders, and the table of passes.
 //!
 //! Guarantees: each struct of `oocpt_abi::LAYOUTS` has the same member offsets in the shaders; `build.rs` compares them
-//! in the SPIR-V of every pass and fails the build on a difference. No Vulkan, no state, no threads: plain data,
-//! usable from anywhere.
+//! in the SPIR-V of every pass and fails the build on a difference. No Vulkan, no state, no threads: plain data, usable
+//! from anywhere.
 //!
 //! # What the host promises
 //! [`PASSES`] declares the passes; `rust/render/src/wavefront/record.rs` records them in their order. There is a full
@@ -20,23 +20,20 @@
 //! and paths are at different bounces. Paths live in *slots*, and leave their radiance at a *place*; there are more
 //! places than slots. Segment `s` is the places from `s * segment_size` on, and holds the paths `first .. first +
 //! count` of the render: `Push::wave(frame, first, count, pixels).with(r, s * segment_size)`, and where they begin
-//! `.into_slots(s, taken, slots)` of that. Passes over all slots take
-//! `PushConstants::wave(frame, 0, 0, pixels).with(r, ..)`. Rounds grow through all submissions of a stage. Before the
-//! first one the host zeroes `WavefrontCounters` and the segment table and `StreamingPointers::demand`; before the
-//! deferred rays are sorted `StreamingPointers::sort_counts`, before demand is counted
-//! `StreamingPointers::demand_counts`, before worth is estimated `StreamingPointers::worth` and `worth_sums`. Chunks
-//! come and go between submissions only. The passes that sort deferred rays may be left out, all four together, when no
-//! ray is deferred.
+//! `.into_slots(s, taken, slots)` of that. Passes over all slots take `PushConstants::wave(frame, 0, 0, pixels).with(r,
+//! ..)`. Rounds grow through all submissions of a stage. Before the first one the host zeroes `WavefrontCounters` and
+//! the segment table and `StreamingPointers::demand`; before the deferred rays are sorted
+//! `StreamingPointers::sort_counts`, before demand is counted `StreamingPointers::demand_counts`, before worth is
+//! estimated `StreamingPointers::worth` and `worth_sums`. Chunks come and go between submissions only. The passes that
+//! sort deferred rays may be left out, all four together, when no ray is deferred.
 //!
 //! A segment with `alive == 0` and `count > 0` is done. When all earlier ones are accumulated, it is accumulated too,
 //! and its places are free for another segment. A slot is free as soon as its path has ended
 //! (`WavefrontCounters::freed`). Nothing is left to do when every segment is done. When no chunk is absent no ray is
 //! deferred. When `ray_count[r & 1] + shadow_count` is 0 after a submission, all living paths wait for chunks.
 //!
-//! [`PushConstants`]: oocpt_abi::PushConstants
-//! [`Features::MATERIALS`]: oocpt_abi::Features::MATERIALS
-//! [`Features::STREAMING`]: oocpt_abi::Features::STREAMING
-//! [`TextureFeedback`]: oocpt_abi::TextureFeedback
+//! [`PushConstants`]: oocpt_abi::PushConstants [`Features::MATERIALS`]: oocpt_abi::Features::MATERIALS
+//! [`Features::STREAMING`]: oocpt_abi::Features::STREAMING [`TextureFeedback`]: oocpt_abi::TextureFeedback
 
 #![forbid(unsafe_code)]
 

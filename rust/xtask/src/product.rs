@@ -168,8 +168,8 @@ fn bridge_options(places: &RootFolders, profile: &str) -> Vec<(String, String)> 
     ]
 }
 
-/// A cargo subcommand in the clone, by the same cargo that runs this; in CI (`CI` is set)
-/// it may not change `Cargo.lock`.
+/// A cargo subcommand in the clone, by the same cargo that runs this; in CI (`CI` is set) it may not change
+/// `Cargo.lock`.
 pub(crate) fn cargo(places: &RootFolders, subcommand: &str) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.current_dir(&places.repo).env("CARGO_TARGET_DIR", &places.target).args(subcommand.split(' '));

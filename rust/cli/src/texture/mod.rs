@@ -38,8 +38,7 @@ struct CommonArguments {
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// `sourceColorSpace` of the textures that will read the files, several after commas; for each the cache keeps
-    /// another entry. Scenes say it
-    /// themselves.
+    /// another entry. Scenes say it themselves.
     #[arg(long, value_delimiter = ',', default_value = "auto")]
     color_space: Vec<String>,
     /// Where the cache is: a folder; empty = the user's own.

@@ -3,8 +3,7 @@
 //! does.
 //!
 //! Bounds: a map has at most 256 x 256 cells and a third more; making it looks at at most [`MOST_BYTES`] of a picture,
-//! of the
-//! coarsest level that is fine enough, in evenly spaced rows where that level is larger. Render thread only.
+//! of the coarsest level that is fine enough, in evenly spaced rows where that level is larger. Render thread only.
 
 use super::emission_weight;
 use crate::textures::{ImageError, SourceImage};

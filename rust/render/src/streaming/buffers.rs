@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The memory of a streaming render: paths in slots, lists of rays that wait, the demand for
-//! units, and what the host reads of it.
+//! The memory of a streaming render: paths in slots, lists of rays that wait, the demand for units, and what the host
+//! reads of it.
 
 use super::needs::StreamingNeeds;
 use super::observe::{StepExtents, StepObservation};

@@ -136,8 +136,7 @@ struct TileCutter<'a> {
 }
 
 /// Puts 0 in place of what is no number and the largest half in place of what is infinite: one such texel would be all
-/// that is left of
-/// the coarser levels. Whether there were any.
+/// that is left of the coarser levels. Whether there were any.
 pub(super) fn make_finite(values: &mut [f32]) -> bool {
     if values.iter().all(|value| value.is_finite()) {
         return false;

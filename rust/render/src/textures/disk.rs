@@ -2,12 +2,9 @@
 //! The folder in which decoded images are kept from render to render, shared by all processes of a user.
 //!
 //! An entry is a file of `tx`, named by a hash of its key: what tells the source from other files
-//! (`ImageLibrary::identity`) and how it
-//! is read. It is written under another name and renamed when it is whole, so nobody reads half of one; each tile has
-//! a checksum, and
-//! an entry that is damaged is removed and made again. Entries that were not used for longest are removed when all
-//! together are larger
-//! than the limit. Any thread.
+//! (`ImageLibrary::identity`) and how it is read. It is written under another name and renamed when it is whole, so
+//! nobody reads half of one; each tile has a checksum, and an entry that is damaged is removed and made again. Entries
+//! that were not used for longest are removed when all together are larger than the limit. Any thread.
 
 use super::convert::TileSink;
 use super::image::ImageError;

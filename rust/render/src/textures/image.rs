@@ -23,8 +23,7 @@ pub struct ImageInfo {
     /// Format that [`SourceImage::read`] gives.
     pub format: TexelFormat,
     /// Reading a part costs about as much as the part. Else a part may cost as much as all rows above it: take all of
-    /// the image once
-    /// ([`SourceImage::decode`]) where more than a few texels are wanted.
+    /// the image once ([`SourceImage::decode`]) where more than a few texels are wanted.
     pub tile_friendly: bool,
     /// The file says that it is sRGB, or that it is not.
     pub is_srgb: Option<bool>,
@@ -43,12 +42,10 @@ pub trait SourceImage: Send + Sync + Debug {
     fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError>;
 
     /// Decodes a level once, from the top of the image down. `sink(top, rows)` gets bands of whole rows, of at most
-    /// [`BAND_BYTES`] or one
-    /// row: `top` is the number of the band's first row counted from the top of the image, and the rows in a band go
-    /// on downwards (those
-    /// of [`Self::read`] go up). Texels as `read` gives them. Bands come in order, on the calling thread; together
-    /// they are the level.
-    /// Where the sink gives `false` no more are decoded, which is no error.
+    /// [`BAND_BYTES`] or one row: `top` is the number of the band's first row counted from the top of the image, and
+    /// the rows in a band go on downwards (those of [`Self::read`] go up). Texels as `read` gives them. Bands come in
+    /// order, on the calling thread; together they are the level. Where the sink gives `false` no more are decoded,
+    /// which is no error.
     fn decode(&self, level: u32, sink: &mut dyn FnMut(u32, &[u8]) -> bool) -> Result<(), ImageError> {
         decode_by_reading(self, level, sink)
     }
@@ -87,8 +84,7 @@ fn decode_by_reading<I: SourceImage + ?Sized>(
 /// A conversion of colours to linear Rec. 709. Called by several threads at once.
 pub trait ColorTransform: Send + Sync + Debug {
     /// Converts texels of 1 to 4 channels, tightly packed, in place. Alpha (the second of two channels, the fourth)
-    /// stays. Grey goes through
-    /// as r = g = b, and the red that comes out is taken.
+    /// stays. Grey goes through as r = g = b, and the red that comes out is taken.
     fn apply(&self, texels: &mut [f32], channels: u32) -> Result<(), ImageError>;
 }
 
@@ -109,10 +105,9 @@ pub trait ImageLibrary: Send + Sync + Debug {
         Err(ImageError(format!("{} cannot be read in parts", asset.authored)))
     }
 
-    /// A text that changes when the content of a file may have changed, got without decoding anything:
-    /// `file:<canonical path>:<bytes>:<time
-    /// of modification in ns>` for a plain file, `hash:<xxh3 of the content, 128 bits, hexadecimal>:<bytes>` for
-    /// anything else.
+    /// A text that changes when the content of a file may have changed, got without decoding anything: `file:<canonical
+    /// path>:<bytes>:<time of modification in ns>` for a plain file, `hash:<xxh3 of the content, 128 bits,
+    /// hexadecimal>:<bytes>` for anything else.
     fn identity(&self, asset: &AssetRef) -> Result<String, ImageError> {
         Err(ImageError(format!("{} has no identity", asset.authored)))
     }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Textures: where images come from (`image`), what their texels mean (`texels`), one image as tiles (`tiles`), and
-//! all textures of a
-//! snapshot (`set`).
+//! Textures: where images come from (`image`), what their texels mean (`texels`), one image as tiles (`tiles`), and all
+//! textures of a snapshot (`set`).
 //!
 //! An image is cut into tiles (`oocpt_core::texture::TileLayout`); a tile is an asset and a unit of the planner,
 //! brought by the loader's threads as meshes are. Files that cannot give tiles of all levels at little cost are decoded

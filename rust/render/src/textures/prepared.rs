@@ -3,8 +3,8 @@
 //! thread.
 //!
 //! What is first asked for decides the finest level that is kept: a picture that shows a wall of 8 K on 200 pixels
-//! needs 1/1000 of it on
-//! disk. If something finer is asked for later, the image is decoded a second time, and all of it is kept.
+//! needs 1/1000 of it on disk. If something finer is asked for later, the image is decoded a second time, and all of it
+//! is kept.
 
 use super::PAUSES;
 use super::convert::{ImageDecoding, TileSink, convert};

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Tiled, mip-mapped image files: what decoded images are kept in. `BigTIFF` (the TIFF 6.0 specification; Aldus and
-//! Adobe 1992,
-//! extended to 64-bit offsets by libtiff), little-endian, uncompressed, read by every program that reads TIFF.
+//! Adobe 1992, extended to 64-bit offsets by libtiff), little-endian, uncompressed, read by every program that reads
+//! TIFF.
 //!
-//! The tiles of all levels come in any order and are appended as they come; the directories, one a level, follow
-//! behind them. So one
-//! pass over an image writes all of its levels, which no library lets one do: they end a level before they begin the
-//! next. A private
-//! field has a checksum for each tile. Rows are stored from the bottom up (orientation 4), as textures count them.
+//! The tiles of all levels come in any order and are appended as they come; the directories, one a level, follow behind
+//! them. So one pass over an image writes all of its levels, which no library lets one do: they end a level before they
+//! begin the next. A private field has a checksum for each tile. Rows are stored from the bottom up (orientation 4), as
+//! textures count them.
 
 mod read;
 #[cfg(test)]

@@ -53,9 +53,8 @@ impl<W: Write + Seek> TxWriter<W> {
         Ok(Self { out, position: HEAD as u64, description, tables, padded: Vec::new() })
     }
 
-    /// Appends the tile that begins at texel `at` of a level: `size` texels, rows from the bottom up. Levels before
-    /// the first
-    /// one of the file are left out.
+    /// Appends the tile that begins at texel `at` of a level: `size` texels, rows from the bottom up. Levels before the
+    /// first one of the file are left out.
     pub(crate) fn tile(&mut self, level: u32, at: [u32; 2], size: [u32; 2], texels: &[u8]) -> io::Result<()> {
         let Some(index) = level.checked_sub(self.description.first_level) else { return Ok(()) };
         let texel_bytes = self.description.texel_bytes();
