@@ -23,7 +23,7 @@ namespace {
 /// As shells say of a program that was interrupted.
 constexpr int INTERRUPTED = 130;
 
-/// Whether there is a picture to wait for.
+/// Returns true if there is a picture to wait for.
 bool _Interrupt() noexcept
 {
     try {

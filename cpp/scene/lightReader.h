@@ -15,7 +15,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 /// What follows the path of a mesh in the path of its light: MESH_LIGHT of the renderer's core. No prim is called so.
 inline constexpr const char* HdOocPTMeshLightSuffix = "/{light}";
 
-/// Whether a mesh is a light too (MeshLightAPI). Both front ends say so in the container "light" of the mesh itself.
+/// Returns true if a mesh is a light too (MeshLightAPI). Both front ends say so in the container "light" of the mesh
+/// itself.
 bool HdOocPTIsMeshLight(const HdContainerDataSourceHandle& container);
 
 /// Reads a light whole; simple lights (a host's camera light) are distant lights. What is not supported is named in a

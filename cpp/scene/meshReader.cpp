@@ -108,7 +108,7 @@ oocpt::SubdivisionDesc _DescribeSubdivision(const HdOocPTMeshState& mesh)
     return desc;
 }
 
-/// Whether curves have no widths in the scene, though Hydra hands over one of a unit, where it means lines.
+/// Returns true if curves have no widths in the scene, though Hydra hands over one of a unit, where it means lines.
 bool _AreLines(const HdOocPTPrimSource& source, const HdOocPTPrimvarState& widths)
 {
     const auto& tokens = *HdOocPTSceneTokens;

@@ -60,7 +60,7 @@ std::vector<_Row> _MakeTable()
     };
 }
 
-/// Whether a locator touches primvars that no row of the table names.
+/// Returns true if a locator touches primvars that no row of the table names.
 bool _TouchesOtherPrimvars(const HdDataSourceLocator& locator, const std::vector<_Row>& table)
 {
     const TfToken& primvars = HdOocPTSceneTokens->primvars;

@@ -53,7 +53,7 @@ struct HdOocPTSceneReader::_Job
 
 namespace {
 
-/// Whether the renderer, for which a path is text and "below" means after a slash, counts the path as below its
+/// Returns true if the renderer, for which a path is text and "below" means after a slash, counts the path as below its
 /// ancestors.
 bool _IsPlain(const SdfPath& path)
 {

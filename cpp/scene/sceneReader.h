@@ -45,7 +45,7 @@ public:
     HdOocPTSceneReader(const HdOocPTSceneReader&) = delete;
     HdOocPTSceneReader& operator=(const HdOocPTSceneReader&) = delete;
 
-    /// Whether Read() has anything to do.
+    /// Returns true if Read() has anything to do.
     bool HasChanges() const { return !_observer.IsEmpty() || _isShutterNew; }
 
     /// Sets the camera whose shutter counts; empty: the one that the scene names. What may move is read again if the
@@ -55,10 +55,10 @@ public:
     /// Forgets all motion, or takes it up again.
     void SetMotionBlur(bool isOn, HdOocPTWarnings* warnings);
 
-    /// Whether something can move: the shutter is open, and motion blur is not turned off.
+    /// Returns true if something can move: the shutter is open, and motion blur is not turned off.
     bool IsShutterOpen() const { return _shutter.IsOpen(); }
 
-    /// Whether the active render settings turn motion blur off, as of the last Read().
+    /// Returns true if the active render settings turn motion blur off, as of the last Read().
     bool IsMotionDisabled() const { return _isMotionDisabled; }
 
     /// Reads what changed since the last call.

@@ -66,7 +66,7 @@ HdContainerDataSourceHandle _FindActive(const HdSceneIndexBase& scene, const Sdf
                                         : nullptr;
 }
 
-/// Whether one of the switches is on, of the settings or of all products.
+/// Returns true if one of the switches is on, of the settings or of all products.
 bool _IsAnySet(const HdContainerDataSourceHandle& settings, const TfTokenVector& switches)
 {
     const auto& tokens = *HdOocPTSceneTokens;

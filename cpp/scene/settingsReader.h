@@ -22,11 +22,11 @@ using HdOocPTSettingMap = std::map<TfToken, VtValue>;
 /// active; where a host has no globals, unless the prim calls itself active.
 HdOocPTSettingMap HdOocPTReadRenderSettings(const HdSceneIndexBase& scene, const SdfPath& path);
 
-/// Whether a render settings prim, if it is the active one, turns motion blur off: disableMotionBlur, or
+/// Returns true if a render settings prim, if it is the active one, turns motion blur off: disableMotionBlur, or
 /// instantaneousShutter, of itself or of all its products.
 bool HdOocPTReadsMotionDisabled(const HdSceneIndexBase& scene, const SdfPath& path);
 
-/// Whether it turns the lens off: disableDepthOfField, of itself or of all its products.
+/// Returns true if it turns the lens off: disableDepthOfField, of itself or of all its products.
 bool HdOocPTReadsLensDisabled(const HdSceneIndexBase& scene, const SdfPath& path);
 
 /// What the active render settings prim says of purposes and colours.

@@ -23,7 +23,7 @@ fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>, BridgeErro
     })
 }
 
-/// Whether a scene may set the setting of that name; also where there is none.
+/// Returns true if a scene may set the setting of that name; also where there is none.
 fn scene_may_set(key: &str) -> bool {
     Settings::scope(key) != Some(SettingScope::Machine)
 }

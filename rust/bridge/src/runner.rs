@@ -54,7 +54,7 @@ impl RunnerState {
         self.sessions.iter().find_map(|(session, after)| ask(&*session.upgrade()?, *after))
     }
 
-    /// Whether there is a picture to wait for.
+    /// Returns true if there is a picture to wait for.
     fn interrupt(&mut self) -> bool {
         let is_first = !std::mem::replace(&mut self.is_interrupted, true);
         is_first

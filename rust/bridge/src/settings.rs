@@ -115,7 +115,7 @@ fn apply<'a>(settings: &mut Settings, values: impl IntoIterator<Item = &'a (Stri
     }
 }
 
-/// Whether OocPT has a setting of that name.
+/// Returns true if OocPT has a setting of that name.
 pub(crate) fn is_known(key: &str) -> bool {
     Settings::env_name(key).is_some()
 }

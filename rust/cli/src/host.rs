@@ -35,8 +35,8 @@ fn part(file: &Path, bytes: u64, is_end: bool) -> std::io::Result<String> {
     Ok(String::from_utf8_lossy(&read).into_owned())
 }
 
-/// Whether a line says how things went, such as what a render ends with: Pixar's usdrecord names the kind, ours names
-/// all other kinds.
+/// Returns true if a line says how things went, such as what a render ends with: Pixar's usdrecord names the kind, ours
+/// names all other kinds.
 fn is_status(line: &str) -> bool {
     let ours = line
         .strip_prefix("OocPT: ")

@@ -49,7 +49,7 @@ pub struct DisplacementProgram {
 }
 
 impl DisplacementProgram {
-    /// Whether tangent or bitangent matter.
+    /// Returns true if tangent or bitangent matter.
     #[must_use]
     pub fn has_tangents(&self) -> bool {
         let tangents = [Geometry::Tangent, Geometry::Bitangent].map(|geometry| geometry as u16);
@@ -99,7 +99,7 @@ pub fn translate_displacement(network: &Network, library: &NodeLibrary) -> (Opti
     (Some(found), problems)
 }
 
-/// Whether it reads what no vertex has.
+/// Returns true if it reads what no vertex has.
 fn reads_the_unknown(program: &Program) -> bool {
     let view = Geometry::ViewDirection as u16;
     let is_view = |step: &Instruction| step.op == Op::Surface && step.immediate == view;

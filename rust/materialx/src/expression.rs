@@ -32,7 +32,7 @@ impl Val {
         }
     }
 
-    /// Whether it is this constant, in the first `width` components.
+    /// Returns true if it is this constant, in the first `width` components.
     pub(crate) fn is(self, value: f32, width: usize) -> bool {
         self.constant().is_some_and(|numbers| numbers.iter().take(width).all(|number| *number == value))
     }

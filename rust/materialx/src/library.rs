@@ -249,7 +249,7 @@ impl NodeLibrary {
         library
     }
 
-    /// Whether it has no definition at all.
+    /// Returns true if it has no definition at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.definitions.is_empty()

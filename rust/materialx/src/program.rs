@@ -87,13 +87,13 @@ pub struct Program {
 }
 
 impl Program {
-    /// Whether it reads a random number of the hit.
+    /// Returns true if it reads a random number of the hit.
     #[must_use]
     pub fn is_random(&self) -> bool {
         Geometry::RANDOM.into_iter().any(|random| self.reads(random))
     }
 
-    /// Whether it reads this of the surface.
+    /// Returns true if it reads this of the surface.
     #[must_use]
     pub fn reads(&self, geometry: Geometry) -> bool {
         self.instructions.iter().any(|step| step.op == Op::Surface && step.immediate == geometry as u16)

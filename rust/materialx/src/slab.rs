@@ -86,7 +86,7 @@ impl OpenPbrSlab {
         hair: None,
     };
 
-    /// Whether its index depends on the channel.
+    /// Returns true if its index depends on the channel.
     pub(crate) fn is_dispersive(&self) -> bool {
         !self.dispersion.is(0.0, 1)
     }

@@ -18,7 +18,7 @@ const PROBES: [[f32; 4]; 6] = [
     [0.75, 0.125, 0.375, 1.0],
 ];
 
-/// Whether two numbers are the same but for rounding.
+/// Returns true if two numbers are the same but for rounding.
 fn near(a: f32, b: f32) -> bool {
     (a - b).abs() <= 2.0e-6 * (1.0 + a.abs().max(b.abs()))
 }

@@ -163,8 +163,8 @@ impl<'a> NetworkWalker<'a> {
         kind.trim_start_matches("ND_").into()
     }
 
-    /// Whether a node is one of `MaterialX` 1.38, as far as that is seen: by its definition, or by an input that later
-    /// versions do not have.
+    /// Returns true if a node is one of `MaterialX` 1.38, as far as that is seen: by its definition, or by an input
+    /// that later versions do not have.
     pub(crate) fn is_older(&self, at: NodeAddress) -> bool {
         let is_named =
             at.frame == 0 && self.network.nodes.get(at.node).is_some_and(|node| &*node.kind == "ND_normalmap");
@@ -182,7 +182,7 @@ impl<'a> NetworkWalker<'a> {
         self.network.nodes.get(at.node).map(|node| Arc::clone(&node.path)).unwrap_or_default()
     }
 
-    /// Whether something is said of an input: a value or a connection.
+    /// Returns true if something is said of an input: a value or a connection.
     pub(crate) fn is_said(&self, at: NodeAddress, name: &str) -> bool {
         if at.frame == 0 {
             let Some(node) = self.network.nodes.get(at.node) else { return false };

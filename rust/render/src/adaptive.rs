@@ -126,8 +126,9 @@ impl AdaptiveBuffers {
         Ok(())
     }
 
-    /// Whether samples of the epoch under way will decide where others go. What happens to both streams at once, as
-    /// roulette on loads does, must not happen to those: the counts of one stream would depend on its own samples.
+    /// Returns true if samples of the epoch under way will decide where others go. What happens to both streams at
+    /// once, as roulette on loads does, must not happen to those: the counts of one stream would depend on its own
+    /// samples.
     pub(crate) fn decides_more(&self) -> bool {
         lock(&self.course).as_ref().is_some_and(|course| !course.is_last())
     }

@@ -15,7 +15,7 @@ struct CompiledPipeline<T> {
     pipeline: Arc<T>,
     /// What compiling it took.
     secs: f64,
-    /// Whether a submission had it.
+    /// True if a submission had it.
     is_translated: bool,
     /// When it was asked for last.
     asked: u64,
@@ -65,7 +65,7 @@ impl<K: Clone + Eq + Hash, T> CompiledPipelines<K, T> {
         self.entries.values_mut().find(|entry| Arc::ptr_eq(&entry.pipeline, pipeline))
     }
 
-    /// Whether a submission had the pipeline.
+    /// Returns true if a submission had the pipeline.
     pub(crate) fn is_translated(&mut self, pipeline: &Arc<T>) -> bool {
         self.entry_of(pipeline).is_some_and(|entry| entry.is_translated)
     }

@@ -155,7 +155,7 @@ impl Device {
         Ok(device)
     }
 
-    /// Whether [`Device::open`] with these options would give this device.
+    /// Returns true if [`Device::open`] with these options would give this device.
     pub(crate) fn serves(&self, options: &DeviceOptions) -> bool {
         self.options == *options
     }

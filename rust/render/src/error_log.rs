@@ -97,12 +97,12 @@ impl ErrorLog {
         };
     }
 
-    /// Whether waves are to end where octaves do, so that a row has the time of its own samples.
+    /// Returns true if waves are to end where octaves do, so that a row has the time of its own samples.
     pub(crate) fn wants_octaves(&self) -> bool {
         self.writer.is_some() || self.reference.is_some() || self.target > 0.0
     }
 
-    /// Whether pictures are to be published with each octave.
+    /// Returns true if pictures are to be published with each octave.
     pub(crate) fn wants_pictures(&self) -> bool {
         self.reference.is_some()
     }
@@ -112,7 +112,7 @@ impl ErrorLog {
         self.open
     }
 
-    /// Whether the error is small enough to stop.
+    /// Returns true if the error is small enough to stop.
     pub(crate) fn is_good_enough(&self) -> bool {
         self.is_good
     }

@@ -289,8 +289,8 @@ impl Renderer {
         self.render_in_core(setting, scene, first, gate, progress)
     }
 
-    /// Whether a scene that fits, but of which bytes are missing on the device, is rendered while these are loaded. Not
-    /// on processors, where loading takes the cores that trace.
+    /// Returns true if a scene that fits, but of which bytes are missing on the device, is rendered while these are
+    /// loaded. Not on processors, where loading takes the cores that trace.
     fn comes_meanwhile(&mut self, setting: &FrameContext<'_>, missing: u64) -> bool {
         #[cfg(feature = "faults")]
         if setting.job.options.faults.streams_first {
@@ -299,8 +299,8 @@ impl Renderer {
         !is_cpu(setting.device) && self.upload.streams(missing, paths(setting.job))
     }
 
-    /// Whether the whole scene, of which bytes are missing on the device, fits what the settings and the device allow,
-    /// with room for waves.
+    /// Returns true if the whole scene, of which bytes are missing on the device, fits what the settings and the device
+    /// allow, with room for waves.
     fn fits(&mut self, setting: &FrameContext<'_>, scene: &DeviceScene, missing: u64) -> bool {
         let (gpu, job) = (&setting.device.gpu, setting.job);
         let cap = geometry_cap(job);

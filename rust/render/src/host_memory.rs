@@ -106,7 +106,7 @@ pub(crate) struct HostMemoryTaken<'a> {
     pub(crate) held: u64,
     /// What meshes took while they were built, where that was more than there was for it.
     pub(crate) building: Option<u64>,
-    /// Whether built meshes can be elsewhere.
+    /// True if built meshes can be elsewhere.
     pub(crate) has_files: bool,
 }
 

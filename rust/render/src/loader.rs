@@ -72,7 +72,7 @@ impl Loader {
         thread_count() as u64 * RING_PER_THREAD
     }
 
-    /// Whether its threads live: what they were given will come.
+    /// Returns true if its threads live: what they were given will come.
     pub(crate) fn lives(&self) -> bool {
         !self.threads.iter().any(JoinHandle::is_finished)
     }

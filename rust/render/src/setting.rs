@@ -80,19 +80,19 @@ fn light_features(setting: &FrameContext<'_>) -> Features {
     setting.lights.features | (setting.carry.features & setting.light_carry)
 }
 
-/// Whether some light asks for shadow rays.
+/// Returns true if some light asks for shadow rays.
 pub(crate) fn has_shadow_rays(setting: &FrameContext<'_>) -> bool {
     let any = Features::DOME | Features::DISTANT | Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
     light_features(setting).intersects(any)
 }
 
-/// Whether paths keep what lights ask of the surface that a ray left (`HAS_PREVIOUS_VERTICES` of the shaders).
+/// Returns true if paths keep what lights ask of the surface that a ray left (`HAS_PREVIOUS_VERTICES` of the shaders).
 pub(crate) fn has_light_paths(setting: &FrameContext<'_>) -> bool {
     let near = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
     light_features(setting).intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
 }
 
-/// Whether rays may read geometry in host memory where the device has no room for it.
+/// Returns true if rays may read geometry in host memory where the device has no room for it.
 pub(crate) fn maps_host(device: &Device, settings: &Settings) -> bool {
     let is_wanted = match settings.host_mapped {
         HostMapped::On => true,

@@ -41,7 +41,7 @@ fn of_leaves(kinds: &BTreeSet<LeafKind>) -> Features {
     kinds.iter().map(|&kind| kind.row().needs).fold(Features::empty(), Features::union)
 }
 
-/// Whether some material makes surfaces be there or not.
+/// Returns true if some material makes surfaces be there or not.
 pub(crate) fn has_cutouts(snapshot: &Snapshot) -> bool {
     snapshot.features.contains(Features::CUTOUTS)
 }
@@ -86,7 +86,7 @@ impl ForcedFeatures {
         (carry, unknown)
     }
 
-    /// Whether anything is asked for.
+    /// Returns true if anything is asked for.
     pub(crate) fn is_empty(&self) -> bool {
         *self == Self::NOTHING
     }

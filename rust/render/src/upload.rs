@@ -18,7 +18,8 @@ pub(crate) struct UploadDecision {
 }
 
 impl UploadDecision {
-    /// Whether to stream the next picture, which has `paths` paths. `missing`: bytes that are not on the device yet.
+    /// Returns true if to stream the next picture, which has `paths` paths. `missing`: bytes that are not on the device
+    /// yet.
     pub(crate) fn streams(&mut self, missing: u64, paths: u64) -> bool {
         let paths = self.paths.saturating_add(paths);
         let streams = missing >= LEAST && paths <= missing / BYTES_A_PATH;

@@ -15,7 +15,7 @@ const NO_CONTRACTION: u32 = 42;
 /// `OpTypeVoid` to `OpTypeForwardPointer`: the first of them ends the annotations.
 const TYPES: std::ops::RangeInclusive<u32> = 19..=39;
 
-/// Whether an instruction computes floats in a way that could be merged with another one.
+/// Returns true if an instruction computes floats in a way that could be merged with another one.
 fn is_float_arithmetic(opcode: u32) -> bool {
     // FNegate; FAdd, FSub, FMul, FDiv, FRem, FMod; VectorTimesScalar to OuterProduct; Dot.
     matches!(opcode, 127 | 129 | 131 | 133 | 136 | 140 | 141 | 142..=148)

@@ -14,9 +14,9 @@ pub struct ShaderModule {
     pub words: &'static [u32],
     /// The features that it asks for: all others leave it as it is, so scenes that differ in them share its pipelines.
     pub features: oocpt_abi::Features,
-    /// Whether it reads [`oocpt_abi::SPEC_MAX_LEVELS`].
+    /// True if it reads [`oocpt_abi::SPEC_MAX_LEVELS`].
     pub reads_levels: bool,
-    /// Whether it reads [`oocpt_abi::SPEC_STACK_SIZE`].
+    /// True if it reads [`oocpt_abi::SPEC_STACK_SIZE`].
     pub reads_stack: bool,
 }
 

@@ -43,7 +43,7 @@ impl PassCondition {
         Self { image: Some(image), ..Self::ALWAYS }
     }
 
-    /// Whether a frame with these features has the pass; `wants` tells which images it wants.
+    /// Returns true if a frame with these features has the pass; `wants` tells which images it wants.
     pub fn holds(&self, features: Features, wants: impl Fn(PassImage) -> bool) -> bool {
         features.contains(self.with) && !features.intersects(self.without) && self.image.is_none_or(wants)
     }

@@ -51,7 +51,7 @@ pub(crate) fn capture(command: &mut Command) -> Result<String> {
     String::from_utf8(output.stdout).with_context(|| format!("`{}` wrote no UTF-8", quoted(command)))
 }
 
-/// Whether `program` can be started and succeeds with `args`, all output dropped.
+/// Returns true if `program` can be started and succeeds with `args`, all output dropped.
 pub(crate) fn succeeds<I, S>(program: impl AsRef<OsStr>, args: I) -> bool
 where
     I: IntoIterator<Item = S>,

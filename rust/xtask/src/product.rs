@@ -62,13 +62,13 @@ pub(crate) fn build_for_tests(places: &RootFolders, interpreter: &PythonInterpre
     build_plugin_for_wheel(places, interpreter)
 }
 
-/// Whether one of cargo's messages is a warning about a crate of the clone.
+/// Returns true if one of cargo's messages is a warning about a crate of the clone.
 fn is_warning(line: &str) -> bool {
     let message: Option<Value> = serde_json::from_str(line).ok();
     message.is_some_and(|message| message["reason"] == "compiler-message" && message["message"]["level"] == "warning")
 }
 
-/// Whether warnings are errors and `Cargo.lock` is taken as it is.
+/// Returns true if warnings are errors and `Cargo.lock` is taken as it is.
 fn is_ci() -> bool {
     env::var_os("CI").is_some()
 }

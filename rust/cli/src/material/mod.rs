@@ -87,7 +87,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Whether a line of the host's is of this material, all of whose warnings are told.
+/// Returns true if a line of the host's is of this material, all of whose warnings are told.
 fn is_told(material: &MaterialText, line: &str) -> bool {
     let of = line.strip_prefix("OocPT: ").and_then(|line| line.strip_prefix(material.path.as_str()));
     let words = of.and_then(|rest| rest.strip_prefix(": "));

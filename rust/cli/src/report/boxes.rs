@@ -113,7 +113,7 @@ impl PixelRay {
         self.pixel[0] + self.pixel[1] * t
     }
 
-    /// Whether the point at `t` on the face of `axis` is within a pixel of the face's border.
+    /// Returns true if the point at `t` on the face of `axis` is within a pixel of the face's border.
     fn is_at_edge(&self, bounds: &Aabb, t: f64, axis: usize) -> bool {
         let point = self.origin + self.direction * t;
         let width = self.pixel_at(t);

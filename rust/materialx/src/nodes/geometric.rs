@@ -126,12 +126,12 @@ impl NetworkWalker<'_> {
         said.unwrap_or_else(|| self.expressions.geometry(what))
     }
 
-    /// Whether a normal map is one of tangent space, about the surface's own normal and tangents.
+    /// Returns true if a normal map is one of tangent space, about the surface's own normal and tangents.
     pub(crate) fn is_of_own_tangents(&mut self, at: NodeAddress) -> bool {
         !self.is_of_object(at) && self.is_own_frame(at)
     }
 
-    /// Whether a normal map is one of the object's space, which `MaterialX` 1.38 has.
+    /// Returns true if a normal map is one of the object's space, which `MaterialX` 1.38 has.
     pub(crate) fn is_of_object(&mut self, at: NodeAddress) -> bool {
         self.text(at, "space").as_deref() == Some("object")
     }
@@ -149,7 +149,7 @@ impl NetworkWalker<'_> {
         self.said_or(at, "bitangent", Geometry::Bitangent)
     }
 
-    /// Whether a normal is about the surface's own normal and tangents.
+    /// Returns true if a normal is about the surface's own normal and tangents.
     pub(crate) fn is_own_frame(&mut self, at: NodeAddress) -> bool {
         let own = [("normal", Geometry::Normal), ("tangent", Geometry::Tangent), ("bitangent", Geometry::Bitangent)];
         own.into_iter().all(|(name, what)| self.said_or(at, name, what) == self.expressions.geometry(what))

@@ -48,12 +48,12 @@ impl SlabLobes {
         }
     }
 
-    /// Whether it has one of the base's roughness.
+    /// Returns true if it has one of the base's roughness.
     fn has_interface(self) -> bool {
         self.metal || self.dielectric
     }
 
-    /// Whether light is scattered at all.
+    /// Returns true if light is scattered at all.
     fn has_some(self) -> bool {
         self.has_interface() || self.diffuse || self.coat || self.fuzz
     }
@@ -136,8 +136,8 @@ impl OpenPbrSlab {
         }
     }
 
-    /// Whether the slab of mixed parameters is the mixture: no roughness, index or normal differs, and no two factors
-    /// of one product. What a layer takes from the ones below does not count.
+    /// Returns true if the slab of mixed parameters is the mixture: no roughness, index or normal differs, and no two
+    /// factors of one product. What a layer takes from the ones below does not count.
     fn mixes_exactly(&self, other: &Self) -> bool {
         let (a, b) = (self, other);
         let SlabDifferences { color, shares, shape } = a.differences(b);

@@ -72,7 +72,7 @@ impl NetworkWalker<'_> {
         }
     }
 
-    /// Whether an input is a constant that is not 0.
+    /// Returns true if an input is a constant that is not 0.
     fn is_set(&mut self, at: NodeAddress, name: &str) -> bool {
         self.is_said(at, name) && self.number_or(at, name, 0.0).constant().is_some_and(|value| value[0] != 0.0)
     }

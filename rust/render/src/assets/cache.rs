@@ -44,13 +44,13 @@ pub(crate) struct SceneView {
     pub(crate) programs: u64,
     /// 0 when no placement of an opened assembly has values.
     pub(crate) placed_values: u64,
-    /// Whether some material has to be asked whether its surfaces are there.
+    /// True if some material has to be asked whether its surfaces are there.
     pub(crate) has_cutouts: bool,
     /// What of them only the shaders look up.
     pub(crate) cutouts_of_shaders: Option<&'static str>,
-    /// Whether something is known of some without their textures.
+    /// True if something is known of some without their textures.
     pub(crate) has_opacity_masks: bool,
-    /// Whether that is most of what rays ask.
+    /// True if that is most of what rays ask.
     pub(crate) masks_answer_most: bool,
     /// 0 when nothing reads a texture.
     pub(crate) textures: u64,
@@ -89,7 +89,7 @@ pub(crate) struct DeviceScene {
     tables: Option<SceneTables>,
     /// What the tables hold.
     entries: TableEntries,
-    /// Whether the tables are of a scene in core.
+    /// True if the tables are of a scene in core.
     is_in_core: bool,
 }
 
@@ -256,7 +256,7 @@ impl DeviceScene {
         Ok(true)
     }
 
-    /// Whether rays can use all of it, on the device or in host memory; tiles of textures left out.
+    /// Returns true if rays can use all of it, on the device or in host memory; tiles of textures left out.
     pub(crate) fn is_all_there(&self) -> bool {
         self.assets.keys().all(|(_, key)| self.store.reached(&key).is_some())
     }

@@ -179,7 +179,7 @@ impl SceneAssets {
         (0..).take(self.chunk_count()).chain(meshes.map(|mesh| self.mesh_unit(mesh)))
     }
 
-    /// Whether the unit is a tile.
+    /// Returns true if the unit is a tile.
     pub(crate) fn is_tile(&self, unit: UnitId) -> bool {
         unit >= self.geometry_count()
     }

@@ -97,7 +97,7 @@ impl DeviceScene {
         Ok(TilesOutcome::All(shown))
     }
 
-    /// Whether tiles that find no room on the device are read in host memory: where there is a limit of it.
+    /// Returns true if tiles that find no room on the device are read in host memory: where there is a limit of it.
     pub(crate) fn maps_tiles(&self, device: &Device) -> bool {
         device.host_heap_if_made().is_some_and(|heap| heap.limit().is_some())
     }

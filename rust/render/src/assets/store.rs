@@ -148,7 +148,7 @@ impl AssetStore {
         self.get(key).or_else(|| self.mapped(key))
     }
 
-    /// Whether some asset is ready in host memory.
+    /// Returns true if some asset is ready in host memory.
     pub(crate) fn maps_any(&self) -> bool {
         self.mapped_count() > 0
     }
@@ -250,7 +250,7 @@ impl AssetStore {
         self.host.arriving.values().map(|memory| memory.size()).sum()
     }
 
-    /// Whether an asset is on its way into host memory.
+    /// Returns true if an asset is on its way into host memory.
     pub(crate) fn is_mapping(&self, asset: AssetId) -> bool {
         self.host.arriving.contains_key(&asset)
     }

@@ -122,7 +122,7 @@ impl PackFile {
         self.path.as_ref()
     }
 
-    /// Whether there is a record with this key.
+    /// Returns true if there is a record with this key.
     pub(super) fn has(&self, key: u128) -> bool {
         lock(&self.records).contains_key(&key)
     }

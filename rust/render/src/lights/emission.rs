@@ -259,7 +259,7 @@ impl EmittedPower {
         }
     }
 
-    /// Whether points of a triangle may differ in what they emit, or their emission is not in the material.
+    /// Returns true if points of a triangle may differ in what they emit, or their emission is not in the material.
     pub(super) fn varies(&self) -> bool {
         !matches!(self, Self::Even(_))
     }

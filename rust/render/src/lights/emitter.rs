@@ -119,7 +119,7 @@ impl MeshEmitter {
         emitter.is_sound().then_some(emitter)
     }
 
-    /// Whether all numbers that shaders divide by and multiply with mean something.
+    /// Returns true if all numbers that shaders divide by and multiply with mean something.
     fn is_sound(&self) -> bool {
         self.leaves.iter().all(|leaf| leaf.total > 0.0 && leaf.total.is_finite())
             && self.face_weights.iter().all(|weight| weight.is_finite())

@@ -64,7 +64,7 @@ impl MotionTables {
     }
 }
 
-/// Whether single precision holds the map at any time, and what areas grow by.
+/// Returns true if single precision holds the map at any time, and what areas grow by.
 pub(super) fn has_usable_size(placement: &MeshPlacement) -> bool {
     if placement.motion.is_empty() {
         return narrow(placement.outer_from_object.matrix3.determinant()).is_normal();

@@ -407,7 +407,7 @@ impl LightTable {
         }
     }
 
-    /// Whether the camera sees a dome.
+    /// Returns true if the camera sees a dome.
     pub(crate) fn background_visible(&self) -> bool {
         let is_dome = |light: &GpuInfiniteLight| light.flags & 15 != GpuLightKind::Distant as u32;
         self.infinite.iter().any(|light| is_dome(light) && light.flags & LightFlags::CAMERA_VISIBLE.bits() != 0)

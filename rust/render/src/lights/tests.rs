@@ -209,7 +209,7 @@ pub(super) mod probe {
         (0..RECEIVERS).map(receiver).collect()
     }
 
-    /// Whether some light that shines to all sides has its middle above the receiver's horizon.
+    /// Returns true if some light that shines to all sides has its middle above the receiver's horizon.
     fn is_lit(receiver: &Ray, count: u32) -> bool {
         let (at, normal) = (glam::Vec3::from(receiver.o).as_dvec3(), glam::Vec3::from(receiver.d).as_dvec3());
         lights(count)

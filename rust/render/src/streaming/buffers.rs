@@ -157,7 +157,7 @@ impl StreamBuffers {
         u64::from(self.paths.capacity) * slot_bytes(gpu, self.needs)
     }
 
-    /// Whether this memory serves such a scene and so many paths, or is as much as there could be for them.
+    /// Returns true if this memory serves such a scene and so many paths, or is as much as there could be for them.
     pub(crate) fn serves(&self, needs: StreamingNeeds, asked: (u64, u64)) -> bool {
         let enough = self.asked.0 >= asked.0 && self.asked.1 >= asked.1;
         self.needs == needs.at_least_one() && enough

@@ -47,8 +47,8 @@ impl LeaveDecision {
         Self { is_possible, is_soon, has_tiles, nanos_a_path, compiles: PendingCompiles::default(), left_off: None }
     }
 
-    /// Whether to leave off now, after so many rays, with so many paths that have not begun and that were streamed; has
-    /// the rest of the scene brought where that pays, and geometry go where it leaves tiles no room.
+    /// Returns true if to leave off now, after so many rays, with so many paths that have not begun and that were
+    /// streamed; has the rest of the scene brought where that pays, and geometry go where it leaves tiles no room.
     pub(super) fn step(&self, residency: &mut SceneResidency<'_>, rays: u64, (unbegun, streamed): (u64, u64)) -> bool {
         if !self.is_possible || self.left_off.is_some() {
             return false;
@@ -76,23 +76,24 @@ impl LeaveDecision {
         }
     }
 
-    /// Whether the other passes are there; until then paths are streamed.
+    /// Returns true if the other passes are there; until then paths are streamed.
     fn is_ready(&self) -> bool {
         self.is_soon || self.compiles.is_over()
     }
 
-    /// Whether tiles, if there are any, find room in so many bytes.
+    /// Returns true if tiles, if there are any, find room in so many bytes.
     fn is_roomy(&self, bytes: u64) -> bool {
         self.is_soon || !self.has_tiles || bytes >= ROOM_FOR_TILES
     }
 
-    /// Whether other passes pay for so many paths.
+    /// Returns true if other passes pay for so many paths.
     pub(super) fn pays(&self, unbegun: u64) -> bool {
         let lost = if self.is_soon { 0 } else { NANOS_LOST[usize::from(self.has_tiles)] };
         unbegun.saturating_mul(self.nanos_a_path) > lost
     }
 
-    /// Whether to bring `missing` bytes that no ray has asked for, where `paths` were streamed or have not begun.
+    /// Returns true if to bring `missing` bytes that no ray has asked for, where `paths` were streamed or have not
+    /// begun.
     fn brings(&self, missing: u64, paths: u64) -> bool {
         self.is_soon || paths.saturating_mul(self.nanos_a_path) >= missing / BYTES_A_NANO
     }

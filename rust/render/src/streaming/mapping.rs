@@ -102,7 +102,7 @@ impl SceneResidency<'_> {
         Ok(())
     }
 
-    /// Whether what is visited most has come to the device, as far as there is room, after so many rays.
+    /// Returns true if what is visited most has come to the device, as far as there is room, after so many rays.
     pub(super) fn is_settled(&self, rays: u64) -> bool {
         rays >= SETTLING_RAYS && self.planner.stats().bytes_in_flight <= self.planner.budget() / SETTLED_SHARE
     }
@@ -147,7 +147,7 @@ impl SceneResidency<'_> {
         self.assets.geometry_units().filter(|unit| !reach.is_there(*unit) && !self.planner.is_resident(*unit))
     }
 
-    /// Whether rays can use all geometry.
+    /// Returns true if rays can use all geometry.
     pub(super) fn is_all_there(&self) -> bool {
         self.reach.as_ref().is_some_and(|reach| self.rest(reach).next().is_none())
     }

@@ -234,8 +234,8 @@ fn make_buffers(
     Ok(())
 }
 
-/// Whether a scene that is all there, on the device and in host memory, may be rendered without streaming. Tiles of
-/// textures need room then, which a cap on geometry gives to chunks.
+/// Returns true if a scene that is all there, on the device and in host memory, may be rendered without streaming.
+/// Tiles of textures need room then, which a cap on geometry gives to chunks.
 pub(crate) fn may_split(setting: &FrameContext<'_>, scene: &DeviceScene) -> bool {
     let FrameContext { device, job, film, .. } = *setting;
     let streams = setting.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
@@ -252,7 +252,7 @@ fn holds(device: &Device, assets: &SceneAssets, budget: u64) -> Result<bool, Ren
     Ok(bytes + bytes / SLACK <= budget.saturating_add(mapped))
 }
 
-/// Whether a test wants the rest of a picture without streaming, however short it is.
+/// Returns true if a test wants the rest of a picture without streaming, however short it is.
 fn leaves_soon(job: &RenderJob) -> bool {
     #[cfg(feature = "faults")]
     return job.options.faults.leaves_soon;

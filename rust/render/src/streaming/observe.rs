@@ -51,7 +51,7 @@ pub(crate) struct StepObservation {
 }
 
 impl StepObservation {
-    /// Whether all paths of a segment are known to be dead; `begun`: the step of each segment's beginning.
+    /// Returns true if all paths of a segment are known to be dead; `begun`: the step of each segment's beginning.
     pub(crate) fn is_finished(&self, begun: &[u64], segment: &segments::LiveSegment) -> bool {
         let since = begun.get(segment.index as usize).copied().unwrap_or(u64::MAX);
         since <= self.step && self.alive(segment.index) == Some(0)

@@ -53,12 +53,12 @@ impl MappedUnits {
         self.counted.fill(0);
     }
 
-    /// Whether rays can read it.
+    /// Returns true if rays can read it.
     pub(super) fn is_there(&self, unit: UnitId) -> bool {
         self.mapped.get(unit as usize) == Some(&true)
     }
 
-    /// Whether it is neither there nor on its way.
+    /// Returns true if it is neither there nor on its way.
     pub(super) fn is_absent(&self, unit: UnitId) -> bool {
         self.states.get(unit as usize) == Some(&MappingState::Absent)
     }

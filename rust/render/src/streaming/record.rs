@@ -21,13 +21,13 @@ pub(super) struct StepPlan {
     pub(super) finished: Vec<LiveSegment>,
     /// Segments that begin.
     pub(super) started: Vec<LiveSegment>,
-    /// Whether rays may be waiting.
+    /// True if rays may be waiting.
     pub(super) wakes: bool,
-    /// Whether there are verdicts for rays that wait (roulette on loads).
+    /// True if there are verdicts for rays that wait (roulette on loads).
     pub(super) plays: bool,
-    /// Whether what rays that wait bring is looked at (roulette on loads).
+    /// True if what rays that wait bring is looked at (roulette on loads).
     pub(super) weighs: bool,
-    /// Whether an image is copied out at the end.
+    /// True if an image is copied out at the end.
     pub(super) publishes: bool,
 }
 

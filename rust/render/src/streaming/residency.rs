@@ -363,7 +363,7 @@ impl<'a> SceneResidency<'a> {
         self.planner.loaded(unit);
     }
 
-    /// Whether anything is on its way.
+    /// Returns true if anything is on its way.
     pub(crate) fn is_loading(&self) -> bool {
         self.store.in_flight() > 0 || !self.waiting.is_empty()
     }
@@ -385,7 +385,7 @@ impl<'a> SceneResidency<'a> {
         commands.concurrent(|c| self.tables.update(c, &self.assets, &self.entries, &changed));
     }
 
-    /// Whether the next step would write table entries.
+    /// Returns true if the next step would write table entries.
     pub(crate) fn has_changes(&self) -> bool {
         !self.changed.is_empty()
     }

@@ -109,7 +109,7 @@ impl SegmentQueue {
         self.total.min(self.open)
     }
 
-    /// Whether every path that may begin has been taken.
+    /// Returns true if every path that may begin has been taken.
     pub(crate) fn is_done(&self) -> bool {
         self.alive.is_empty() && self.next >= self.end()
     }
@@ -130,8 +130,8 @@ impl SegmentQueue {
         self.end().saturating_sub(self.next)
     }
 
-    /// Whether a segment could begin when `ended` paths have given their slots back; none while the last ones of a full
-    /// set of segments end.
+    /// Returns true if a segment could begin when `ended` paths have given their slots back; none while the last ones
+    /// of a full set of segments end.
     pub(crate) fn can_start(&self, ended: u64) -> bool {
         !self.draining
             && !self.free.is_empty()

@@ -112,7 +112,7 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
         }
     }
 
-    /// Whether a step would do anything, as far as the host knows.
+    /// Returns true if a step would do anything, as far as the host knows.
     fn has_work(&self) -> bool {
         let has_verdicts = self.streamer.stragglers.as_ref().is_some_and(StragglerRoulette::has_verdicts);
         self.seen.active() > 0 || self.streamer.residency.has_changes() || has_verdicts || self.can_move_segments()
@@ -130,7 +130,8 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
         ACTIVE_RAYS.saturating_sub(self.seen.active()).saturating_sub(unseen)
     }
 
-    /// Whether a step is better launched when more chunks have come: few rays are at hand now, and more are to be.
+    /// Returns true if a step is better launched when more chunks have come: few rays are at hand now, and more are to
+    /// be.
     fn holds_back(&self, flights: &VecDeque<InFlightSubmission<StreamingStep>>) -> bool {
         let is_loading = self.streamer.residency.is_loading();
         // On a processor short steps cost little, and loads wait for the same cores.
@@ -186,8 +187,8 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
         Some(stragglers.prices(&spent, &self.seen))
     }
 
-    /// Whether the number of living paths is below the threshold for roulette on loads, and none can begin or be
-    /// decided about.
+    /// Returns true if the number of living paths is below the threshold for roulette on loads, and none can begin or
+    /// be decided about.
     fn are_stragglers(&self) -> bool {
         let setting = self.streamer.tracer.setting;
         let adaptive = setting.film.adaptive();

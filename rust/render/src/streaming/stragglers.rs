@@ -110,7 +110,7 @@ impl StragglerRoulette {
         Self { faults, ..self }
     }
 
-    /// Whether `alive` paths are stragglers, where `most` may be in flight and none can begin.
+    /// Returns true if `alive` paths are stragglers, where `most` may be in flight and none can begin.
     pub(super) fn are_few(&self, alive: u64, most: u64) -> bool {
         #[cfg(feature = "faults")]
         if self.faults.roulette_per_mille.is_some() {
@@ -146,13 +146,13 @@ impl StragglerRoulette {
         self.price.note(now);
     }
 
-    /// Whether nearly all rays wait.
+    /// Returns true if nearly all rays wait.
     pub(super) fn is_idle(seen: &StepObservation) -> bool {
         seen.waiting() > 0 && seen.waiting() >= seen.active().saturating_mul(IDLE_RATIO)
     }
 
-    /// Whether a load may begin; rays that wait for it first are weighted or ended in step `next`. Those that will come
-    /// to the chunk later on pay their share of it.
+    /// Returns true if a load may begin; rays that wait for it first are weighted or ended in step `next`. Those that
+    /// will come to the chunk later on pay their share of it.
     pub(super) fn agrees(
         &mut self,
         proposal: &LoadProposal,
@@ -195,7 +195,7 @@ impl StragglerRoulette {
         }
     }
 
-    /// Whether the next step has something to do.
+    /// Returns true if the next step has something to do.
     pub(super) fn has_verdicts(&self) -> bool {
         self.roulette.has_verdicts()
     }

@@ -90,7 +90,7 @@ impl BusyFiles {
         Self(BUSY.fetch_add(1, Ordering::Relaxed) + 1)
     }
 
-    /// Whether a second thread for each would be more than there are cores.
+    /// Returns true if a second thread for each would be more than there are cores.
     fn has_cores(&self) -> bool {
         std::thread::available_parallelism().is_ok_and(|cores| 2 * self.0 > cores.get())
     }

@@ -67,7 +67,7 @@ impl DiskCache {
         lock(&self.complaint).take()
     }
 
-    /// Whether something could not be written; from then on nothing is.
+    /// Returns true if something could not be written; from then on nothing is.
     pub(crate) fn has_failed(&self) -> bool {
         self.failed.load(Ordering::Relaxed)
     }
@@ -189,7 +189,7 @@ impl DiskCache {
     }
 }
 
-/// Whether a file has the name of an entry: 32 hexadecimal digits before the first dot.
+/// Returns true if a file has the name of an entry: 32 hexadecimal digits before the first dot.
 fn is_ours(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let stem = name.split('.').next().unwrap_or_default();

@@ -29,11 +29,11 @@ pub struct FileReport {
     pub format: &'static str,
     /// Parts of the file can be read alone.
     pub is_tiled: bool,
-    /// Whether colours go through the sRGB curve.
+    /// True if colours go through the sRGB curve.
     pub is_srgb: bool,
     /// What decides that, or which conversion is used instead.
     pub why: String,
-    /// Whether it is read as it is, without a cache.
+    /// True if it is read as it is, without a cache.
     pub is_direct: bool,
     /// What the cache has of it.
     pub cache: CacheEntry,

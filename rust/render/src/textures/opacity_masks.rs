@@ -55,7 +55,7 @@ pub(crate) struct OpacityMasks {
     first_words: Vec<Option<u32>>,
     /// By material: its surfaces are there everywhere.
     are_opaque: Vec<bool>,
-    /// Whether some material has to be asked.
+    /// True if some material has to be asked.
     pub(crate) has_cutouts: bool,
     /// Materials that have to be asked, and those of them that have no mask, or a part without one.
     asked: usize,
@@ -70,12 +70,12 @@ impl OpacityMasks {
         self.first_words.get(material).copied().flatten()
     }
 
-    /// Whether masks answer for most materials, but for lookups that are near.
+    /// Returns true if masks answer for most materials, but for lookups that are near.
     pub(crate) fn answer_most(&self) -> bool {
         !self.words.is_empty() && LEAST_MASKED * self.unmasked <= self.asked
     }
 
-    /// Whether a material's surfaces are there, whatever it says of opacity.
+    /// Returns true if a material's surfaces are there, whatever it says of opacity.
     pub(crate) fn is_opaque(&self, material: usize) -> bool {
         self.are_opaque.get(material).copied().unwrap_or(false)
     }

@@ -66,7 +66,7 @@ impl TextureSet {
         self.by_id.get(&image).map(|first| first + tile)
     }
 
-    /// Whether the image is one of these.
+    /// Returns true if the image is one of these.
     pub(crate) fn has(&self, image: u64) -> bool {
         self.by_id.contains_key(&image)
     }
@@ -77,7 +77,7 @@ impl TextureSet {
         of_cache.chain(self.images.iter().filter_map(|image| image.take_complaint())).collect()
     }
 
-    /// Whether nothing reads a texture.
+    /// Returns true if nothing reads a texture.
     pub(crate) fn is_empty(&self) -> bool {
         self.records.is_empty()
     }

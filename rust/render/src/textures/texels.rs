@@ -54,12 +54,12 @@ impl StoredTexels {
         if self.channels == 3 { 4 } else { self.channels }
     }
 
-    /// Whether every texel is a number between 0 and 1.
+    /// Returns true if every texel is a number between 0 and 1.
     pub(super) fn is_bounded(&self) -> bool {
         self.format == TexelFormat::U8
     }
 
-    /// Whether colours go through the sRGB curve.
+    /// Returns true if colours go through the sRGB curve.
     pub(super) fn is_srgb(&self) -> bool {
         self.is_srgb
     }
@@ -74,7 +74,7 @@ impl StoredTexels {
         self.device_channels() * self.format.bytes() as usize
     }
 
-    /// Whether a channel of the file goes through the curve: all but alpha, the second of two or the fourth.
+    /// Returns true if a channel of the file goes through the curve: all but alpha, the second of two or the fourth.
     fn is_color(&self, channel: usize) -> bool {
         self.is_srgb && (channel == 0 || (channel < 3 && self.channels >= 3))
     }

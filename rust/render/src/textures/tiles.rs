@@ -218,12 +218,12 @@ impl TextureImage {
         if self.info.channels == 3 { 4 } else { self.info.channels }
     }
 
-    /// Whether colours go through the sRGB curve.
+    /// Returns true if colours go through the sRGB curve.
     pub(crate) fn is_srgb(&self) -> bool {
         self.texels.is_srgb()
     }
 
-    /// Whether tiles are read from the file as it is.
+    /// Returns true if tiles are read from the file as it is.
     pub(super) fn is_direct(&self) -> bool {
         matches!(self.pixels, PixelSource::File(_))
     }
@@ -238,7 +238,7 @@ impl TextureImage {
         lock(&self.complaint).take()
     }
 
-    /// Whether a tile could not be read, all of it, when it was last asked for.
+    /// Returns true if a tile could not be read, all of it, when it was last asked for.
     pub(crate) fn is_broken(&self, tile: u32) -> bool {
         lock(&self.broken).contains(&tile)
     }

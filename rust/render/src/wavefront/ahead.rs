@@ -20,7 +20,7 @@ const THREADS: usize = 3;
 pub(crate) struct PendingCompiles(Weak<Mutex<std::vec::IntoIter<&'static PassInfo>>>);
 
 impl PendingCompiles {
-    /// Whether all threads are done.
+    /// Returns true if all threads are done.
     pub(crate) fn is_over(&self) -> bool {
         self.0.strong_count() == 0
     }

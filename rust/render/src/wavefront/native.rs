@@ -61,7 +61,7 @@ impl TraversalBackend {
         }))
     }
 
-    /// Whether the frame has a pipeline of `pass`.
+    /// Returns true if the frame has a pipeline of `pass`.
     pub(crate) fn has(self, pass: Pass) -> bool {
         let traces =
             [Pass::IntersectClosest, Pass::IntersectShadow, Pass::SettleClosest, Pass::SettleShadow].contains(&pass);

@@ -195,7 +195,7 @@ impl PathBuffers {
         inventory.leave_out("hits", deepest * capacity);
     }
 
-    /// Whether this memory is what scenes of `levels` instance levels need, and no more.
+    /// Returns true if this memory is what scenes of `levels` instance levels need, and no more.
     pub(crate) fn serves(&self, levels: u32, needs: PathNeeds) -> bool {
         self.max_levels == levels && self.needs == needs
     }

@@ -155,7 +155,7 @@ impl WavefrontRecorder<'_> {
         self.film.copy_out(commands, self.counters);
     }
 
-    /// Whether the frame has a pass.
+    /// Returns true if the frame has a pass.
     pub(crate) fn has(&self, pass: Pass) -> bool {
         self.passes.get(pass).is_some()
     }

@@ -206,7 +206,7 @@ fn pictures_as_large_as_people_render_them_are_calibrated() {
     }
 }
 
-/// Whether pictures are rendered by something else than a processor.
+/// Returns true if pictures are rendered by something else than a processor.
 fn has_gpu() -> bool {
     let session = Session::new(settings(1, 0));
     render(&session, &view([4, 4]));

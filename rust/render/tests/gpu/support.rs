@@ -28,7 +28,7 @@ pub(crate) fn seeds([few, many]: [u32; 2]) -> u32 {
     if is_full() { many } else { few }
 }
 
-/// Whether the tests run by `cargo xtask test --full`.
+/// Returns true if the tests run by `cargo xtask test --full`.
 pub(crate) fn is_full() -> bool {
     std::env::var_os("OOCPT_TEST_FULL").is_some()
 }

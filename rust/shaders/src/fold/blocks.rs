@@ -85,8 +85,8 @@ impl<'w> SpirvFunction<'w> {
         labels.chain(self.header.iter().chain(body).filter_map(SpirvInstruction::result))
     }
 
-    /// Whether each loop that is left still has what a phi of its header takes from behind it: the shaders keep in
-    /// variables what a loop changes, so there are no such phis.
+    /// Returns true if each loop that is left still has what a phi of its header takes from behind it: the shaders keep
+    /// in variables what a loop changes, so there are no such phis.
     fn has_all_it_names(&self) -> bool {
         let loops = self.blocks.iter().filter(|block| block.merge.is_some_and(|merge| merge.op == op::LOOP_MERGE));
         loops.flat_map(|block| &block.body).all(|instruction| instruction.op != op::PHI)

@@ -60,8 +60,8 @@ impl<'a> TrackedClone<'a> {
         is_missing.then(|| "there is no such heading".to_owned())
     }
 
-    /// Whether a code span looks like a path of the repository: it begins with a folder of the root or beside `file`.
-    /// `NAME` stands for a name that the reader chooses.
+    /// Returns true if a code span looks like a path of the repository: it begins with a folder of the root or beside
+    /// `file`. `NAME` stands for a name that the reader chooses.
     fn is_path(&self, file: &str, span: &str) -> bool {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./*".contains(c);
         let Some((first, rest)) = span.split_once('/') else {
@@ -71,7 +71,7 @@ impl<'a> TrackedClone<'a> {
         begins && !first.is_empty() && !rest.is_empty() && span.chars().all(is_plain) && !span.contains("NAME")
     }
 
-    /// Whether there is such a file or folder; `*` stands for any part of a name.
+    /// Returns true if there is such a file or folder; `*` stands for any part of a name.
     fn exists(&self, path: &str) -> bool {
         let path = path.trim_end_matches('/');
         if let Some((before, after)) = path.split_once('*') {

@@ -182,7 +182,8 @@ fn is_identifier(word: &str) -> bool {
         && !word.starts_with(|c: char| c.is_ascii_digit())
 }
 
-/// Whether a word is the name of something, and not a word of English: it has a `_`, or a capital after a small letter.
+/// Returns true if a word is the name of something, and not a word of English: it has a `_`, or a capital after a small
+/// letter.
 fn is_name(word: &str) -> bool {
     let is_hump = |pair: &[u8]| pair[0].is_ascii_lowercase() && pair[1].is_ascii_uppercase();
     word.contains('_') || word.as_bytes().windows(2).any(is_hump)

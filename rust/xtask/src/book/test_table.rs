@@ -11,8 +11,8 @@ pub(super) const DOCUMENT: &str = "tests/README.md";
 /// The heading of the table; what follows the next heading of its rank names folders for other reasons.
 const HEADING: &str = "\n## Where the test of a thing is\n";
 
-/// Whether a file may hold tests that stand apart from the code: Python by its name, Rust below a folder `tests` of a
-/// crate.
+/// Returns true if a file may hold tests that stand apart from the code: Python by its name, Rust below a folder
+/// `tests` of a crate.
 pub(super) fn may_hold_tests(file: &str) -> bool {
     let (folder, name) = file.rsplit_once('/').unwrap_or(("", file));
     let is_python = file.starts_with("tests/") && name.starts_with("test_") && name.ends_with(".py");

@@ -166,7 +166,7 @@ pub(super) fn shipped(text: &str) -> Vec<&str> {
     kept
 }
 
-/// Whether a line begins a module.
+/// Returns true if a line begins a module.
 fn is_module(line: &str) -> bool {
     let words: Vec<&str> = line.split_whitespace().collect();
     matches!(words.as_slice(), ["mod", ..] | ["pub" | "pub(crate)" | "pub(super)", "mod", ..])

@@ -35,7 +35,7 @@ pub(super) fn check(places: &RootFolders) -> Result<()> {
     Ok(())
 }
 
-/// Whether a file is Rust code of a crate, and not of its tests.
+/// Returns true if a file is Rust code of a crate, and not of its tests.
 fn is_shipped(file: &str) -> bool {
     let parts: Vec<&str> = file.split('/').collect();
     match parts.as_slice() {

@@ -16,12 +16,12 @@ pub(super) const MESA: &str = "mesa-vulkan-drivers";
 
 const BACKPORTS_LIST: &str = "/etc/apt/sources.list.d/oocpt-backports.list";
 
-/// Whether this process may install packages.
+/// Returns true if this process may install packages.
 pub(super) fn is_root() -> bool {
     capture(Command::new("id").arg("-u")).is_ok_and(|id| id.trim() == "0")
 }
 
-/// Whether the machine has apt-get.
+/// Returns true if the machine has apt-get.
 pub(super) fn is_there() -> bool {
     find_program("apt-get").is_some()
 }
@@ -53,7 +53,7 @@ fn has_lists(folder: &Path) -> bool {
     entries.any(|entry| entry.file_name().to_string_lossy().contains("_Packages"))
 }
 
-/// Whether the machine's packaged Mesa is the 22 of Debian 12.
+/// Returns true if the machine's packaged Mesa is the 22 of Debian 12.
 pub(super) fn has_old_mesa() -> bool {
     is_old_mesa(&ask("dpkg-query", &["-W", "-f=${Status} ${Version}", MESA]))
 }
@@ -62,7 +62,7 @@ fn is_old_mesa(state: &str) -> bool {
     state.strip_prefix("install ok installed ").is_some_and(|version| version.starts_with("22."))
 }
 
-/// Whether apt would install Mesa 22, were it asked for Mesa.
+/// Returns true if apt would install Mesa 22, were it asked for Mesa.
 pub(super) fn offers_old_mesa() -> bool {
     is_old_candidate(&ask("apt-cache", &["policy", MESA]))
 }

@@ -127,7 +127,7 @@ fn commands_for(missing: &[&'static str], backports: Option<&apt::DebianBackport
     install.into_iter().chain(mesa).collect::<Vec<_>>().join(" && ")
 }
 
-/// Whether a kernel driver of a GPU is there that Vulkan may use.
+/// Returns true if a kernel driver of a GPU is there that Vulkan may use.
 pub(crate) fn has_gpu() -> bool {
     let holds = |folder: &str, prefix: &str| {
         let mut entries = fs::read_dir(folder).into_iter().flatten().flatten();

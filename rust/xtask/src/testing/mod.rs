@@ -63,7 +63,7 @@ struct TestGroup {
     command: Command,
     /// Of its exit statuses, those that are no failure.
     passes: fn(i32) -> bool,
-    /// Whether it takes a minute or more: such groups begin first, so that none is left alone at the end.
+    /// True if it takes a minute or more: such groups begin first, so that none is left alone at the end.
     is_long: bool,
 }
 

@@ -145,7 +145,7 @@ impl TxDescription {
         (self.channels * self.format().bytes()) as usize
     }
 
-    /// Whether it is of this version and its numbers are possible.
+    /// Returns true if it is of this version and its numbers are possible.
     fn is_possible(&self) -> bool {
         let layout = self.layout();
         self.version == VERSION

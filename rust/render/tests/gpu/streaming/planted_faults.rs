@@ -19,7 +19,7 @@ fn quarter(scene: &Scene, whole: &Render) -> Settings {
     Settings { geometry_budget_kib: budget, ..small_chunks() }
 }
 
-/// Whether the picture shows that chunk instances are lost (`SPEC_FAULT`).
+/// Returns true if the picture shows that chunk instances are lost (`SPEC_FAULT`).
 fn shows(scene: &Scene, whole: &Render, lost_chunks: u32) -> bool {
     let planted = planting(PlantedFaults { lost_chunks, ..PlantedFaults::default() });
     let part = render(scene, quarter(scene, whole), SessionOptions { force_streaming: true, ..planted });
@@ -47,7 +47,7 @@ struct Failed {
     struck: u64,
     /// The same picture, or what was said instead.
     outcome: Result<bool, Vec<Message>>,
-    /// Whether the next one has the same picture, if there was need of one.
+    /// True if the next one has the same picture, if there was need of one.
     next: bool,
 }
 

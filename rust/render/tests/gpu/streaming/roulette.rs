@@ -152,8 +152,8 @@ fn plays(totals: &StreamingStats) -> u64 {
     totals.roulette_paths.min(totals.roulette_shadow_rays).min(2 * totals.roulette_loads_saved)
 }
 
-/// Whether rays ended so often, over all seeds, that the test says something: half as often as the seeds that were
-/// asked said.
+/// Returns true if rays ended so often, over all seeds, that the test says something: half as often as the seeds that
+/// were asked said.
 fn was_played(totals: &StreamingStats) -> bool {
     plays(totals) >= u64::from(PLAYS * seeds(SEEDS) / 2)
 }

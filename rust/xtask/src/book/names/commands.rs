@@ -141,7 +141,7 @@ fn unknown_flag(words: &[&str], known: &NameSet) -> Option<String> {
     names.filter(|name| !name.is_empty()).find(|name| !known.contains(*name)).map(|name| format!("no flag --{name}"))
 }
 
-/// Whether the word can be a command, and not a file or what the reader fills in.
+/// Returns true if the word can be a command, and not a file or what the reader fills in.
 fn is_name(word: &str) -> bool {
     !word.starts_with('-') && word.chars().all(|c| c.is_ascii_lowercase() || c == '-')
 }

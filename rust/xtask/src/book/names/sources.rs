@@ -61,27 +61,27 @@ impl SourceIndex {
         sources
     }
 
-    /// Whether `name` occurs outside of comments.
+    /// Returns true if `name` occurs outside of comments.
     pub(super) fn has_word(&self, name: &str) -> bool {
         self.files.iter().any(|file| file.words.contains(name))
     }
 
-    /// Whether something is defined as `name`: an item, a field, a variant, a file.
+    /// Returns true if something is defined as `name`: an item, a field, a variant, a file.
     pub(super) fn defines(&self, name: &str) -> bool {
         self.files.iter().any(|file| file.defined.contains(name))
     }
 
-    /// Whether `name` is defined where there is something called `owner`, the file's own modules included.
+    /// Returns true if `name` is defined where there is something called `owner`, the file's own modules included.
     pub(super) fn defines_in(&self, owner: &str, name: &str) -> bool {
         self.files.iter().any(|file| file.defined.contains(name) && file.words.contains(owner))
     }
 
-    /// Whether a function or a macro is defined as `name`.
+    /// Returns true if a function or a macro is defined as `name`.
     pub(super) fn defines_call(&self, name: &str) -> bool {
         self.files.iter().any(|file| file.calls.contains(name))
     }
 
-    /// Whether `name` is a key below `oocpt:` of the shipped sources; `*` at the end stands for any rest.
+    /// Returns true if `name` is a key below `oocpt:` of the shipped sources; `*` at the end stands for any rest.
     pub(super) fn has_key(&self, name: &str) -> bool {
         match name.strip_suffix('*') {
             Some(start) => self.keys.iter().any(|key| key.starts_with(start)),
@@ -160,7 +160,7 @@ impl CommentStyle {
     }
 }
 
-/// Whether the file is what this check reads for names.
+/// Returns true if the file is what this check reads for names.
 pub(in crate::book) fn is_source(file: &str) -> bool {
     // The check's own tests hold names that are nowhere.
     let is_check = file.starts_with("rust/xtask/src/book/");
@@ -169,7 +169,7 @@ pub(in crate::book) fn is_source(file: &str) -> bool {
     !is_check && (ends.iter().any(|end| file.ends_with(end)) || others.iter().any(|folder| file.starts_with(folder)))
 }
 
-/// Whether people get what is compiled from the file.
+/// Returns true if people get what is compiled from the file.
 fn is_shipped(file: &str) -> bool {
     let is_below = ["rust/", "cpp/", "plugin/"].iter().any(|folder| file.starts_with(folder));
     is_below && !file.split('/').any(|part| part == "tests" || part == "tests.rs" || part.ends_with("_tests.rs"))
