@@ -147,7 +147,7 @@ Bsdf make_bsdf(const Shading s, vec3 wo) {
     return b;
 }
 
-// What the lobes share of a direction; `w`: it, or it mirrored at the surface.
+// The inputs that all lobes share for a direction; `w`: it, or it mirrored at the surface.
 LobeDirection lobe_direction(const Bsdf b, vec3 w, bool beyond) {
     LobeDirection d;
     d.w = w;
@@ -182,7 +182,7 @@ void bsdf_evaluate_lobes(const Bsdf b, vec3 wo, vec3 wi, out vec3 diffuse, out v
     if (!beyond && !(cosine > 0.0)) return;
     const vec3 mirrored = wi - 2.0 * cosine * b.g;
     const float side = HAS_ROUGH_TRANSMISSION && beyond ? -1.0 : 1.0;
-    // Two directions, one copy of the code: unrolled, it would be half of what a pass that shades is made of.
+    // Two directions share one copy of the code: unrolled, it would be half of the code of a pass that shades.
     vec3 w = wi;
     [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
         add_lobes(b, lobe_direction(b, w, beyond), diffuse, specular, pdf);
@@ -224,7 +224,7 @@ bool bsdf_choose(const Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, ou
     return true;
 }
 
-// Weight of a direction that bsdf_choose chose, by its value and density; false where that is no number.
+// Weight of a direction that bsdf_choose chose, by its value and density; false if that is not finite.
 bool bsdf_weigh(vec3 value, float pdf, out vec3 weight) {
     weight = vec3(0.0);
     if (!(pdf > 0.0 && pdf < 3.0e38)) return false;

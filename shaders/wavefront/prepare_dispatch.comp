@@ -9,7 +9,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
 
-// Up to so many threads walk few rays, and so many one.
+// Few rays get more threads than rays: up to SPREAD_TO in all, and up to MOST_SPREAD for one ray.
 const uint SPREAD_TO = 1u << 17;
 const uint MOST_SPREAD = 4u;
 

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a scene in core needs of the device beside its geometry. Pure.
+//! The device memory that a scene in core needs beside its geometry. Pure.
 
 use crate::assets::DeviceScene;
 use crate::setting::{FrameContext, has_light_paths, has_shadow_rays, in_flight};
 use crate::wavefront::PathNeeds;
 
-/// Share of what is unused that waves leave to others.
+/// Waves leave one part in so many of the unused memory to others.
 pub(crate) const LEFT_BY_WAVES: u64 = 8;
-/// Least bytes that waves leave to tiles of textures where those that find no room are read in host memory.
+/// Least bytes that waves leave to tiles of textures if tiles that find no room are read in host memory.
 const FEWEST_TILES_BESIDE_MAPPED: u64 = 8 << 20;
 
-/// Bytes of the `unused` ones that waves may take. `tile_bytes`: of all tiles of the scene's textures, which come later;
-/// `maps_tiles`: those that find no room on the device are read in host memory.
+/// The part of `unused` bytes that waves may take. `tile_bytes`: bytes of all texture tiles of the scene, which are
+/// loaded later; `maps_tiles`: true if those that find no room on the device are read in host memory.
 pub(crate) fn share_of_waves(unused: u64, tile_bytes: u64, maps_tiles: bool) -> u64 {
     let left = unused / LEFT_BY_WAVES;
     let tiles = if maps_tiles { left.max(FEWEST_TILES_BESIDE_MAPPED) } else { unused / 2 };
@@ -21,15 +21,15 @@ pub(crate) fn share_of_waves(unused: u64, tile_bytes: u64, maps_tiles: bool) -> 
 /// Bytes of the waves that a scene in core needs room for.
 pub(crate) fn roomy_waves(setting: &FrameContext<'_>, scene: &DeviceScene) -> u64 {
     let textures = scene.assets.tile_bytes > 0;
-    // Whether cutouts need queues is not known yet: they take little, and only of scenes that have textures.
+    // It is not known yet whether cutouts need queues: these take little, and only in scenes that have textures.
     let path_bytes = path_needs(setting, textures, false).bytes_a_path(scene.levels());
     in_flight(setting, path_bytes).roomy() * path_bytes
 }
 
-/// What the paths of a scene in core need.
+/// The memory that the paths of a scene in core need.
 pub(crate) fn path_needs(setting: &FrameContext<'_>, textures: bool, deferred_cutouts: bool) -> PathNeeds {
     PathNeeds {
-        // First hits ask no light.
+        // First hits cast no shadow rays.
         shadows: setting.film.has_color() && has_shadow_rays(setting),
         textures,
         light_paths: has_light_paths(setting),

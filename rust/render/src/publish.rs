@@ -7,7 +7,7 @@ use crate::aov::AovKind;
 #[derive(Debug, Default)]
 pub(crate) struct PublishedImages {
     images: Vec<PublishedImage>,
-    /// Of the image that came last; they are counted from 1.
+    /// The version of the latest image; versions are counted from 1.
     version: u64,
 }
 
@@ -19,7 +19,7 @@ struct PublishedImage {
 }
 
 impl PublishedImages {
-    /// Replaces the image of `kind`, in the memory that it had: fresh pages would take longer than the copy.
+    /// Replaces the image of `kind` in the memory that it had: fresh pages would take longer than the copy.
     pub(crate) fn put(&mut self, kind: AovKind, pixels: &[u8]) {
         self.version += 1;
         match self.images.iter_mut().find(|have| have.kind == kind) {
@@ -39,8 +39,8 @@ impl PublishedImages {
         });
     }
 
-    /// The version of the image of `kind` if there is one of exactly `out.len()` bytes, which is copied unless it is
-    /// the `known` one; else 0.
+    /// Copies the image of `kind` to `out` if it has exactly `out.len()` bytes and is not the `known` version; returns
+    /// its version, or 0 if there is no such image.
     pub(crate) fn copy(&self, kind: AovKind, known: u64, out: &mut [u8]) -> u64 {
         let Some(image) = self.images.iter().find(|have| have.kind == kind && have.bytes.len() == out.len()) else {
             return 0;

@@ -40,10 +40,10 @@ impl RenderRequest {
     }
 }
 
-/// How bad a message is.
+/// The severity of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
-    /// How a picture came out.
+    /// The outcome of a picture.
     Status,
     /// Something was dropped or is not supported; the render goes on.
     Warning,
@@ -54,7 +54,7 @@ pub enum Severity {
 /// One message for the user; each problem is reported once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// How bad it is.
+    /// The severity of the message.
     pub severity: Severity,
     /// One line, with the prim path where there is one.
     pub text: String,

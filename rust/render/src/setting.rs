@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a frame is rendered with, beside its scene. Render thread only.
+//! The inputs of a frame beside its scene. Render thread only.
 
 use crate::device::Device;
 use crate::error::RenderError;
@@ -16,32 +16,32 @@ use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_gpu::{DeviceKind, GpuError};
 use std::sync::Arc;
 
-/// What a frame renders with besides its scene.
+/// The inputs of a frame beside its scene: job, camera, lights, film and device.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FrameContext<'a> {
     pub(crate) device: &'a Arc<Device>,
     pub(crate) job: &'a RenderJob,
     pub(crate) rays: &'a CameraRays,
-    /// How the camera moves, if it does.
+    /// The motion of the camera, if it moves.
     pub(crate) camera_motion: Option<&'a CameraMotion>,
-    /// Of the camera.
+    /// The clipping planes of the camera.
     pub(crate) clip_planes: &'a [ClipPlane],
     pub(crate) lights: &'a LightTable,
     /// Address of the light table on the device.
     pub(crate) lighting: u64,
     pub(crate) film: &'a Film,
     pub(crate) tables: &'a LightTables,
-    /// What is carried although the scene does not need it.
+    /// Features that are compiled in although the scene does not need them.
     pub(crate) carry: &'a ForcedFeatures,
-    /// Of that, what these lights allow.
+    /// The part of `carry` that these lights allow.
     pub(crate) light_carry: Features,
-    /// Memory is short.
+    /// True if memory is short.
     pub(crate) is_frugal: bool,
-    /// Tiles of the scene's textures found no room when it was rendered without streaming.
+    /// True if tiles of the scene's textures found no room when it was rendered without streaming.
     pub(crate) has_outgrown: bool,
 }
 
-/// Calls `make` with `wanted`, then with half as much as long as there is no memory and it is above `least`.
+/// Calls `make` with `wanted`, then with half as much each time memory runs out, down to `least`.
 pub(crate) fn shrinking<T>(
     wanted: u64,
     least: u64,
@@ -56,7 +56,7 @@ pub(crate) fn shrinking<T>(
     }
 }
 
-/// The user's own cap on geometry, bytes.
+/// The cap on geometry that the user sets, bytes.
 pub(crate) fn geometry_cap(job: &RenderJob) -> Option<u64> {
     (job.settings.geometry_budget_kib > 0).then(|| u64::from(job.settings.geometry_budget_kib) << 10)
 }
@@ -66,16 +66,16 @@ pub(crate) fn paths(job: &RenderJob) -> u64 {
     job.request.pixels() * u64::from(job.settings.samples_per_pixel)
 }
 
-/// How many of them a scene in core has in flight, `path_bytes` each.
+/// The number of paths that a scene in core has in flight, `path_bytes` each.
 pub(crate) fn in_flight(setting: &FrameContext<'_>, path_bytes: u64) -> InFlight {
     let FrameContext { device, job, film, .. } = *setting;
-    // First hits alone take one through each pixel.
+    // A render of first hits alone takes one path through each pixel.
     let paths = if film.has_color() { paths(job) } else { job.request.pixels() };
     let device_bytes = device.gpu.report().device_bytes();
     InFlight { is_cpu: is_cpu(device), device_bytes, paths, path_bytes, asked: job.options.in_flight }
 }
 
-/// What lights and what is carried with them have compiled in.
+/// The features that the lights, and those carried with them, have compiled in.
 fn light_features(setting: &FrameContext<'_>) -> Features {
     setting.lights.features | (setting.carry.features & setting.light_carry)
 }
@@ -99,7 +99,7 @@ pub(crate) fn maps_host(device: &Device, settings: &Settings) -> bool {
         HostMapped::Off => false,
         HostMapped::Auto => !device.gpu.is_unified(),
     };
-    // Other policies know of waiting rays alone.
+    // Other policies see only waiting rays.
     is_wanted && settings.policy == PolicyKind::Benefit
 }
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What this scene and camera need of the passes, and what is left out for them.
+//! Derives the features that a scene and a camera need of the passes.
 //!
-//! Pure. The answer becomes specialisation constants: pipelines are compiled without the absent parts, and the host
-//! does not make their buffers. To measure what that saves, `oocpt:carry` compiles parts in that the scene does not
-//! need ([`ForcedFeatures`]): the same picture, bit for bit.
+//! Pure. The features become specialisation constants: pipelines are compiled without the absent parts, and the host
+//! does not allocate their buffers. To measure what that saves, `oocpt:carry` compiles in parts that the scene does not
+//! need ([`ForcedFeatures`]); the picture is the same, bit for bit.
 
 use crate::assets::SceneView;
 use crate::device::PassSpecialisation;
@@ -15,7 +15,7 @@ use oocpt_core::mesh::LeafKind;
 use oocpt_core::scene::Snapshot;
 use std::collections::BTreeSet;
 
-/// What the frame decides, whatever the snapshot says.
+/// The features that the frame decides, whatever the snapshot says.
 const OF_FRAME: Features = Features::DOME
     .union(Features::DISTANT)
     .union(Features::LOCAL_LIGHTS)
@@ -27,7 +27,7 @@ pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRa
     let mut features = lights.features | (snapshot.features - OF_FRAME) | of_leaves(&snapshot.leaf_kinds);
     features.set(Features::LENS, rays.lens_u != [0.0; 3] || rays.lens_v != [0.0; 3]);
     features.set(Features::INSTANCING, scene.max_levels > 1);
-    // Without images there are no tables of them.
+    // There are no texture tables without images.
     features.set(Features::TEXTURES, features.contains(Features::TEXTURES) && scene.textures != 0);
     features.set(Features::CUTOUTS, features.contains(Features::CUTOUTS) && scene.has_cutouts);
     let has_masks = features.contains(Features::CUTOUTS | Features::TEXTURES) && scene.has_opacity_masks;
@@ -36,12 +36,12 @@ pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRa
     features
 }
 
-/// What the leaves of its meshes need.
+/// The features that the kinds of leaves need.
 fn of_leaves(kinds: &BTreeSet<LeafKind>) -> Features {
     kinds.iter().map(|&kind| kind.row().needs).fold(Features::empty(), Features::union)
 }
 
-/// Returns true if some material makes surfaces be there or not.
+/// Returns true if a material can make surfaces transparent to rays.
 pub(crate) fn has_cutouts(snapshot: &Snapshot) -> bool {
     snapshot.features.contains(Features::CUTOUTS)
 }
@@ -58,18 +58,19 @@ pub(crate) fn specialisation(features: Features, scene: &SceneView) -> PassSpeci
 }
 
 /// Features compiled in by `oocpt:carry` although the scene does not use them, as far as the picture stays the same.
-/// Materials are shaded another way, so they are never carried. In core only, but for parts that need no memory.
+/// Material features change how surfaces are shaded, so they are never carried. Only in core, except for features that
+/// need no memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ForcedFeatures {
     pub(crate) features: Features,
-    /// Passes and memory for the deepest nesting.
+    /// True if passes and memory are sized for the deepest nesting.
     pub(crate) levels: bool,
 }
 
 impl ForcedFeatures {
     const NOTHING: Self = Self { features: Features::empty(), levels: false };
 
-    /// What a setting names: features as the shaders call them, `LEVELS`, or `all`, separated by commas. Also
+    /// Parses the features that a setting names: names of the shaders, `LEVELS`, or `all`, separated by commas. Also
     /// returns the unknown names.
     pub(crate) fn parse(text: &str) -> (Self, Vec<String>) {
         let mut carry = Self::NOTHING;
@@ -86,12 +87,12 @@ impl ForcedFeatures {
         (carry, unknown)
     }
 
-    /// Returns true if anything is asked for.
+    /// Returns true if no feature is carried.
     pub(crate) fn is_empty(&self) -> bool {
         *self == Self::NOTHING
     }
 
-    /// Of what is asked for, what passes that need `needed` can carry; `of_lights` is what the light table allows.
+    /// The requested features that passes which need `needed` can carry; `of_lights` is what the light table allows.
     pub(crate) fn possible(&self, needed: Features, of_lights: Features) -> Features {
         let has_materials = needed.contains(Features::MATERIALS);
         let in_core = !needed.contains(Features::STREAMING);
@@ -104,16 +105,16 @@ impl ForcedFeatures {
         };
         let possible = FEATURES.iter().filter(may).fold(Features::empty(), |sum, feature| sum | feature.bit);
         let mut carried = self.features & possible;
-        // These two are asked for together.
+        // These two features are requested together.
         carried.set(Features::OPACITY, carried.intersects(Features::OPACITY | Features::INSTANCE_OPACITY));
-        // Without textures there is nothing that it could be compiled into.
+        // Without textures, passes have nothing that this could be compiled into.
         carried
             .set(Features::PTEX, carried.contains(Features::PTEX) && (carried | needed).contains(Features::TEXTURES));
         carried - needed
     }
 }
 
-/// Each feature, and whether it is there.
+/// Each feature, with its state: present or not, carried or not.
 pub(crate) fn list(features: Features, carried: Features) -> Vec<FeatureUse> {
     let entry = |feature: &FeatureRow| FeatureUse {
         name: feature.name.to_owned(),
@@ -124,7 +125,7 @@ pub(crate) fn list(features: Features, carried: Features) -> Vec<FeatureUse> {
     FEATURES.iter().map(entry).collect()
 }
 
-/// What was left out, in words for the stats.
+/// The absent features in words, for the stats.
 pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
     let always = Features::STREAMING | Features::CHUNK_COUNTS | Features::DOME_SHADOW_RAYS;
     let absent =

@@ -36,13 +36,13 @@ bool is_thin(const Bsdf b) {
     return HAS_THIN_WALLS && is(b, BSDF_THIN);
 }
 
-// What the interface reflects, with the film on it.
+// The reflectance of the interface with the film on it.
 vec3 with_film(const Bsdf b, vec3 bare, float outer) {
     if (!HAS_THIN_FILM || b.film.x <= 0.0) return bare;
     return mix(bare, film_reflectance(b.film, b.bare_glass, outer), b.film.x);
 }
 
-// Sets what is about glass; b.o and b.glass are set.
+// Sets the members for glass; b.o and b.glass must be set.
 void set_glass(inout Bsdf b, const Shading s, vec3 wo) {
     const bool inside = (dot(s.geometric_normal, wo) < 0.0) != (s.ior < 1.0);
     b.glass_ior = s.ior < 1.0 ? 1.0 / max(s.ior, 1.0e-3) : s.ior;

@@ -21,7 +21,7 @@ const uint GLASS_COSINES = GLASS_COSINE_LIGHT + GLASS_COSINE_DENSE;
 
 const uint64_t TABLE_GLASS_LOSSES = TABLE_GLASS + uint64_t(32u * GLASS_IOR * GLASS_ROUGHNESS);
 
-// Where an index of refraction >= 1 is among the nodes of this alpha, 0..1.
+// The position of an index of refraction >= 1 among the nodes of this alpha, 0..1.
 float glass_place(float ior, float alpha) {
     const float near = 0.3 * alpha;
     const float least = sqrt(min(2.4e-5 / alpha, 0.2));

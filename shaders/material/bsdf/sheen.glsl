@@ -32,7 +32,7 @@ const uint64_t SHEEN_AVERAGES = uint64_t(4u * SHEEN_ROUGHNESS * SHEEN_COSINE);
 const uint64_t SHEEN_SCALES = SHEEN_AVERAGES + uint64_t(4u * SHEEN_ROUGHNESS);
 const uint64_t SHEEN_PRODUCTS = SHEEN_SCALES + uint64_t(4u * SHEEN_ROUGHNESS);
 
-// Where a roughness is among the rows, 0..1.
+// The position of a roughness among the rows, 0..1.
 float sheen_row(float roughness) {
     const float first = sqrt(SHEEN_SHARPEST);
     return clamp((sqrt(max(roughness, SHEEN_SHARPEST)) - first) / (1.0 - first), 0.0, 1.0);

@@ -32,7 +32,7 @@ uint table_cell(float x, uint size, out float part) {
     return index;
 }
 
-// Where a roughness of SHARP_ROUGHNESS..1 is among the rows, 0..1; alpha is its square.
+// The position of a roughness of SHARP_ROUGHNESS..1 among the rows, 0..1; alpha is its square.
 float table_row(float roughness) {
     const float first = 0.15848932; // SHARP_ROUGHNESS^0.4
     return clamp((pow(max(roughness, 1.0e-3), 0.4) - first) / (1.0 - first), 0.0, 1.0);

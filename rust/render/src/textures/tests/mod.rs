@@ -11,6 +11,6 @@ mod harness;
 mod lookup;
 mod ptex;
 
-/// What `texture_lookup` says of itself when it is done, and when the texture has a fallback alone.
+/// The results of `texture_lookup` when it is done, and when the texture has a fallback alone.
 const DONE: u32 = u32::MAX;
 const FALLBACK: u32 = u32::MAX - 1;
