@@ -10,7 +10,7 @@
 class Noise
 {
 public:
-    /// Of `size` x `size` pixels, at least 4.
+    /// Noise of `size` x `size` pixels, at least 4.
     Noise(int size, std::uint32_t seed);
 
     /// Row `y` from the top as red, green, blue of each pixel, 0 to 1, encoded as sRGB pictures are.
@@ -30,7 +30,7 @@ private:
 
     const int _size;
     const std::uint32_t _seed;
-    /// Of brightness, and of the two axes of color.
+    /// Octaves of brightness, and of the two axes of color.
     std::vector<_Octave> _brightness;
     std::vector<_Octave> _color[2];
     std::vector<float> _lattice;

@@ -23,7 +23,7 @@ pub(crate) fn bytes_with_holes(bytes: u64, largest: u64) -> u64 {
     bytes + bytes.div_ceil(PIECE - hole) * hole
 }
 
-/// A thread that allocates ahead while this lives, once [`Self::want`] was called.
+/// A thread that allocates ahead while this lives, once [`HostHeapFiller::want`] was called.
 #[derive(Debug)]
 pub(crate) struct HostHeapFiller {
     wanted: Arc<AtomicBool>,

@@ -67,7 +67,7 @@ pub(crate) struct AssetStore {
     promotion: AssetPromotion,
     promoting: VecDeque<AssetPromotion>,
     kept: Arc<EncodedAssets>,
-    /// Assets that could not be read since the last [`Self::take_left_out`]: rays find nothing there.
+    /// Assets that could not be read since the last [`AssetStore::take_left_out`]: rays find nothing there.
     left_out: Vec<(AssetKey, String)>,
     /// Paths that were streamed since the last edit.
     pub(crate) paths_streamed: u64,
