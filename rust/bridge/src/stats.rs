@@ -48,7 +48,7 @@ pub(crate) fn named_values(stats: &RenderStats) -> Vec<NamedValue> {
     values
 }
 
-/// What the render is made of, and what was left out for it, as lists parted by semicolons.
+/// The parts of the render, and those left out, as lists separated by semicolons.
 fn inventory(inventory: &RenderInventory) -> [NamedValue; 15] {
     let RenderInventory { features, passes, buffers, primvars, .. } = inventory;
     let with_bytes = |name: &str, bytes: u64| format!("{name} {bytes}");
@@ -79,7 +79,7 @@ fn inventory(inventory: &RenderInventory) -> [NamedValue; 15] {
     ]
 }
 
-/// How samples were spent at that look.
+/// The samples that adaptive sampling has spent.
 fn adaptive(spent: &AdaptiveUsage) -> [NamedValue; 4] {
     [
         integer("oocpt:adaptiveEpochs", u64::from(spent.epochs)),
@@ -89,7 +89,8 @@ fn adaptive(spent: &AdaptiveUsage) -> [NamedValue; 4] {
     ]
 }
 
-/// What the last look at the picture's error said; the row's time and samples are not those of the moment of asking.
+/// The last measurement of the picture's error; the row's time and samples are those of the measurement, not of the
+/// call.
 fn error(row: &ErrorRow) -> Vec<NamedValue> {
     let worst: Vec<String> = row.worst.iter().map(|pixel| format!("({}, {})", pixel.x, pixel.y)).collect();
     let mut values = vec![
@@ -113,7 +114,7 @@ fn error(row: &ErrorRow) -> Vec<NamedValue> {
     values
 }
 
-/// What is told about chunks, memory and the overlap of tracing and loading.
+/// The figures about chunks, memory and the overlap of tracing and loading.
 fn streaming(stats: &StreamingStats) -> [NamedValue; 37] {
     [
         flag("oocpt:inCore", stats.in_core),

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Programs of the Hydra host that commands start: which one, a small picture by it, and what it said.
+//! Programs of the Hydra host that commands start: finds the program, renders a small picture with it, and reads its
+//! output.
 //!
-//! Scenes and output come from strangers. A file is handed over as an absolute path, in an environment of the user's;
-//! the host is ended after a time; of its output a bounded part is read.
+//! Scenes and output may come from strangers. A file is passed as an absolute path, in the user's environment; the host
+//! is ended after a time limit; a bounded part of its output is read.
 
 use crate::stop::{self, TemporaryFolder};
 use anyhow::{Context as _, Result, bail};
@@ -17,11 +18,11 @@ use std::time::{Duration, Instant};
 /// Numbers the temporary folders.
 static FOLDERS: AtomicU64 = AtomicU64::new(0);
 
-/// How much of a host's output is looked at, bytes.
+/// Bytes of a host's output that are read.
 const TAIL: u64 = 16 << 10;
 /// Lines of it that are shown.
 const LINES: usize = 4;
-/// Warnings of a host that rendered: how much of its standard error is looked at, bytes, and how many lines are told.
+/// Bytes of standard error that are read for warnings of a host that rendered, and most lines that are reported.
 const HEAD: u64 = 256 << 10;
 const WARNINGS: usize = 100;
 
@@ -35,7 +36,7 @@ fn part(file: &Path, bytes: u64, is_end: bool) -> std::io::Result<String> {
     Ok(String::from_utf8_lossy(&read).into_owned())
 }
 
-/// Returns true if a line says how things went, such as what a render ends with: Pixar's usdrecord names the kind, ours
+/// Returns true if a line is a status, such as the closing words of a render: Pixar's usdrecord names this kind, ours
 /// names all other kinds.
 fn is_status(line: &str) -> bool {
     let ours = line
@@ -44,12 +45,12 @@ fn is_status(line: &str) -> bool {
     ours || line.starts_with("Status: in ")
 }
 
-/// The lines of what a host that rendered said, each once, without where in the host's code it was said.
+/// The warnings of a host that rendered, each once, without the place in the host's code.
 pub(crate) fn warnings(errors: &Path) -> Vec<String> {
     let text = part(errors, HEAD, false).unwrap_or_else(|error| error.to_string());
     let mut lines: Vec<String> = Vec::new();
     for line in text.lines().map(str::trim).filter(|line| !line.is_empty() && !is_status(line)) {
-        // Pixar's usdrecord says where, ours what kind of message it is.
+        // Pixar's usdrecord prints the place in the code, ours the kind of message.
         let plain = line.strip_prefix("Warning: in ").and_then(|line| line.split_once(" -- "));
         let plain = plain.map_or(line, |(_, what)| what);
         let plain = plain.strip_prefix("USD: warning: ").unwrap_or(plain).replacen("OocPT: warning: ", "OocPT: ", 1);
@@ -64,7 +65,7 @@ pub(crate) fn warnings(errors: &Path) -> Vec<String> {
     lines
 }
 
-/// The last lines of what the host wrote, on one line.
+/// The last lines of the host's output, on one line.
 pub(crate) fn tail(logs: &[&Path]) -> String {
     let read = |log: &&Path| part(log, TAIL, true).unwrap_or_else(|error| error.to_string());
     let text: Vec<String> = logs.iter().map(read).collect();
@@ -74,33 +75,33 @@ pub(crate) fn tail(logs: &[&Path]) -> String {
     if shown.is_empty() { "it said nothing".to_owned() } else { shown.chars().filter(|c| !c.is_control()).collect() }
 }
 
-/// The host to use: what is named, else `usdrecord` from the path.
+/// The host to use: the named one, else `usdrecord` from the path.
 pub(crate) fn usdrecord(named: Option<&OsString>) -> OsString {
     named.filter(|name| !name.is_empty()).cloned().unwrap_or_else(|| "usdrecord".into())
 }
 
-/// A folder of its own for what a host is asked for.
+/// A temporary folder for the files of one host.
 pub(crate) fn temporary(name: &str) -> Result<TemporaryFolder> {
     let number = FOLDERS.fetch_add(1, Ordering::Relaxed);
     TemporaryFolder::create(std::env::temp_dir().join(format!("oocpt-{name}-{}-{number}", std::process::id())))
 }
 
-/// A picture that a host renders of a file.
+/// A picture of a file that a host renders.
 #[derive(Debug)]
 pub(crate) struct HostPicture<'a> {
-    /// An absolute path.
+    /// The absolute path of the file.
     pub(crate) file: &'a Path,
     pub(crate) usdrecord: &'a OsStr,
     pub(crate) camera: Option<&'a str>,
     pub(crate) width: u32,
-    /// For the host's environment.
+    /// Variables for the host's environment.
     pub(crate) variables: Vec<(&'static str, OsString)>,
     pub(crate) timeout: Duration,
 }
 
 impl HostPicture<'_> {
-    /// Has it rendered; what is left of it is in `folder`. Gives what the host said on standard error: prims with bad
-    /// data, files that are not there.
+    /// Renders the picture; the host's files are in `folder`. Returns the warnings on its standard error: prims with
+    /// bad data, missing files.
     pub(crate) fn render(&self, folder: &Path) -> Result<Vec<String>> {
         let [output, errors] = ["output", "errors"].map(|name| folder.join(name));
         let keep = |path: &Path| File::create(path).context("cannot keep the host's output");
@@ -135,7 +136,7 @@ impl HostPicture<'_> {
     }
 }
 
-/// The status, or none when it took too long.
+/// The exit status; `None` if it took too long.
 fn wait(child: &mut Child, timeout: Duration) -> Result<Option<ExitStatus>> {
     let end = Instant::now() + timeout;
     loop {
@@ -151,7 +152,7 @@ fn wait(child: &mut Child, timeout: Duration) -> Result<Option<ExitStatus>> {
     }
 }
 
-/// A program in place of `usdrecord`.
+/// Makes a script that replaces `usdrecord`.
 #[cfg(test)]
 pub(crate) fn script(name: &str, text: &str) -> std::path::PathBuf {
     let path = std::env::temp_dir().join(format!("oocpt-host-{name}-{}", std::process::id()));

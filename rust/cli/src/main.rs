@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt`: looks at the machine (`doctor`), measures the renderer (`bench`), draws what it reports (`report`), makes
-//! scenes (`scene`), looks at materials (`material`), fills the cache of textures (`texture`).
+//! `oocpt`: describes the machine (`doctor`), measures the renderer (`bench`), draws its reports (`report`), makes
+//! scenes (`scene`), shows materials (`material`), fills the cache of textures (`texture`).
 #![forbid(unsafe_code)]
 #![expect(clippy::print_stdout, reason = "a command line program reports on standard output")]
 

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt doctor --scene S`: what a scene needs of the renderer and what was left out for it, beside the build that
-//! carries everything that can be carried without another picture.
+//! `oocpt doctor --scene S`: what a scene needs of the renderer and what was left out for it, compared with the build
+//! that carries every feature which does not change the picture.
 //!
-//! A generated scene is rendered here; a USD file by a Hydra host ([`super::host`]), so that what is told is what a
-//! host's renders are made of. Bytes and pipelines are exact for a picture of this size; for times see `oocpt bench
-//! specialise`.
+//! A generated scene is rendered here; a USD file by a Hydra host ([`super::host`]), so that the report describes a
+//! host's renders. Bytes and pipelines are exact for a picture of this size; for times see `oocpt bench specialise`.
 
 use super::host::{self, HostAnswer, HostQuery};
 use super::table;
@@ -21,7 +20,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// What is carried by the build that the scene's own is held against.
+/// The value of `oocpt:carry` of the build that the scene's own is compared with.
 const EVERYTHING: &str = "all";
 
 /// Options that go with `--scene`.
@@ -65,9 +64,9 @@ pub(super) struct PassBuild {
     pub(super) inventory: RenderInventory,
     pub(super) pipelines: usize,
     pub(super) bytes: u64,
-    /// Compiling all pipelines, one after the other, when they were first needed.
+    /// Seconds for compiling all pipelines, one after the other, when they were first needed.
     pub(super) compile_secs: f64,
-    /// Seconds that the device traced the small picture.
+    /// Seconds of tracing the small picture on the device.
     pub(super) trace_secs: f64,
 }
 
@@ -83,19 +82,19 @@ impl PassBuild {
     }
 }
 
-/// What is told about a scene.
+/// The report about a scene.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct SceneReport {
     pub(super) scene: String,
-    /// "generated", or "host".
+    /// The renderer of the scene: "generated", or "host".
     pub(super) by: &'static str,
     pub(super) device: String,
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) own: PassBuild,
-    /// With everything that can be carried.
+    /// The build with every feature that can be carried.
     pub(super) everything: Option<PassBuild>,
-    /// What the host warned of: bad data by prim, files that are not there.
+    /// The warnings of the host: bad data by prim, missing files.
     pub(super) warnings: Vec<String>,
 }
 

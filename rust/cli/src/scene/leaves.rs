@@ -11,7 +11,7 @@ use super::forest::{self, grid, prim};
 use super::island::KeyedRandom;
 use super::preview::{PreviewPicture, cards, material};
 
-/// How leaves are there.
+/// The opacity of the leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LeafModel {
     /// The colour of a picture, no opacity.
@@ -37,7 +37,7 @@ impl LeafModel {
 /// Half the side of the box that the leaves fill, scene units.
 const HALF_SIDE: f64 = 1.0;
 
-/// Fills `db` with `count` leaves; side of their picture in texels.
+/// Fills `db` with `count` leaves; `texture_size` is the side of their picture in texels.
 pub(crate) fn build(db: &mut SceneDb, kind: LeafModel, count: u32, texture_size: u32) -> Result<()> {
     let side = texture_size.max(2);
     let (picture, outputs): (_, &[_]) = match kind {
@@ -68,7 +68,7 @@ pub(crate) fn build(db: &mut SceneDb, kind: LeafModel, count: u32, texture_size:
     Ok(())
 }
 
-/// A camera that the heap fills most of the picture of.
+/// A camera that frames the heap.
 pub(crate) fn camera(width: u32, height: u32) -> Camera {
     forest::view(DVec3::new(0.0, 1.2, 4.0), DVec3::new(0.0, -0.1, 0.0), width, height)
 }
@@ -76,7 +76,7 @@ pub(crate) fn camera(width: u32, height: u32) -> Camera {
 fn scatter(count: u32) -> Result<InstancerDesc> {
     let mut random = KeyedRandom::new(&[5]);
     let (mut translations, mut rotations) = (Vec::new(), Vec::new());
-    // Eight times the box's front in leaves, however many there are.
+    // The area of all leaves is eight times the box's front, whatever their number.
     let half = (8.0 * HALF_SIDE * HALF_SIDE / f64::from(count.max(1))).sqrt();
     for _ in 0..count {
         let mut coordinate = || random.range(-HALF_SIDE, HALF_SIDE);

@@ -3,8 +3,8 @@
 //! flattened, 261 M unique quads): few large unique meshes, many small plants in nested clumps, a beach full of
 //! pebbles, sizes over three orders of magnitude and density over more.
 //!
-//! A pure function of [`IslandParameters`], made on the rayon pool. The result is a list of prims ([`IslandPrims`]),
-//! which goes into a [`SceneDb`] or to a USD file.
+//! A pure function of [`IslandParameters`], computed on the rayon pool. The result is a list of prims
+//! ([`IslandPrims`]), which goes into a [`SceneDb`] or to a USD file.
 
 mod land;
 mod plants;
@@ -32,7 +32,7 @@ const QUADS_PER_INSTANCE: f64 = 2097.0;
 /// Largest part of the unique quads that goes to instanced meshes.
 const INSTANCED_PART: f64 = 0.35;
 
-/// What determines an island.
+/// The parameters that determine an island.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::Args, serde::Serialize)]
 pub(crate) struct IslandParameters {
     /// Placements of meshes on one island, nesting multiplied out.
@@ -41,7 +41,7 @@ pub(crate) struct IslandParameters {
     /// Quads of all unique meshes together.
     #[arg(long, default_value_t = 1_000_000)]
     pub(crate) unique_quads: u64,
-    /// Islands.
+    /// Number of islands.
     #[arg(long, default_value_t = 1)]
     pub(crate) copies: u32,
     /// No nesting: every placement is an instance of the world. Copies share their arrays all the same.
@@ -50,7 +50,7 @@ pub(crate) struct IslandParameters {
     /// With `--flatten`: plants of each island stand elsewhere, so that no array is shared.
     #[arg(long, requires = "flatten")]
     pub(crate) distinct: bool,
-    /// Another seed, another island.
+    /// The seed of all random numbers.
     #[arg(long, default_value_t = 7)]
     pub(crate) seed: u64,
 }
@@ -69,7 +69,7 @@ impl IslandParameters {
     }
 }
 
-/// One island, made.
+/// One generated island.
 #[derive(Debug)]
 struct Island {
     land: IslandTerrain,
@@ -100,7 +100,7 @@ impl Island {
         TerrainMesh { points: &terrain.points, side, half: self.land.half }
     }
 
-    /// What places species number `k` of an island that is distinct from those of other numbers.
+    /// The scatter of species number `k` on an island, which differs for islands of other numbers.
     fn scatter(&self, k: usize, island: u32) -> SpeciesScatter<'_> {
         let species = &self.plants.species[k];
         let stream = k as u64 + 1;
@@ -137,7 +137,7 @@ fn counts(plants: &PlantCatalog, instances: u64) -> Vec<u64> {
         })
         .collect();
     let placed: u64 = counts.iter().zip(&sizes).map(|(count, size)| count * size).sum();
-    // The last species are single meshes: they take up what is left over.
+    // The last species are single meshes: they make up the remainder.
     if let Some(last) = counts.last_mut() {
         *last += instances - placed;
     }
@@ -159,7 +159,7 @@ fn unit(plants: &PlantCatalog, counts: &[u64], instances: u64, unique_quads: u64
     wanted.min(INSTANCED_PART * unique_quads as f64 / weights.iter().sum::<f64>())
 }
 
-/// Fills `db` with the scene; gives what was put in.
+/// Fills `db` with the scene; returns the prims that were inserted.
 pub(crate) fn build(db: &mut SceneDb, parameters: &IslandParameters) -> Result<IslandPrims> {
     let prims = IslandPrims::new(parameters)?;
     prims.insert(db);

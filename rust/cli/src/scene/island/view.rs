@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where the island is seen from, and its light.
+//! The camera and the lights of the island.
 
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use oocpt_core::camera::Camera;
@@ -12,13 +12,13 @@ use crate::scene::usd::StageCamera;
 
 /// Horizontal field of view, radians.
 const FIELD_OF_VIEW: f64 = 1.05;
-/// Near and far plane; only depth images look at them.
+/// Near and far plane; only depth images use them.
 const CLIPPING: [f64; 2] = [0.1, 100_000.0];
 
-/// Over the shallows in front of the beach.
+/// The camera's position, over the shallows in front of the beach.
 pub(crate) fn eye(land: &IslandTerrain) -> DVec3 {
     let (x, mut z) = (0.20 * land.half, 1.2 * land.half);
-    // The coast is wavy: come in from the sea until it is near.
+    // The coast is irregular: the search starts in the sea and stops near the coast.
     while land.inland(x, z) < -(0.15 * land.half).min(14.0) / land.half && z > 0.0 {
         z -= 0.005 * land.half;
     }
@@ -60,7 +60,7 @@ pub(crate) fn camera(parameters: &IslandParameters, width: u32, height: u32) -> 
     }
 }
 
-/// The same camera for a stage.
+/// The camera for a USD stage.
 pub(crate) fn stage_camera(parameters: &IslandParameters) -> StageCamera {
     StageCamera { world_from_view: world_from_view(parameters), field_of_view: FIELD_OF_VIEW, clipping: CLIPPING }
 }
