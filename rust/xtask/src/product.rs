@@ -18,7 +18,7 @@ use crate::process::{capture, run, say, shell_word};
 /// cargo profile of everything that is built to be run from the clone.
 pub(crate) const PROFILE: &str = "fast";
 
-/// What people get: the bridge of the plugin, and the command.
+/// The shipped crates: the bridge of the plugin, and the command.
 const PRODUCT: [&str; 2] = [BRIDGE, "oocpt-cli"];
 const BRIDGE: &str = "oocpt-bridge";
 const BRIDGE_FILE: &str = "liboocpt_bridge.a";
@@ -49,10 +49,10 @@ pub(crate) fn build_tests(places: &RootFolders) -> Result<String> {
     capture(&mut build)
 }
 
-/// Builds bridge and command, which have none of what tests turn on, and the plugin around the bridge.
+/// Builds bridge and command, without the features of tests, and the plugin around the bridge.
 ///
 /// # Errors
-/// If cargo, `CMake` or the build fails; in CI also if there are warnings.
+/// Cargo, `CMake` or the build fails; in CI also if there are warnings.
 pub(crate) fn build_for_tests(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
     let mut build = cargo(places, "build");
     build.args(packages()).args(["--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
@@ -68,7 +68,7 @@ fn is_warning(line: &str) -> bool {
     message.is_some_and(|message| message["reason"] == "compiler-message" && message["message"]["level"] == "warning")
 }
 
-/// Returns true if warnings are errors and `Cargo.lock` is taken as it is.
+/// Returns true if this is CI: warnings are errors and `Cargo.lock` may not change.
 fn is_ci() -> bool {
     env::var_os("CI").is_some()
 }
@@ -78,12 +78,12 @@ pub(crate) fn packages() -> Vec<OsString> {
     PRODUCT.iter().flat_map(|package| ["--package", package]).map(OsString::from).collect()
 }
 
-/// Where a file of the product is kept: other builds put their own, with what tests turn on, at cargo's place.
+/// The path at which a file of the product is kept: builds with the features of tests put theirs at cargo's place.
 pub(crate) fn kept(places: &RootFolders, profile: &str, file: &str) -> PathBuf {
     places.target.join("product").join(profile).join(file)
 }
 
-/// Keeps what cargo has just built. A file that is the same stays, so that nothing is linked anew.
+/// Keeps the file that cargo has just built. An unchanged file stays, so that nothing is linked anew.
 fn keep(places: &RootFolders, profile: &str, file: &str) -> Result<()> {
     let (built, kept) = (places.target.join(profile).join(file), kept(places, profile, file));
     let bytes = fs::read(&built).with_context(|| format!("cargo left no {}", built.display()))?;
@@ -96,10 +96,10 @@ fn keep(places: &RootFolders, profile: &str, file: &str) -> Result<()> {
     Ok(())
 }
 
-/// Builds the plugin for the wheel host around the bridge that is there.
+/// Builds the plugin for the wheel host around the existing bridge.
 ///
 /// # Errors
-/// If `CMake` or the build fails.
+/// `CMake` or the build fails.
 fn build_plugin_for_wheel(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
     let mut options = bridge_options(places, PROFILE);
     options.push(("OOCPT_HOST".into(), "wheel".into()));
@@ -221,7 +221,7 @@ fn program_script(places: &RootFolders, script: &str) -> String {
     let runner = shell_word(&path(&places.repo.join(script)));
     let resources = shell_word(&path(&places.wheel_resources()));
     let materialx = shell_word(&path(&places.materialx()));
-    // -I: a PYTHONPATH that leads to another OpenUSD must not get into this process.
+    // With -I, a PYTHONPATH that leads to another OpenUSD cannot affect this process.
     format!(
         "#!/bin/sh\n# Written by `cargo xtask \
         build`.\nPXR_PLUGINPATH_NAME={resources}${{PXR_PLUGINPATH_NAME:+:$PXR_PLUGINPATH_NAME}}\n\

@@ -14,10 +14,10 @@ use crate::process::shell_word;
 /// The plugin's resources below an install prefix, to be named in `PXR_PLUGINPATH_NAME`.
 pub(crate) const INSTALLED_RESOURCES: &str = "plugin/usd/hdOocPT/resources";
 
-/// Where OpenUSD and the renderer look for `MaterialX`'s data libraries.
+/// The variable with which OpenUSD and the renderer find `MaterialX`'s data libraries.
 const MATERIALX: &str = "PXR_MTLX_STDLIB_SEARCH_PATHS";
 
-/// A variable and how it is set.
+/// A variable and the way in which it is set.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum VariableSetting {
     /// Put in front of a colon-separated list.
@@ -50,7 +50,7 @@ pub(crate) fn for_wheel(places: &RootFolders) -> Vec<VariableSetting> {
     settings
 }
 
-/// What the tests need to start other interpreters: one that imports the wheel host's `pxr`, one that imports
+/// Variables for tests that start other interpreters: one that imports the wheel host's `pxr`, one that imports
 /// usd-core's.
 pub(crate) fn interpreters(places: &RootFolders) -> Vec<VariableSetting> {
     vec![

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Networks that nobody means: random ones, circles, long chains, wrong types.
+//! Hostile networks: random ones, cycles, long chains, wrong types.
 
 use oocpt_materialx::eval::run;
 use oocpt_materialx::network::{Network, NetworkNode};
@@ -29,7 +29,7 @@ fn any_value() -> impl Strategy<Value = PortValue> {
     ]
 }
 
-/// Ids that the libraries do not define: those of `MaterialX` 1.38, and what nobody defines.
+/// Ids that the libraries do not define: those of `MaterialX` 1.38, and unknown ones.
 const OTHER_IDS: &[&str] = &[
     "ND_normalmap",
     "ND_swizzle_color3_float",
@@ -91,7 +91,7 @@ prop_compose! {
     }
 }
 
-/// Everything that a translation promises.
+/// The promises of a translation.
 fn check(network: &Network) {
     let translation = translate(network, library());
     let program = &translation.program;
@@ -244,7 +244,7 @@ fn a_chain_that_is_too_long_is_a_problem() {
     assert!(translation.problems.iter().any(|problem| problem.contains("too large")), "{:?}", translation.problems);
 }
 
-/// More values at a time than there are registers: their middles stand for them.
+/// More values at a time than there are registers: their means replace them.
 #[test]
 fn exceeding_program_limits_is_a_problem() {
     let mut nodes =
@@ -341,7 +341,7 @@ fn thousands_of_nodes_are_translated_or_refused() {
     assert!(problem.contains("too many nodes"), "{problem}");
 }
 
-/// What is wrong with thousands of nodes is told in a bounded number of lines.
+/// Thousands of problems give a bounded number of lines.
 #[test]
 fn many_problems_are_few_lines() {
     let mut nodes = vec![node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1)])];

@@ -30,7 +30,7 @@ fn near(value: [f32; 4], expected: [f32; 3]) -> bool {
     value.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1e-5)
 }
 
-/// What the emission is, that the last of these nodes gives: numbers of the world.
+/// The emission that the last of these nodes computes: numbers in the world.
 fn given(nodes: Vec<NetworkNode>) -> [f32; 4] {
     let mut all = vec![node("ND_surface_unlit", &[], &[("emission_color", nodes.len())])];
     all.extend(nodes);
@@ -250,7 +250,7 @@ fn disney_2012_and_2015_map_to_disney_principled() {
     assert!(thin.thin_walled, "a sheet");
 }
 
-/// What nobody can work out any more is named with its prim.
+/// Removed ids that cannot be evaluated are reported with their prim.
 #[test]
 fn removed_1_38_ids_are_reported_by_name() {
     for kind in [

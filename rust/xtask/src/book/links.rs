@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Links, pictures and paths of the documents lead somewhere. Pure: works on the list of the clone's files.
+//! Checks that links, pictures and paths of the documents exist. Pure: works on the list of the clone's files.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -22,7 +22,7 @@ impl<'a> TrackedClone<'a> {
         Self { known, pages: pages.iter().map(|(file, text)| (file.as_str(), text.as_str())).collect() }
     }
 
-    /// One line for each link, picture and path of `file` that leads nowhere.
+    /// One line for each link, picture and path of `file` without a target.
     pub(super) fn findings(&self, file: &str, text: &str) -> Vec<String> {
         let mut found = Vec::new();
         for Paragraph { line, text } in paragraphs(text) {
@@ -45,7 +45,7 @@ impl<'a> TrackedClone<'a> {
         found
     }
 
-    /// What is wrong with a link from `file`.
+    /// The fault of a link from `file`, if it has one.
     fn broken(&self, file: &str, target: &str) -> Option<String> {
         if target.contains("://") || target.starts_with("mailto:") {
             return None;
