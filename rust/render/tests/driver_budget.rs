@@ -20,8 +20,8 @@ use oocpt_core::settings::Settings;
 use oocpt_render::{Session, SessionOptions};
 use streaming_scenes::{BEACH, Scene};
 
-/// What the driver keeps for itself (its context, pipelines, page tables) may grow so much between a first small render
-/// and the end of a streaming one, bytes.
+/// Bytes by which the driver's own memory (its context, pipelines, page tables) may grow between a first small render
+/// and the end of a streaming one.
 const DRIVERS_OWN: u64 = 32 << 20;
 
 /// Renders under a budget for all memory, MiB; the peaks by the driver's count and by ours.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Adaptive sampling: what it gains at equal samples, that it has no bias (and that a biased one is noticed), that it
-//! tells its error, and that its bits are the same everywhere.
+//! Adaptive sampling: its gain at equal samples, no bias (and that a biased variant is noticed), its error estimate,
+//! and the same bits everywhere.
 
 use crate::error_estimate::{gloss, mirror, view, window};
 use crate::scenes::{constant, dome, features, nested, prim, square};

@@ -26,7 +26,8 @@ fn ball(db: &mut SceneDb) {
     });
 }
 
-/// What a ray through the middle of a pixel meets of the ball: the depth; `None` for pixels that rounding may decide.
+/// The depth at which a ray through the middle of a pixel meets the ball; the outer `None` is for pixels that rounding
+/// may decide.
 fn seen_of_ball(camera: &Camera, x: u32, y: u32) -> Option<Option<f64>> {
     let at = |k: u32, n: u32| 2.0 * (f64::from(k) + 0.5) / f64::from(n) - 1.0;
     let unproject = |z: f64| {

@@ -72,7 +72,7 @@ fn true_error(pictures: &[(Vec<f32>, ErrorRow)], index: usize) -> f64 {
     total / count / (1.0 + 1.0 / others)
 }
 
-/// What was counted of some cases.
+/// Counts over some cases.
 #[derive(Default)]
 struct Counted {
     /// Pictures whose interval holds the true error.

@@ -206,7 +206,7 @@ fn a_render_stops_at_its_target_at_the_same_samples_in_core_and_streaming() {
     assert_eq!(fine, streamed, "same samples, same bits");
 }
 
-/// What one square of known brightness looks like through half of its samples.
+/// One square of known brightness, seen through half of its samples.
 #[test]
 fn a_reference_gives_the_true_error() {
     let file = std::env::temp_dir().join(format!("oocpt-reference-{}.exr", std::process::id()));

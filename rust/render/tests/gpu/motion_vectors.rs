@@ -12,7 +12,7 @@ use std::f64::consts::FRAC_PI_2;
 
 const SIZE: [u32; 2] = [64, 48];
 
-/// Where what is seen as prim `id` at the world's point `p` in the middle of the shutter is at a time of it.
+/// The position at a time of the shutter of the point that is at `p`, on prim `id`, in the middle of the shutter.
 type Path<'a> = dyn Fn(i32, DVec3, f64) -> DVec3 + 'a;
 
 /// Pixel from the lower left corner, and camera depth, of a point of the world.

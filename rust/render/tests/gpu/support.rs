@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How the tests render: one session, one request, every image, no message unnoticed.
+//! The helpers of the tests: one session, one request, every image, no message unnoticed.
 
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::camera::Camera;
@@ -23,7 +23,7 @@ pub(crate) fn settings(samples: u32, bounces: u32) -> Settings {
     Settings { samples_per_pixel: samples, max_bounces: bounces, interactive: false, ..defaults }
 }
 
-/// How many seeds a test counts over: a few, or, by `cargo xtask test --full`, many.
+/// The number of seeds that a test counts over: a few, or, by `cargo xtask test --full`, many.
 pub(crate) fn seeds([few, many]: [u32; 2]) -> u32 {
     if is_full() { many } else { few }
 }

@@ -21,7 +21,7 @@ fn picture(session: &Session, view: &RenderRequest, seed: usize) -> (Vec<f64>, u
     (channels.collect(), session.stats().error.expect("its error is told").samples)
 }
 
-/// What stopping does, over many seeds.
+/// The effects of stopping, over many seeds.
 #[derive(Debug)]
 struct Stopped {
     /// Bias of the mean of all pixels: relative, and in standard errors.

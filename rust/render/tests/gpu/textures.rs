@@ -320,7 +320,7 @@ fn signs(db: &mut SceneDb) {
     }
 }
 
-/// The same boards, which swing.
+/// The same boards, swinging.
 fn swinging_signs(db: &mut SceneDb) {
     signs(db);
     for i in 0..3 {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the BSDF is asked: parameters, normals, directions; and where random ones come from.
+//! The cases of the BSDF's tests: parameters, normals, directions; and the random ones.
 
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -11,10 +11,10 @@ pub(super) const SPECULAR_WORKFLOW: u32 = 1;
 /// A fibre along x; counts with its flag.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Hair {
-    /// Of R, TT, TRT.
+    /// Tints of R, TT, TRT.
     pub(crate) tints: [DVec3; 3],
     pub(crate) absorption: DVec3,
-    /// Of R, TT, TRT, as the next.
+    /// Variances of R, TT, TRT; the next field has the same order.
     pub(crate) variance: DVec3,
     pub(crate) spread: DVec3,
     pub(crate) tilt: f64,
@@ -51,7 +51,7 @@ pub(super) struct Case {
     pub(super) coat_roughness: f64,
     pub(super) opacity: f64,
     pub(super) flags: u32,
-    /// Only counts on a device with its lobe.
+    /// Colour of sheen; only counts on a device with its lobe.
     pub(super) sheen: DVec3,
     pub(super) sheen_roughness: f64,
     /// Ratio and turn of the base, of the coat; the tangent is the x axis. The same, as what follows.
@@ -172,7 +172,7 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// In 0..1.
+    /// A random number in 0..1.
     #[expect(clippy::cast_precision_loss, reason = "24 bits")]
     pub(super) fn unit(&mut self) -> f64 {
         (self.bits() >> 40) as f64 / f64::from(1 << 24)

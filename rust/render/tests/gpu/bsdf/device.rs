@@ -13,12 +13,12 @@ use std::time::Duration;
 const RESULT_FLOATS: usize = 28;
 /// Every lobe of today's materials.
 pub(super) const ALL: Features = SHARP_GLASS.union(Features::ROUGH_TRANSMISSION);
-/// The same without what only rough glass needs.
+/// The features of glass without those for rough glass.
 pub(super) const SHARP_GLASS: Features = PLAIN.union(Features::TRANSMISSION).union(Features::COAT);
-/// What every material has.
+/// The features of every material.
 pub(super) const PLAIN: Features = Features::MATERIALS;
 
-/// What one case gave.
+/// The results of one case.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Answer {
     pub(super) ok: bool,
@@ -35,7 +35,7 @@ pub(super) struct Answer {
     /// Of coat, specular, diffuse, multiple scattering, glass, its multiple scattering.
     pub(super) chance: [f64; 6],
     pub(super) chance_sheen: f64,
-    /// What a smooth interface lets through, 1 - F; 0 for what is not glass.
+    /// The transmittance of a smooth interface, 1 - F; 0 without glass.
     pub(super) lets_through: f64,
     /// Of glass, as the shader takes it; 0: sharp.
     pub(super) glass_alpha: f64,

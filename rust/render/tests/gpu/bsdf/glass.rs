@@ -44,8 +44,8 @@ fn density(alpha: f64, cosine: f64) -> f64 {
     a2 / (PI * (cosine * cosine * (a2 - 1.0) + 1.0).powi(2))
 }
 
-/// What single scattering loses at a cosine on a side, by quadrature over normals with density D cos, not over visible
-/// ones. The sum over what is visible is 1, and is made so.
+/// The loss of single scattering at a cosine on a side, by quadrature over normals with density D cos, not over visible
+/// ones. The sum over visible normals is normalised to 1.
 fn lost(alpha: f64, cosine: f64, eta: f64) -> f64 {
     const STEPS: [u32; 2] = [64, 600];
     let o = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
@@ -191,7 +191,7 @@ fn a_coat_gives_glass_its_roughness() {
     device.close();
 }
 
-/// What is symmetric is value / (n^2 |cosine|), n that of the side the light comes from.
+/// The symmetric quantity is value / (n^2 |cosine|), with n of the side the light comes from.
 #[test]
 fn rough_glass_is_reciprocal() {
     let device = Device::new(ALL);
@@ -230,9 +230,9 @@ fn rough_glass_is_reciprocal() {
     device.close();
 }
 
-/// How much glass may seem to absorb or emit. The lobe of multiple scattering is normalised to rounding
-/// (`bsdf_tables::glass` asks), so a furnace is off by what the table is off from U; without multiple scattering it is
-/// up to two thirds.
+/// Greatest error of glass in a furnace. The lobe of multiple scattering is normalised to rounding (tested in
+/// `bsdf_tables::glass`), so the error is that of the table against U; without multiple scattering it is up to two
+/// thirds.
 const OFF: f64 = 1e-3;
 
 /// Any roughness, index and cosine, most of them where the table bends: near index 1, at grazing angles and about that

@@ -47,7 +47,7 @@ fn fresnel(cosine: f64, eta: f64) -> f64 {
     0.5 * (s * s + p * p)
 }
 
-/// What the four lobes let through, without tints: Chiang et al. eq. 13, and the rest of its series.
+/// The attenuations of the four lobes, without tints: Chiang et al. eq. 13, and the rest of its series.
 fn attenuations(theta_o: f64, gamma_o: f64, eta: f64, absorption: f64) -> [f64; 4] {
     let f = fresnel((theta_o.cos() * gamma_o.cos()).max(0.0), eta);
     let theta_t = (theta_o.sin() / eta).asin();

@@ -71,7 +71,7 @@ fn albedo(alpha: f64, cosine: f64, steps: [usize; 2]) -> [f64; 2] {
     sum.map(|x| x / (steps[0] * steps[1]) as f64)
 }
 
-/// The same; exact for a mirror.
+/// The albedo of a layer; exact for a mirror.
 pub(super) fn layer_albedo(roughness: f64, cosine: f64) -> [f64; 2] {
     if roughness < 0.01 {
         let schlick = (1.0 - cosine).powi(5);
@@ -108,7 +108,7 @@ pub(super) struct Reference {
     scatter_norm: f64,
 }
 
-/// What lies under: U of the dielectric (rgb), U1, U of the coat.
+/// The layers below: U of the dielectric (rgb), U1, U of the coat.
 struct Under {
     specular: DVec3,
     lost: f64,

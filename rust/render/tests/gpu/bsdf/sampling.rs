@@ -109,8 +109,7 @@ impl Chart {
     }
 }
 
-/// How many standard deviations chi-square is off (Wilson and Hilferty 1931); bins that expect few are counted
-/// together.
+/// Standard deviations by which chi-square is off (Wilson and Hilferty 1931); bins that expect few are merged.
 #[expect(clippy::cast_precision_loss, reason = "counts")]
 fn deviation(expected: &[f64], counted: &[usize]) -> (f64, usize) {
     let mut sum = 0.0;

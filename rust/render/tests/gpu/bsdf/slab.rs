@@ -36,7 +36,7 @@ fn lobe(roughness: f64, ratio: f64, turn: f64, o: DVec3, i: DVec3) -> f64 {
     density / (1.0 + lambda(o) + lambda(i)) / (4.0 * o.z)
 }
 
-/// What differs from the isotropic lobe of the same roughness is the lobe itself: all else has its tables.
+/// Only the lobe itself differs from the isotropic one of the same roughness: all else uses its tables.
 #[test]
 fn anisotropic_lobes_match_the_f64_definition() {
     let device = Device::new(ANISOTROPIC);

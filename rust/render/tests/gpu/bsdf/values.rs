@@ -61,7 +61,7 @@ fn bsdf_values_match_the_f64_definition() {
     device.close();
 }
 
-/// How well f32 directions resolve narrow lobes: decides which are sharp.
+/// Measures how well f32 directions resolve narrow lobes, which decides which lobes are sharp.
 #[test]
 fn narrow_lobes_are_resolved() {
     let device = Device::new(PLAIN);

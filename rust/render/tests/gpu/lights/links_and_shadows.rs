@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is switched: multipliers, shadows and their colour, what the camera sees, what is left out.
+//! Switches of lights: multipliers, shadows and their colour, visibility to the camera, features that are left out.
 
 use super::{downwards, expect, irradiances, light, rect, sphere};
 use crate::scenes::{dome, prim, square, sun};

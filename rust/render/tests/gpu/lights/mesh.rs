@@ -281,7 +281,7 @@ fn a_small_mesh_is_no_noisier_than_a_light_of_its_shape() {
     assert!(ball < 0.04, "a ball mesh: {ball}, a sphere: {round}");
 }
 
-/// What nothing emits needs none of it.
+/// A scene without emission has none of the features.
 #[test]
 fn scenes_without_emission_leave_it_out() {
     let left_out = |material: MaterialDesc| {

@@ -144,7 +144,7 @@ fn interpolated_emission_programs_match_their_integral() {
     }
 }
 
-/// What shadow rays see of a program is what rays see that come by chance.
+/// Shadow rays and BSDF rays see the same emission of a program.
 #[test]
 fn shadow_rays_and_hit_rays_run_the_same_emission_program() {
     let leaning = DMat4::from_translation(DVec3::new(-0.3, 1.0, -0.6))

@@ -267,12 +267,12 @@ pub(super) fn screen_that(
     db.upsert_mesh(moved(desc, DVec3::ZERO));
 }
 
-/// The same at rest.
+/// The screen at rest.
 pub(super) fn screen(db: &mut SceneDb, transform: DMat4, is_alone: bool) {
     screen_that(db, transform, is_alone, &|desc, _| desc);
 }
 
-/// What shadow rays see of a texture is what rays see that come by chance: levels, slant and all.
+/// Shadow rays and BSDF rays see the same emission of a texture: levels, slant and all.
 #[test]
 fn shadow_rays_and_hit_rays_see_the_same_emission_texture() {
     let leaning = DMat4::from_translation(DVec3::new(-0.3, 1.0, -0.6))
@@ -332,7 +332,7 @@ fn a_missing_image_shines_with_its_fallback() {
     assert!((given / wanted - 1.0).abs() < 1e-2, "{given}, not {wanted}");
 }
 
-/// Only scenes that need it carry it.
+/// Only scenes that need light textures have them.
 #[test]
 fn constant_emission_omits_light_textures() {
     let left_out = |material: MaterialDesc| {

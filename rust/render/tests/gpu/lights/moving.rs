@@ -110,7 +110,7 @@ fn moving_distant_lights_match_their_closed_form() {
     }
 }
 
-/// What a light brings, as the mean of so many stills, and as it moves.
+/// Compares a moving light with the mean of so many stills.
 fn against_stills(what: &str, desc: &dyn Fn() -> LightDesc, place: &dyn Fn(f64) -> DMat4, error: f64) {
     const STILLS: u32 = 32;
     let mut stills = [0.0; 3];

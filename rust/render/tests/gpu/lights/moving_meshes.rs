@@ -18,7 +18,7 @@ use std::f64::consts::PI;
 
 const SAMPLES: u32 = 4096;
 
-/// Where something is at a time.
+/// A placement as a function of time.
 pub(super) type Map<'a> = &'a dyn Fn(f64) -> DMat4;
 
 pub(super) fn samples(keys: &[f64], map: Map<'_>) -> Vec<TransformSample> {
@@ -210,7 +210,7 @@ fn a_small_moving_mesh_light_is_little_noisier_than_a_static_one() {
     assert!(light < 4.0 * rest, "moving: {light}, at rest: {rest}");
 }
 
-/// What shadow rays see of a texture or a program on what moves is what rays see that come by chance.
+/// Shadow rays and BSDF rays see the same emission of a texture or a program on a moving mesh.
 #[test]
 fn varying_emission_of_moving_meshes_agrees_for_shadow_and_hit_rays() {
     let lean = |time: f64| {
@@ -241,7 +241,7 @@ fn varying_emission_of_moving_meshes_agrees_for_shadow_and_hit_rays() {
     }
 }
 
-/// What is sampled is not warned of, and what is at rest needs none of it.
+/// Sampled lights give no warning, and lights at rest need none of the features.
 #[test]
 fn only_deforming_mesh_lights_are_not_sampled() {
     let told = |build: &dyn Fn(&mut SceneDb)| {

@@ -190,7 +190,7 @@ fn lights_far_from_the_origin_stay_exact() {
     assert!((mean / expected - 1.0).abs() < 5e-3, "{mean}, not {expected}");
 }
 
-/// Where rays meet a light decides what shadows it: a black wall inside of a ball is behind its surface from
+/// The surface of a light that rays meet decides its shadows: a black wall inside of a ball is behind its surface from
 /// everywhere.
 #[test]
 fn a_wall_inside_a_sphere_light_casts_no_shadow() {

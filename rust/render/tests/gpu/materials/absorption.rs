@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What happens inside: absorption along the way, thin walls, and tangents of anisotropic lobes in pictures.
+//! The interior of glass: absorption along the way, thin walls; and tangents of anisotropic lobes in pictures.
 
 use super::*;
 

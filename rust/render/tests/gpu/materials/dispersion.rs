@@ -10,7 +10,7 @@ const DISPERSION: f64 = 0.1;
 const INDEX: f64 = 1.5;
 /// The angle of the prism.
 const ANGLE: f64 = std::f64::consts::FRAC_PI_6;
-/// Where the screen is.
+/// Position of the screen.
 const SCREEN: f32 = -5.5;
 
 fn float(value: f32) -> ParamValue {
@@ -61,7 +61,7 @@ fn index(wavelength: f64) -> f64 {
     a + b * inverse(wavelength)
 }
 
-/// What a ray head on the front sees of the screen, by Snell and Fresnel.
+/// The part of the screen that a ray head on the front sees, by Snell and Fresnel.
 fn seen(n: f64) -> f64 {
     let fresnel = |n1: f64, n2: f64, c1: f64, c2: f64| {
         let s = (n1 * c1 - n2 * c2) / (n1 * c1 + n2 * c2);
@@ -118,7 +118,7 @@ fn dispersive_glass_in_a_white_furnace_stays_white() {
     }
 }
 
-/// What two prisms and an absorbing one show in front of lights, when the scene streams and when it does not.
+/// Two prisms and an absorbing one in front of lights are the same if the scene streams and if it does not.
 #[test]
 fn dispersion_streams_with_the_same_bits() {
     let request = front();

@@ -55,8 +55,8 @@ fn picture(db: impl FnOnce(&mut SceneDb), samples: u32, streams: bool) -> Vec<[f
     read(&session, &request, AovKind::Color)
 }
 
-/// What enters the tube leaves it: its inside is never met, by a ray or on the way to a light; nor is that of the next
-/// piece where a curve turns.
+/// Light that enters the tube leaves it: its inside is never met, by a ray or on the way to a light; nor is that of the
+/// next piece where a curve turns.
 #[test]
 fn a_white_fibre_in_a_white_furnace_disappears() {
     let bent: Vec<[f32; 3]> = [[-1.2, -0.6], [-0.4, 0.5], [0.4, -0.5], [1.2, 0.6]].map(|[x, y]| [x, y, 0.0]).to_vec();

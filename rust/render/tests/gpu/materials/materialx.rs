@@ -232,7 +232,7 @@ fn fuzz_color_tints_the_fuzz_lobe() {
     assert!((red / blue - 0.5).abs() < 1e-3 && (green / blue - 0.25).abs() < 1e-3, "{red} {green} {blue}");
 }
 
-/// What goes through a sharp interface of tinted glass has its colour once.
+/// Light through a sharp interface of tinted glass is tinted once.
 #[test]
 fn glass_tints_transmitted_light() {
     let params = [

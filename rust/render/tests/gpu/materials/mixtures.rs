@@ -66,7 +66,7 @@ fn means(desc: MaterialDesc, samples: u32) -> [[f64; 2]; 3] {
     })
 }
 
-/// How many standard errors a mixture is from `share` of its second part.
+/// Standard errors between a mixture and the mean with `share` of its second part.
 fn off(mixture: [[f64; 2]; 3], [back, front]: [[[f64; 2]; 3]; 2], share: f64) -> f64 {
     let channel = |k: usize| {
         let expected = (1.0 - share) * back[k][0] + share * front[k][0];

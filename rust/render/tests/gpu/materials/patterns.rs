@@ -16,7 +16,7 @@ use std::time::Duration;
 const TINY: f64 = 2.0 * f32::MIN_POSITIVE as f64;
 const ULP: f64 = f32::EPSILON as f64;
 
-/// How far the device may be from the twin.
+/// The allowed error of the device against the twin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Error {
     /// The same bits.
@@ -25,7 +25,7 @@ enum Error {
     Within(f64, f64),
     /// Of the period b, this much of |a| and |b|.
     Period(f64),
-    /// As `Within`; x has the period 1.
+    /// Like `Within`, but x has the period 1.
     Hue(f64, f64),
 }
 
@@ -49,7 +49,7 @@ fn stated(case: &Case) -> Error {
     }
 }
 
-/// What runs cases on the device.
+/// Runs cases on the device.
 fn run(cases: &[Case]) -> Vec<[f32; 4]> {
     let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
     let gpu = Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device");

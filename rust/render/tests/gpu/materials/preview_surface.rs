@@ -99,7 +99,7 @@ fn subsets_show_their_materials_and_the_rest_its_color() {
     }
 }
 
-/// What a lobe of GGX with Schlick's Fresnel reflects of a sun, seen along the normal.
+/// The reflection of a sun by a lobe of GGX with Schlick's Fresnel, seen along the normal.
 fn shining(f0: f64, roughness: f64, degrees: f64) -> f64 {
     // The half vector is half way to the sun.
     let (cosine, half) = (degrees.to_radians().cos(), (0.5 * degrees).to_radians().cos());

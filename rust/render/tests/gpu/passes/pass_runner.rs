@@ -28,7 +28,7 @@ const STACK: u32 = 64;
 pub(super) const SEGMENT_SIZE: u32 = 300;
 pub(super) const SEGMENTS: u32 = 3;
 
-/// What is compared: the film, and depth and instance ids.
+/// The images that are compared: the film, and depth and instance ids.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Images {
     pub(super) film: Vec<u8>,

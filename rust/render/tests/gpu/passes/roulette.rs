@@ -20,7 +20,7 @@ const SAMPLES: u32 = 4;
 const PATHS: u32 = PIXELS * SAMPLES;
 const SEGMENT: u32 = 64;
 const CHUNKS: u32 = 8;
-/// What `measure_error` adds to a squared level.
+/// The constant that `measure_error` adds to a squared level.
 const EPSILON: f64 = 1e-2;
 
 /// Rays that wait, and what paths have brought so far.

@@ -12,7 +12,7 @@ use oocpt_abi::{
 use oocpt_shaders::passes;
 use std::collections::HashMap;
 
-/// What a run reports beside its images.
+/// The counts of a run beside its images.
 #[derive(Debug, Default)]
 pub(super) struct Totals {
     pub(super) submissions: u32,

@@ -43,7 +43,7 @@ fn a_scene_that_renders_in_less_memory_renders_in_more() {
     assert!(streamed > 1 && in_core > 1, "both kinds were there: {streamed}, {in_core}");
 }
 
-/// What an earlier scene or a load that ran out has left on the device makes room for paths.
+/// Assets on the device from an earlier scene or a load that ran out of memory are evicted for paths.
 #[test]
 fn leftovers_on_the_device_are_evicted_for_paths() {
     let tight = Settings { chunk_size_kib: 256, memory_budget_mib: 10, ..settings(2, 2) };

@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 const POLICIES: [PolicyKind; 3] = [PolicyKind::Sweep, PolicyKind::Priority, PolicyKind::Benefit];
 
-/// What one render gives.
+/// The results of one render.
 struct Render {
     images: Vec<Vec<u8>>,
     stats: StreamingStats,

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is planted shows, and failures for lack of memory do not: lost chunks, calls that fail, bytes that nobody
-//! counted.
+//! Planted faults show, and failures of allocations do not: lost chunks, calls that fail, bytes that nobody counted.
 
 use super::MOST_PICTURES;
 use super::scenes::{BEACH, SCENES, Scene};
@@ -13,7 +12,7 @@ use oocpt_render::{Message, PlantedFaults, Session, SessionOptions, Severity};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// At a quarter of the geometry.
+/// Settings with a quarter of the geometry's budget.
 fn quarter(scene: &Scene, whole: &Render) -> Settings {
     let budget = percent(whole.stats.scene_bytes, 25).max(smallest_budget(scene));
     Settings { geometry_budget_kib: budget, ..small_chunks() }
@@ -41,17 +40,17 @@ fn one_lost_chunk_in_a_hundred_is_noticed() {
     }
 }
 
-/// What became of a render in which calls failed, and of the next one of that session.
+/// The outcome of a render in which calls failed, and of the next one of that session.
 struct Failed {
     what: String,
     struck: u64,
-    /// The same picture, or what was said instead.
+    /// True if the picture is the same; otherwise the messages.
     outcome: Result<bool, Vec<Message>>,
     /// True if the next one has the same picture, if there was need of one.
     next: bool,
 }
 
-/// What a device has compiled or pooled it does not ask for again: these calls need a new one.
+/// Returns true for calls that need a new device: what a device has compiled or pooled it does not request again.
 fn needs_device(call: DriverCall) -> bool {
     matches!(call, DriverCall::Pipeline | DriverCall::CommandPool)
 }
@@ -118,7 +117,7 @@ fn any_single_failed_allocation_changes_no_bit() {
     });
 }
 
-/// What failed twice is given up, with one error, or did not matter.
+/// A call that failed twice is given up, with one error, or did not matter.
 #[test]
 fn two_consecutive_failed_allocations_give_at_most_one_error() {
     fail_everywhere(2, 2, |failed| match &failed.outcome {

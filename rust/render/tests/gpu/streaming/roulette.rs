@@ -20,8 +20,8 @@ use std::sync::Arc;
 /// Seeds, and with all tests. The draws of consecutive seeds are stratified, by sixteen: a mean over them is closer to
 /// the truth than its standard error says, never further.
 const SEEDS: [u32; 2] = [32, 64];
-/// How often the roulette is to be played for each of them ([`plays`]), and the most times as many seeds that may be
-/// rendered for that.
+/// The number of times that the roulette is to be played for each of them ([`plays`]), and the most times as many seeds
+/// that may be rendered for that.
 const PLAYS: u32 = 16;
 const MOST_BATCHES: u32 = 4;
 /// Seeds that only tell how often a machine plays.
@@ -46,7 +46,7 @@ fn played() -> PlantedFaults {
     PlantedFaults { roulette_per_mille: Some(PER_MILLE), ..PlantedFaults::default() }
 }
 
-/// The same without weights.
+/// The fault that plays without weights.
 fn unweighted() -> PlantedFaults {
     PlantedFaults { unweighted_roulette: true, ..played() }
 }
@@ -56,7 +56,7 @@ struct Renderer {
     session: Session,
     view: RenderRequest,
     totals: StreamingStats,
-    /// In core: pictures of seeds.
+    /// Pictures in core by seed.
     known: HashMap<u32, Regions>,
 }
 
@@ -100,15 +100,15 @@ impl Renderer {
     }
 }
 
-/// What seeds show.
+/// The results of the seeds.
 struct Shown {
     seeds: u32,
     /// Means and their standard errors of `with - without`, region by region.
     differences: Vec<(f64, f64)>,
 }
 
-/// How many seeds play often enough on this machine, by what others have played: had those that are compared a say in
-/// it, they would end where more rays than on average have ended, and be too dark in the mean.
+/// The number of seeds that play often enough on this machine, from the plays of other seeds: if the compared seeds
+/// decided it, they would end where more rays than on average have ended, and be too dark in the mean.
 fn enough(with: &mut Renderer) -> u32 {
     let least = seeds(SEEDS);
     for seed in PILOTS {
@@ -147,7 +147,7 @@ fn limit(seeds: u32) -> f64 {
     terms[0] + terms[1] / nu + terms[2] / nu.powi(2) + third / nu.powi(3)
 }
 
-/// How often the roulette was played: rays of both kinds that ended, loads that this saved.
+/// The number of plays: rays of both kinds that ended, loads that this saved.
 fn plays(totals: &StreamingStats) -> u64 {
     totals.roulette_paths.min(totals.roulette_shadow_rays).min(2 * totals.roulette_loads_saved)
 }

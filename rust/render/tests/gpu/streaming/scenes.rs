@@ -249,7 +249,7 @@ fn lamps(db: &mut SceneDb) {
     lamps_and_sky(db, &|_| Vec::new());
 }
 
-/// With what `motion` says of each transform.
+/// The scene with the motion that `motion` returns for each transform.
 pub(super) fn lamps_and_sky(db: &mut SceneDb, motion: &dyn Fn(DMat4) -> Vec<TransformSample>) {
     flat(db);
     db.remove("/sun");

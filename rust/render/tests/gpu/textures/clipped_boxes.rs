@@ -75,8 +75,8 @@ fn cut_otherwise(db: &mut SceneDb) {
     }
 }
 
-/// What is there is compared, and not a number of chance, which goes by the place of a triangle in its tree: the same
-/// rays meet the same surfaces.
+/// Coverage is compared, and not random numbers, which depend on the place of a triangle in its tree: the same rays
+/// meet the same surfaces.
 #[test]
 fn clipped_boxes_change_no_bit_of_cutouts_by_thresholds() {
     let without = (false, false);
@@ -96,7 +96,7 @@ fn clipped_boxes_change_no_bit_of_cutouts_by_thresholds() {
     }
 }
 
-/// By chance rays meet other leaves, as many.
+/// By chance rays meet other leaves, but as many.
 #[test]
 fn clipped_boxes_cover_as_much() {
     let mean = |images: &[Vec<u8>]| {

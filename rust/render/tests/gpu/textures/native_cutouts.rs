@@ -26,15 +26,15 @@ const IMAGES: [(&str, &str); 12] = [
     ("disc 600x300", "a"),
 ];
 
-/// What a leaf of a kind is made of.
+/// The construction of a leaf.
 #[derive(Clone, Copy, PartialEq)]
 enum Made {
     Card,
-    /// With values at corners of faces.
+    /// Values at corners of faces.
     Faceted,
-    /// Without coordinates: the instances have them.
+    /// No coordinates: the instances have them.
     Bare,
-    /// With the same ones everywhere.
+    /// The same coordinates everywhere.
     Flat,
     Deforming,
     Curves,
@@ -107,7 +107,7 @@ fn kind(db: &mut SceneDb, number: u32, made: Made, material: MaterialDesc) {
     db.upsert_material(material);
 }
 
-/// How opacity is meant: by a threshold or by chance.
+/// The mode of opacity: by a threshold or by chance.
 fn mode(number: u32) -> Vec<(&'static str, ParamValue)> {
     match number % 2 {
         0 => vec![("opacityThreshold", ParamValue::Float(0.45))],
@@ -130,7 +130,7 @@ fn by_image(number: u32, (file, output): (&str, &str)) -> MaterialDesc {
     desc
 }
 
-/// By a primvar, or by a number.
+/// A material with opacity by a primvar, or by a number.
 fn by_value(number: u32, name: Option<&str>) -> MaterialDesc {
     let mut own = mode(number);
     if name.is_none() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a scene of every kind is made of, beside the bare one.
+//! Rows of the table: the parts that each kind of scene has beside those of the bare one.
 
 mod geometry;
 mod lights;
@@ -10,7 +10,7 @@ mod textures;
 use super::scenes::shown;
 use oocpt_core::scene::SceneDb;
 
-/// What a row says: names of features, of passes, of buffers and of primvars that are there because of it.
+/// The contents of a row: names of features, of passes, of buffers and of primvars that exist because of it.
 pub(crate) type Names = &'static [&'static str];
 
 /// Lists of names; one may be in several.

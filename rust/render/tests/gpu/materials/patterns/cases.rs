@@ -17,7 +17,7 @@ pub(super) struct Case {
 }
 
 impl Case {
-    /// As the shader reads it.
+    /// The case in the layout of the shader.
     pub(super) fn words(&self) -> [u32; 14] {
         let mut words = [self.op as u32, self.immediate.into(), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
         for (word, x) in words[2..].iter_mut().zip(self.operands.as_flattened()) {
