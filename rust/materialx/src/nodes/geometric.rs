@@ -44,8 +44,8 @@ impl NetworkWalker<'_> {
         })
     }
 
-    /// Whether a node transforms from the world, and to the world; the other space is the object's. `None` for unknown
-    /// spaces.
+    /// Two flags: true if a node transforms from the world, and true if to the world; the other space is the object's.
+    /// `None` for unknown spaces.
     fn spaces(&mut self, at: NodeAddress) -> Option<[bool; 2]> {
         let is_world = |walker: &mut Self, name: &str| match walker.text(at, name).as_deref() {
             Some("world") => Some(true),

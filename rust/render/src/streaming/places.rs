@@ -20,7 +20,7 @@ const ENOUGH: u64 = 1 << 26;
 /// Bytes of a place: the radiance of a path.
 const PLACE_BYTES: u64 = 16;
 
-/// What bounds the places.
+/// The bounds on the number of places.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlaceBounds {
     /// The bounds on the number of places.

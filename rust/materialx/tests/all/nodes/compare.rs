@@ -36,7 +36,7 @@ impl Found {
     }
 }
 
-/// What operations make of a number: neither -0 nor what is below 2^-126.
+/// The number as operations treat it: neither -0 nor below 2^-126.
 fn normal(x: f32) -> f32 {
     if x.is_normal() { x } else { 0.0 }
 }

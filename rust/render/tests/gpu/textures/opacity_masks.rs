@@ -104,7 +104,7 @@ fn with_masks(are_there: bool, budget: Option<u32>) -> Render {
     masked(cut_in_many_ways, (are_there, false), budget, small_chunks()).0
 }
 
-/// Whether there are masks, and whether lookups that they leave open have passes of their own.
+/// Two flags: there are masks, and lookups that they leave open have passes of their own.
 pub(super) type Masks = (bool, bool);
 
 pub(super) fn masked(
