@@ -95,7 +95,7 @@ public:
     }
 
 private:
-    /// Converts texels; alpha stays, whatever the conversion does to it.
+    /// Converts texels; alpha stays, even if the conversion changes it.
     void _Apply(OCIO::PackedImageDesc& image, float* texels, std::size_t count, std::uint32_t channels) const
     {
         if (channels == 3) {

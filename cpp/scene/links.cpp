@@ -212,7 +212,7 @@ void HdOocPTAddCategories(
     const HdSceneIndexBase& scene, const HdOocPTLinks& links, const HdOocPTPrimSource& source, HdOocPTMeshState* mesh)
 {
     if (HdOocPTFind(source.container, { HdOocPTSceneTokens->sceneDelegate })) {
-        // The delegate has told the links itself, and is not asked for more.
+        // The delegate has provided the links itself.
         return;
     }
     if (const std::optional<SdfPath> path = _StagePath(scene, source.path, mesh->prim.instancedBy)) {

@@ -29,7 +29,7 @@ IndirectArgs walkers(uint rays, uint most) {
     return indirect(min(rays * spread, most));
 }
 
-// Streaming: what the last traversals counted, into the totals.
+// Streaming: adds the counts of the last traversals to the totals.
 void add_totals() {
     COUNTERS.chunk_visits += uint64_t(COUNTERS.visits);
     COUNTERS.chunk_misses += uint64_t(COUNTERS.misses);

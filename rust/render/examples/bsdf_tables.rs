@@ -5,7 +5,7 @@
 use oocpt_render::bsdf_tables::{self, glass, sheen};
 use std::{env, fs, io, path::Path};
 
-/// A name, and what computes its bytes.
+/// A name, and the function that computes its bytes.
 type Table = (&'static str, fn() -> Vec<u8>);
 
 fn main() -> io::Result<()> {

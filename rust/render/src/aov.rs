@@ -89,7 +89,7 @@ impl AovKind {
     }
 }
 
-/// One image asked for.
+/// A requested image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AovRequest {
     /// The kind of image.

@@ -48,7 +48,7 @@ pub struct ReportInstance {
 /// Size and use of one chunk.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReportChunk {
-    /// Device bytes of the chunk and of what it needs.
+    /// Device bytes of the chunk and of the assets that it needs.
     pub bytes: u64,
     /// Instance records.
     pub records: u64,
@@ -74,7 +74,7 @@ pub struct ReportMoment {
 /// A whole report.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ChunkReport {
-    /// [`VERSION`]; tells such a report from other files.
+    /// [`VERSION`]; distinguishes such a report from other files.
     #[serde(rename = "oocptChunkReport", default)]
     pub version: u32,
     /// Image width, pixels.

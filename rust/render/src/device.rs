@@ -105,7 +105,7 @@ struct UnsavedPipelines {
 /// take minutes beside other work.
 const TRANSLATION_TIMEOUT: Duration = Duration::from_secs(1800);
 
-/// An open device with what all frames on it share.
+/// An open device with the state that all frames on it share.
 #[derive(Debug)]
 pub(crate) struct Device {
     pub(crate) gpu: Arc<Gpu>,

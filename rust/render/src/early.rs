@@ -12,7 +12,7 @@ use crate::sync::lock;
 pub struct EarlyEnd {
     /// Samples of each pixel that are done.
     pub samples: u32,
-    /// Samples that were asked for.
+    /// Samples that were requested.
     pub target: u32,
 }
 

@@ -32,7 +32,7 @@ pub enum RenderError {
         /// The budget, bytes.
         budget: u64,
     },
-    /// The textures that a render in core asks for have outgrown what there is; it goes on streaming.
+    /// The textures that a render in core needs have outgrown the device; it continues by streaming.
     #[error("the textures that the picture shows do not fit beside the geometry")]
     TexturesOutgrow,
     /// Parts of the scene that a ray needs at once are larger than what is left for geometry.
@@ -81,9 +81,9 @@ pub enum RenderError {
     /// The image asked for is empty or larger than the renderer supports.
     #[error("an image of {width} x {height} pixels is not supported (1 to {max} pixels a side, {max_pixels} in all)")]
     ImageSize {
-        /// Width asked for, pixels.
+        /// Requested width, pixels.
         width: u32,
-        /// Height asked for, pixels.
+        /// Requested height, pixels.
         height: u32,
         /// Largest side, pixels.
         max: u32,

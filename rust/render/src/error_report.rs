@@ -26,7 +26,7 @@ const MAGIC: &[u8] = b"{\"oocptErrorReport\":";
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct ErrorReportHeader {
-    /// [`VERSION`]; tells the first line of a render.
+    /// [`VERSION`]; identifies the first line of a render.
     pub oocpt_error_report: u32,
     /// The renderer's version.
     pub renderer: String,
@@ -36,7 +36,7 @@ pub struct ErrorReportHeader {
     pub width: u32,
     /// Pixels from top to bottom.
     pub height: u32,
-    /// Samples per pixel that were asked for.
+    /// Requested samples per pixel.
     pub samples_target: u32,
     /// Indirect bounces.
     pub max_bounces: u32,

@@ -21,7 +21,7 @@ const LONGEST: u64 = 1 << 30;
 /// All materials of a scene, whether a mesh shows them or not.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MaterialReport {
-    /// [`VERSION`]; tells such a report from other files.
+    /// [`VERSION`]; distinguishes such a report from other files.
     #[serde(rename = "oocptMaterialReport", default)]
     pub version: u32,
     /// The materials in the order of their paths.

@@ -24,7 +24,7 @@ pub struct RenderRequest {
 }
 
 impl RenderRequest {
-    /// Checks the image size against what the renderer supports.
+    /// Checks the image size against the limits of the renderer.
     pub fn validate(&self) -> Result<(), RenderError> {
         let (width, height) = (self.width, self.height);
         let area = u64::from(width) * u64::from(height);

@@ -80,13 +80,13 @@ fn light_features(setting: &FrameContext<'_>) -> Features {
     setting.lights.features | (setting.carry.features & setting.light_carry)
 }
 
-/// Returns true if some light asks for shadow rays.
+/// Returns true if some light needs shadow rays.
 pub(crate) fn has_shadow_rays(setting: &FrameContext<'_>) -> bool {
     let any = Features::DOME | Features::DISTANT | Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
     light_features(setting).intersects(any)
 }
 
-/// Returns true if paths keep what lights ask of the surface that a ray left (`HAS_PREVIOUS_VERTICES` of the shaders).
+/// Returns true if paths keep data of the surface that a ray left, for lights (`HAS_PREVIOUS_VERTICES` of the shaders).
 pub(crate) fn has_light_paths(setting: &FrameContext<'_>) -> bool {
     let near = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
     light_features(setting).intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)

@@ -15,7 +15,7 @@ use oocpt_core::mesh::LeafKind;
 use oocpt_core::scene::Snapshot;
 use std::collections::BTreeSet;
 
-/// The features that the frame decides, whatever the snapshot says.
+/// The features that the frame decides, independent of the snapshot.
 const OF_FRAME: Features = Features::DOME
     .union(Features::DISTANT)
     .union(Features::LOCAL_LIGHTS)

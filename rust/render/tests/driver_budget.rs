@@ -45,7 +45,8 @@ fn peaks_of(scene: &Scene, samples: u32, budget_mib: u32, force_streaming: bool)
 fn after_every_step_the_driver_counts_no_more_than_the_budget() {
     let (small_driver, small_ours) = peaks(&BEACH, 1, 24);
     if small_driver == 0 {
-        // A software renderer, or a driver that does not say: the stats have to say so too, whatever is rendered.
+        // A software renderer, or a driver that does not report its memory: the stats have to say so too, whatever is
+        // rendered.
         assert_eq!(peaks(&BEACH, 2, 48).0, 0, "nothing is made up");
         assert_eq!(peaks_of(&BEACH, 2, 1024, false).0, 0, "in core neither");
         return;

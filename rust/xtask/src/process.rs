@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context as _, Result, bail};
 
-/// Tells the user what is being done, on stderr.
+/// Prints what is being done for the user, on stderr.
 pub(crate) fn say(what: impl Display) {
     #[expect(clippy::print_stderr, reason = "the door talks to a person or to a CI log")]
     {

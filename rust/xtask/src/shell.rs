@@ -22,7 +22,7 @@ const MATERIALX: &str = "PXR_MTLX_STDLIB_SEARCH_PATHS";
 pub(crate) enum VariableSetting {
     /// Put in front of a colon-separated list.
     Prepend(&'static str, PathBuf),
-    /// Set, whatever it was.
+    /// Set, whatever the previous value was.
     Set(&'static str, PathBuf),
     /// Set where it is not set, or empty.
     Default(&'static str, PathBuf),
@@ -87,7 +87,7 @@ pub(crate) fn exports(settings: &[VariableSetting]) -> String {
     settings.iter().map(line).collect()
 }
 
-/// Gives the settings to a child process.
+/// Passes the settings to a child process.
 pub(crate) fn apply(settings: &[VariableSetting], command: &mut std::process::Command) {
     for setting in settings {
         match setting {

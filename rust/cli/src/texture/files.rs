@@ -13,7 +13,7 @@ const MEMBERS: std::ops::RangeInclusive<u32> = 1001..=1100;
 /// Deepest folder below a named one.
 const DEEPEST: u32 = 32;
 
-/// The files that the names stand for.
+/// The files that the names expand to.
 #[derive(Debug, Default)]
 pub(super) struct ExpandedFiles {
     /// Absolute paths, each once, in order. Members of packages (`scene.usdz[a.png]`) are there as they were named.

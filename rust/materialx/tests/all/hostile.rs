@@ -172,19 +172,19 @@ proptest! {
             nodes[0] =
                 node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1), ("specular_roughness", 1)]);
             if surface == 1 {
-                // Whatever is random is a height.
+                // The height is random.
                 let last = nodes.len();
                 nodes[0].connections.push(("geometry_normal".into(), last, "out".into()));
                 nodes.push(node("ND_bump_vector3", &[], &[("height", 1)]));
             }
         } else if surface == 2 {
-            // A fibre, whatever else is random.
+            // The surface is a fibre with random inputs.
             let inputs = ["absorption_coefficient", "roughness_TT", "tint_R", "cuticle_angle"];
             let last = nodes.len();
             nodes.push(node("ND_chiang_hair_bsdf", &[], &inputs.map(|name| (name, 1))));
             nodes[0] = node("ND_surface", &[], &[("bsdf", last)]);
         } else if surface == 4 {
-            // Closures mixed, added and multiplied, whatever is random in them.
+            // Closures are mixed, added and multiplied with random parameters.
             let kinds = ["ND_mix_bsdf", "ND_add_bsdf", "ND_mix_bsdf", "ND_layer_bsdf"];
             let names = [["bg", "fg"], ["in1", "in2"], ["bg", "fg"], ["base", "top"]];
             let lobes = ["dielectric", "conductor", "oren_nayar_diffuse", "dielectric", "sheen"];
@@ -200,7 +200,7 @@ proptest! {
             }
             nodes.push(node("ND_uniform_edf", &[], &[("color", 1)]));
         } else if surface == 5 {
-            // Surfaces mixed by what is random.
+            // Surfaces are mixed by random shares.
             let first = nodes.len();
             nodes[0] = node("ND_mix_surfaceshader", &[], &[("bg", first), ("fg", first + 1), ("mix", 1)]);
             nodes.push(node(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Ids of `MaterialX` 1.38: every one that 1.39 has no definition of gives what 1.38 specifies, or is named.
+//! Ids of `MaterialX` 1.38: every one that 1.39 does not define has the result of 1.38's specification, or is reported.
 
 use oocpt_materialx::library::NodeLibrary;
 use oocpt_materialx::network::{Network, NetworkNode};
@@ -60,7 +60,7 @@ fn a_1_38_normal_map_uses_the_world_normal() {
     assert!(near(given(facing), [0.28; 3]), "its cosine to the view");
 }
 
-/// 1.38 has no bitangent: it is at right angles to what is said.
+/// 1.38 has no bitangent input: it is orthogonal to the given vectors.
 #[test]
 fn a_normal_map_of_1_38_makes_its_bitangent() {
     let about = |kind: &str| {

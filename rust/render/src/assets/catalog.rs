@@ -65,7 +65,7 @@ impl TopLevel {
     }
 }
 
-/// The table entry that an asset id stands for.
+/// The table entry of an asset id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AssetSlot {
     Mesh(usize),
@@ -209,7 +209,7 @@ impl SceneAssets {
         }
     }
 
-    /// The table entry that `asset` stands for.
+    /// The table entry of `asset`.
     pub(crate) fn slot(&self, asset: AssetId) -> AssetSlot {
         let at = asset as usize;
         if at < self.meshes {

@@ -184,7 +184,7 @@ impl AssetSource {
         sections
     }
 
-    /// Bytes asked of the heap.
+    /// Bytes to allocate from the heap.
     pub(crate) fn size(&self) -> u64 {
         match self {
             Self::Mesh(mesh) => MeshLayout::new(mesh).bytes,

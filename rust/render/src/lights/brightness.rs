@@ -10,7 +10,7 @@ use oocpt_abi::LightTablePointers;
 pub(super) struct SceneBrightness {
     /// Sum of the irradiances of local lights at distance 1 where they shine.
     pub(super) local: f64,
-    /// Irradiance that domes give.
+    /// Irradiance of the domes.
     pub(super) domes: f64,
     /// Irradiance of all distant lights on surfaces that face them.
     distant: f64,

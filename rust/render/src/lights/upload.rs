@@ -137,7 +137,7 @@ impl LightTables {
         Ok(())
     }
 
-    /// Lists what is on the device.
+    /// Lists the tables on the device.
     pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         let pictures = self.pictures.iter().flat_map(|have| std::iter::once(&have.texels).chain(&have.cells));
         let meshes = self.meshes.iter().flat_map(|meshes| meshes.tables.iter().flatten());

@@ -54,7 +54,8 @@ impl SceneResidency<'_> {
         self.assets.catalog.assets(unit).iter().copied().filter(|asset| !is_mapped(asset)).collect()
     }
 
-    /// Begins to load what rays wait for into host memory, except for what the device has room for beside all it holds.
+    /// Begins to load the units that rays wait for into host memory, except those for which the device has room beside
+    /// all it holds.
     pub(super) fn map_demanded(&mut self, demand: &RayDemand<'_>) -> Result<(), RenderError> {
         let Some(mut reach) = self.reach.take() else { return Ok(()) };
         let begun = self.map_most_wanted(&mut reach, demand);

@@ -57,7 +57,7 @@ impl StepObservation {
         since <= self.step && self.alive(segment.index) == Some(0)
     }
 
-    /// Reads what [`super::StreamBuffers::copy_out`] wrote.
+    /// Reads the bytes that [`super::StreamBuffers::copy_out`] wrote.
     pub(crate) fn read(&mut self, step: u64, bytes: &[u8], extents: StepExtents) {
         let (counters, rest) = bytes.split_at(size_of::<WavefrontCounters>());
         let (table, rest) = rest.split_at(extents.segments * size_of::<PathSegment>());

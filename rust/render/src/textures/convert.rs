@@ -33,7 +33,7 @@ pub(super) struct ImageDecoding<'a> {
     pub(super) first: u32,
 }
 
-/// Gives `sink` every tile of the levels that are wanted.
+/// Passes every tile of the wanted levels to `sink`.
 pub(super) fn convert(decoding: &ImageDecoding<'_>, sink: &mut dyn TileSink) -> Result<(), ImageError> {
     let image = decoding.image;
     let from = decoding.transform.map_or(decoding.texels, |(from, _)| from);

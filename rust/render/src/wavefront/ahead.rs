@@ -15,7 +15,7 @@ use std::thread::JoinHandle;
 /// other work would wait.
 const THREADS: usize = 3;
 
-/// Tells its holder whether threads still compile.
+/// A handle that does not keep the compilation alive and tells whether threads still compile.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PendingCompiles(Weak<Mutex<std::vec::IntoIter<&'static PassInfo>>>);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Intervals of the picture's error hold what it is as often as they say, counted over scenes and seeds.
+//! Intervals of the picture's error contain the true error as often as they state, counted over scenes and seeds.
 
 use crate::error_estimate::{SIZE, gloss, lamps, low_sun, mirror, overcast, view, window};
 use crate::lights::TestFiles;
@@ -41,7 +41,7 @@ fn through_a_lens() -> RenderRequest {
     view
 }
 
-/// Renders the scene with each of so many seeds; gives the pictures and what was said of their errors.
+/// Renders the scene with each of so many seeds; returns the pictures and their error estimates.
 fn pictures(case: &Case, seeds: u32) -> Vec<(Vec<f32>, ErrorRow)> {
     let session = Session::with_options(settings(case.samples, case.bounces), SessionOptions::default());
     session.set_light_files(Arc::new(TestFiles));

@@ -127,7 +127,7 @@ fn a_second_device_loss_ends_the_render() {
     assert!(render_with_messages(&session, &view).is_empty(), "and the next picture has a device again");
 }
 
-/// Takes meshes and gives none back.
+/// Takes meshes and never returns one.
 #[derive(Debug)]
 struct Abyss(u64);
 

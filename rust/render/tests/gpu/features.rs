@@ -20,7 +20,7 @@ use scenes::shown;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Renders a row; gives what it was made of and its images.
+/// Renders a row; returns its inventory and its images.
 fn render(row: &Row, carry: &str) -> (RenderInventory, Vec<Vec<u8>>) {
     let streams = matches!(row.also, Also::Streaming | Also::Mapped | Also::Roulette);
     let report = std::env::temp_dir().join(format!("oocpt-features-{}.json", std::process::id()));
@@ -72,7 +72,7 @@ fn render(row: &Row, carry: &str) -> (RenderInventory, Vec<Vec<u8>>) {
     (session.stats().inventory, images)
 }
 
-/// Names of what there is: features, passes, buffers, primvars.
+/// Names of the features, passes, buffers and primvars that exist.
 fn made(inventory: &RenderInventory) -> [BTreeSet<String>; 4] {
     let RenderInventory { features, passes, buffers, primvars, .. } = inventory;
     [

@@ -21,7 +21,7 @@ fn glass(roughness: f32) -> MaterialDesc {
     MaterialDesc { path: "/glass".into(), nodes: vec![node], surface: Some(0), ..MaterialDesc::default() }
 }
 
-/// The picture of a tilted block of glass of this roughness in what `light` gives.
+/// The picture of a tilted block of glass of this roughness under `light`.
 fn block_in(light: LightDesc, roughness: f32) -> Vec<[f32; 4]> {
     let session = session(settings(64, 24));
     session.with_scene(|db| {

@@ -106,7 +106,7 @@ fn cards(db: &mut SceneDb) {
         let id = i32::try_from(id).expect("small");
         let flat = DMat4::from_rotation_x(FRAC_PI_2);
         let mut desc = card(path, id, place_of(id, 0.0));
-        // The keys of a rotation and of a growth: between two the map is what `place_of` says.
+        // The keys of a rotation and of a growth: between two the map is that of `place_of`.
         desc.prim.motion =
             if id == 0 { Vec::new() } else { [0.0, 1.0].map(|t| sample(t, place_of(id, t) * flat)).to_vec() };
         db.upsert_mesh(desc);

@@ -16,7 +16,7 @@ use oocpt_core::settings::{Settings, TraversalKind};
 use oocpt_render::{RenderRequest, Session, SessionOptions, Severity};
 use std::sync::Arc;
 
-/// All images of a scene, and who walked its rays.
+/// All images of a scene, and the backend that walked its rays.
 fn images(
     build: fn(&mut SceneDb),
     settings: Settings,

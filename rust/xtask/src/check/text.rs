@@ -44,7 +44,7 @@ fn is_source(file: &str) -> bool {
     SOURCES.contains(&extension(file)) || matches!(file, ".ci/run" | "plugin/usdrecord")
 }
 
-/// All that is wrong with one file, as `file:line: what`.
+/// All faults of one file, as `file:line: fault`.
 fn findings_in(file: &str, text: &str) -> Vec<String> {
     let mut findings = Vec::new();
     if is_source(file) {
@@ -94,7 +94,7 @@ fn after_word<'line>(line: &'line str, word: &str) -> Option<&'line str> {
     })
 }
 
-/// The line without what stands between double quotes.
+/// The line without the texts between double quotes.
 fn without_strings(line: &str) -> String {
     line.split('"').step_by(2).collect()
 }

@@ -91,7 +91,7 @@ impl WatchedProcess<'_> {
     }
 }
 
-/// The name of the test whose end a line tells.
+/// The name of the test that a line reports as finished.
 fn test_of(line: &str) -> Option<&str> {
     let (name, _) = OF_A_TEST.iter().find_map(|ending| line.split_once(ending))?;
     Some(name.strip_prefix("test ").unwrap_or(name))

@@ -18,7 +18,7 @@ pub(crate) struct Hair {
     pub(crate) variance: DVec3,
     pub(crate) spread: DVec3,
     pub(crate) tilt: f64,
-    /// Beyond -1..1: the normal says it.
+    /// Outside of -1..1 the normal determines the offset.
     pub(crate) offset: f64,
 }
 
@@ -63,7 +63,7 @@ pub(super) struct Case {
 }
 
 impl Default for Case {
-    /// White, and what `UsdPreviewSurface` says of the rest; seen and lit from above.
+    /// A white material with `UsdPreviewSurface`'s defaults for the rest; seen and lit from above.
     fn default() -> Self {
         Self {
             g: DVec3::Z,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs `shaders/check/bsdf.comp` on cases and brings its numbers back.
+//! Runs `shaders/check/bsdf.comp` on cases and reads its results back.
 
 use super::cases::{CASE_FLOATS, Case};
 use glam::DVec3;
@@ -47,7 +47,7 @@ pub(super) struct Device {
     gpu: Arc<Gpu>,
     pipeline: Pipeline,
     tables: Buffer,
-    /// None without its lobe: the pass must not ask.
+    /// `None` without sheen's lobe: the pass must not read it.
     sheen: Option<Buffer>,
 }
 

@@ -128,7 +128,7 @@ fn samples_of_rough_diffuse_surfaces_follow_the_density() {
                 seed += 1;
                 let name = format!("diffuse roughness {roughness}, cosine {cosine}");
                 test(&device, &name, &case, &[Chart::new(DVec3::Z, 1.0)], seed);
-                // What is sampled is weighed by what is evaluated there.
+                // Samples are weighted by the evaluation of their direction.
                 for answer in device.cases(&[Case { u: [0.3, 0.6, 0.4], ..case }]) {
                     let known = answer.value / answer.value_pdf;
                     assert!(answer.ok && answer.weight.distance(known) < 1e-5, "{name}: {answer:?}");

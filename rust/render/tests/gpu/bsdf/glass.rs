@@ -277,7 +277,7 @@ fn any_glass_in_a_white_furnace_disappears() {
     device.close();
 }
 
-/// The same by samples, to what they tell: nothing is lost, and nothing won, on the way to either side.
+/// The furnace by samples, to their accuracy: nothing is lost, and nothing won, on the way to either side.
 #[test]
 fn glass_in_a_white_furnace_disappears() {
     let device = Device::new(ALL);

@@ -136,7 +136,7 @@ fn deviation(expected: &[f64], counted: &[usize]) -> (f64, usize) {
     (((sum / k).cbrt() - 1.0 + third) / third.sqrt(), bins)
 }
 
-/// Chi-square of one case, with bins for what is sharp and what is lost; the integral of the density.
+/// Chi-square of one case, with bins for sharp and lost samples; the integral of the density.
 #[expect(clippy::cast_precision_loss, reason = "counts")]
 pub(super) fn test(device: &Device, name: &str, case: &Case, charts: &[Chart], seed: u32) -> f64 {
     let case = case.rounded();

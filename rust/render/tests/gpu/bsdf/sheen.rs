@@ -200,8 +200,8 @@ fn sheen_sample_weights_are_bounded() {
     device.close();
 }
 
-/// Without the bit the pass has no table of it (its address is 0) and gives, to the bit, what it gives without colour
-/// of sheen.
+/// Without the bit the pass has no table of sheen (its address is 0), and its results are those without colour of
+/// sheen, to the bit.
 #[test]
 fn without_the_feature_bit_sheen_is_absent() {
     let without = Device::new(ALL);

@@ -116,7 +116,7 @@ impl Answer {
     }
 }
 
-/// Reflection is the same there and back, to what f32 tells.
+/// Reflection is reciprocal, to the precision of f32.
 pub(super) fn expect_reciprocal(device: &Device, cases: &[Case]) {
     let swapped: Vec<Case> = cases.iter().map(|c| Case { wo: c.wi, wi: c.wo, ..*c }).collect();
     let mut worst: f64 = 0.0;

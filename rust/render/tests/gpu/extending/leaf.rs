@@ -95,7 +95,7 @@ fn the_example_leaf_is_hit_at_its_planes() {
             assert!((given - normal).length() < 1e-6, "{name}: normal {given} instead of {normal}");
         }
     }
-    // Rays along an edge to what 24 bits say of it: none of these.
+    // Rays along an edge, to 24 bits: none of these.
     assert!(hits > 2000 && doubtful == 0, "{hits} pixels agree, {doubtful} do not");
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Scenes of one board that ask for one thing.
+//! Scenes of one board that need one feature.
 
 use crate::lights::light;
 use crate::materials::{board, coordinates, material, node, plain, textured, with};

@@ -97,7 +97,7 @@ fn lights_of_all_kinds_add_up() {
     }
 }
 
-/// No NaN, whatever the numbers; `irradiance_with` looks for them, and the stats for what was dropped.
+/// No NaN for any numbers; `irradiance_with` looks for them, and the stats for samples that were dropped.
 #[test]
 fn extreme_lights_stay_finite() {
     for intensity in [1e-30_f32, 1.0, 1e30] {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lights with a place beside lights at infinity: which are asked depends on what they bring, and what comes of it does
-//! not.
+//! Lights with a place beside lights at infinity: the choice between them depends on their contributions, and the
+//! result does not.
 
 use super::mesh::{corners, glow, quad};
 use super::shapes::polygon;
@@ -94,7 +94,7 @@ fn asked(counts: impl Fn(f32) -> bool, build: &dyn Fn(&mut SceneDb)) -> f64 {
     f64::from(count) / f64::from(64_u32 * 64)
 }
 
-/// Shares of shadow rays by what is brought, and a tenth at least.
+/// Shares of shadow rays by contribution, and a tenth at least.
 #[test]
 fn brighter_groups_get_a_larger_share_of_shadow_rays() {
     let at = DVec3::new(0.0, 1.0, 0.0);
@@ -107,7 +107,7 @@ fn brighter_groups_get_a_larger_share_of_shadow_rays() {
     };
     let reflected = |value: f32| ALBEDO / std::f32::consts::PI * value;
     for (sun_value, ball_value, expected) in [(1.0, 1e-3, 0.9), (1e-3, 1.0, 0.1), (1.0, 3.0, 0.3)] {
-        // What a ray to the sun brings is all of its light over the share of rays that ask it.
+        // A ray to the sun contributes all of its light over the share of rays that sample it.
         let is_sun = |value: f32| (value / (reflected(sun_value) / expected) - 1.0).abs() < 0.05;
         let share = asked(is_sun, &lit(sun_value, ball_value));
         assert!((share - f64::from(expected)).abs() < 0.02, "{sun_value} and {ball_value}: {share}, not {expected}");
@@ -131,7 +131,7 @@ fn brighter_groups_get_a_larger_share_of_shadow_rays() {
 /// As a lamp, by the power of its faces.
 #[test]
 fn brighter_mesh_lights_get_a_larger_share_of_shadow_rays() {
-    // Beside the way of the sun.
+    // The wall stands beside the rays to the sun.
     let transform = downwards(DVec3::new(0.5, 1.0, 0.0)) * DMat4::from_scale(DVec3::splat(0.02));
     #[expect(clippy::cast_possible_truncation, reason = "a small number")]
     let value_of_one = (1.0 / polygon(&corners(transform))) as f32;

@@ -20,7 +20,7 @@ fn float(value: f32) -> ParamValue {
 
 type Nodes<'a> = &'a [(&'a str, &'a [(&'a str, ParamValue)], &'a [(&'a str, usize)])];
 
-/// Reflects nothing and emits what the first of `nodes` says; they are numbered from 1.
+/// A material that reflects nothing and emits the value of the first of `nodes`; they are numbered from 1.
 fn emitting(nodes: Nodes<'_>) -> MaterialDesc {
     let dark = [("base_weight", float(0.0)), ("specular_weight", float(0.0)), ("emission_luminance", float(1.0))];
     let surface = node("ND_open_pbr_surface_surfaceshader", &dark, &[("emission_color", 1)]);

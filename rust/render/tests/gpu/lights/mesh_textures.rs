@@ -20,12 +20,12 @@ use oocpt_render::textures::{ImageError, ImageInfo, ImageLibrary, SourceImage};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Emits what the primvar "glow" says.
+/// A material that emits the primvar "glow".
 fn by_primvar() -> MaterialDesc {
     reading("/glow", "emissiveColor", "float3", "glow", &black())
 }
 
-/// Emits what a file says at "st", times `scale`.
+/// A material that emits a file at "st", times `scale`.
 pub(super) fn by_texture(file: &str, scale: f32) -> MaterialDesc {
     let text = |text: &str| ParamValue::Text(text.into());
     let node = |kind: &str, params: Vec<(&str, ParamValue)>, connections: Vec<(&str, usize, &str)>| NodeDesc {

@@ -63,7 +63,7 @@ fn a_square_that_moves_gives_the_mean_over_the_shutter() {
         ("it goes", &[0.0, 1.0], &|time| there(time) * flat * scaled(0.4, 0.4)),
         ("it turns", &[0.0, 1.0], &|time| still * DMat4::from_rotation_x(1.5 * time - 2.0) * scaled(0.4, 0.6)),
         ("it grows", &[0.0, 1.0], &|time| still * flat * scaled(0.1 + 0.8 * time, 0.5 - 0.3 * time)),
-        // Rays of the BSDF bring a good part of it.
+        // Rays of the BSDF contribute a good part of it.
         ("it grows large", &[0.0, 1.0], &|time| {
             at(0.0, 1.0, -4.3) * flat * DMat4::from_scale(DVec3::splat(0.5 + 3.5 * time))
         }),

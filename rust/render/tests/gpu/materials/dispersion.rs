@@ -41,7 +41,7 @@ fn prism() -> MeshDesc {
     desc
 }
 
-/// Emits as much as its x says.
+/// A screen whose emission is its x.
 fn screen(db: &mut SceneDb) {
     let black = color([0.0; 3]);
     let dark = [("diffuseColor", black.clone()), ("specularColor", black), ("useSpecularWorkflow", ParamValue::Int(1))];
@@ -112,7 +112,7 @@ fn dispersive_glass_in_a_white_furnace_stays_white() {
         let pixels: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
         for channel in 0..3 {
             let mean = pixels.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>() / 256.0;
-            // What is still inside at the end is lost.
+            // Light that is still inside at the end is lost.
             assert!((mean - 1.0).abs() < 0.01, "roughness {roughness}, channel {channel}: {mean}");
         }
     }

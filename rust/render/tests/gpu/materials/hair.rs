@@ -92,7 +92,8 @@ fn lit(hair: &Hair, h: f64, to_sun: DVec3) -> f64 {
     reference(hair, 1.55, turn * DVec3::Z, turn * to_sun).x
 }
 
-/// A sun behind the fibre, beside and before it: what shadow rays bring, at every height, of a tube and of a ribbon.
+/// A sun behind the fibre, beside and before it: the contribution of shadow rays, at every height, of a tube and of a
+/// ribbon.
 #[test]
 fn a_sun_shines_on_and_through_a_fibre() {
     let own = Hair {

@@ -39,7 +39,7 @@ pub(crate) fn noisy(path: &str) -> MaterialDesc {
     material(path, nodes)
 }
 
-/// Two lookups multiplied, the second where the first says.
+/// Two lookups multiplied, the second at the place that the first gives.
 pub(crate) fn distorted(path: &str) -> MaterialDesc {
     let nodes = vec![
         node(OPEN_PBR, &[("base_weight", float(1.0)), ("specular_weight", float(0.0))], &[("base_color", 1)]),
@@ -55,7 +55,7 @@ fn st(desc: MeshDesc) -> MeshDesc {
     with(desc, "st", Interpolation::Vertex, coordinates(|st| st))
 }
 
-/// The albedo at each pixel is what the program gives on the host, at the pixel's coordinates and point.
+/// The albedo at each pixel is the result of the program on the host, at the pixel's coordinates and point.
 #[test]
 fn device_programs_match_the_host_evaluator() {
     let desc = noisy("/noise");

@@ -110,7 +110,7 @@ fn mixed_glass_in_a_white_furnace_stays_white() {
     render(&session, &request);
     let pixels: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
     let mean = pixels.iter().map(|pixel| f64::from(pixel[0])).sum::<f64>() / 256.0;
-    // What is still inside at the end is lost.
+    // Light that is still inside at the end is lost.
     assert!((mean - 1.0).abs() < 0.01, "{mean}");
 }
 

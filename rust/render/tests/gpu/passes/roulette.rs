@@ -23,7 +23,7 @@ const CHUNKS: u32 = 8;
 /// The constant that `measure_error` adds to a squared level.
 const EPSILON: f64 = 1e-2;
 
-/// Rays that wait, and what paths have brought so far.
+/// Waiting rays, and the contributions of paths so far.
 struct Waiting {
     roulette: RouletteStats,
     radiance: Vec<f32>,
@@ -36,7 +36,7 @@ struct Waiting {
 }
 
 impl Waiting {
-    /// Nobody, and every path has brought 1.
+    /// No ray waits, and every path has contributed 1.
     fn nobody() -> Self {
         Self {
             roulette: RouletteStats { mean: 1.0, second_moment: 1.0, ..RouletteStats::default() },
@@ -70,7 +70,7 @@ impl Waiting {
         self.entries.push(path | kind);
     }
 
-    /// Runs a pass; gives the worth of the chunks and what is known of paths.
+    /// Runs a pass; returns the worth of the chunks and the statistics of paths.
     fn run(&self, gpu: &Arc<Gpu>, module: &'static ShaderModule) -> (Vec<u32>, RouletteStats) {
         let mut kept = Vec::new();
         let mut upload = |bytes: &[u8]| {
@@ -148,7 +148,7 @@ fn read<T: Pod>(gpu: &Arc<Gpu>, source: &Buffer) -> Vec<T> {
     copy.map(|bytes| bytemuck::pod_collect_to_vec(bytes)).expect("mapped")
 }
 
-/// Worth of the chunks, to what its sums can tell.
+/// Worth of the chunks, to the precision of the sums.
 fn assert_worth(worth: &[u32], expected: &[(u32, f64)]) {
     for &(chunk, expected) in expected {
         let got = f64::from(worth[chunk as usize]) / f64::from(WORTH_ONE);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! All device memory in many sizes: what renders with less renders with more, and gives the same picture.
+//! All device memory in many sizes: a scene that renders with less memory renders with more, and gives the same
+//! picture.
 
 use super::{BEACH, options, planting, request_of};
 use crate::support::{read_all, render, render_with_messages, seeds, settings};

@@ -165,7 +165,7 @@ fn thin_shadow_casters_same_bits_at_every_budget() {
     same_bits(&SCENES[5]);
 }
 
-/// Encoded anew, or copied from what the host keeps of it: what comes again is the same.
+/// Assets that are encoded anew, or copied from the host's store: the bits are the same.
 #[test]
 fn kept_encodings_change_no_bit() {
     let whole = render(&BEACH, Settings { chunk_size_kib: 256, ..settings(2, 2) }, options());

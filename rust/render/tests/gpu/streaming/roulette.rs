@@ -24,7 +24,7 @@ const SEEDS: [u32; 2] = [32, 64];
 /// that may be rendered for that.
 const PLAYS: u32 = 16;
 const MOST_BATCHES: u32 = 4;
-/// Seeds that only tell how often a machine plays.
+/// Seeds that only measure how often a machine plays.
 const PILOTS: Range<u32> = 1 << 20..(1 << 20) + 4;
 /// Probability of every load that is played for. At a half a load adds as much as often as it takes away, so that
 /// Student's distribution holds far out with few seeds: with less, means that lie low come with spreads that are too
@@ -152,8 +152,8 @@ fn plays(totals: &StreamingStats) -> u64 {
     totals.roulette_paths.min(totals.roulette_shadow_rays).min(2 * totals.roulette_loads_saved)
 }
 
-/// Returns true if rays ended so often, over all seeds, that the test says something: half as often as the seeds that
-/// were asked said.
+/// Returns true if enough rays ended, over all seeds, for the test to be meaningful: half as many as the pilot seeds
+/// predicted.
 fn was_played(totals: &StreamingStats) -> bool {
     plays(totals) >= u64::from(PLAYS * seeds(SEEDS) / 2)
 }
@@ -262,8 +262,7 @@ fn roulette_on_steering_samples_is_noticed() {
     assert!(planted > 0, "counts that verdicts decide must be seen");
 }
 
-/// By what loads really cost: a scene so small has no load that is not worth it, or few; what is asked for is that
-/// nothing hangs.
+/// With measured costs: so small a scene has few or no loads that are not worth it; the test is that nothing hangs.
 #[test]
 fn with_measured_prices_all_paths_finish() {
     for scene in &SCENES {

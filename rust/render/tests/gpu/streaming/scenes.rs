@@ -10,7 +10,7 @@ use oocpt_core::scene::{
 };
 use oocpt_core::{DomeFormat, LightDesc, LightKind, ShapingCone, TypedArray};
 
-/// A scene, where its camera stands and what it looks at.
+/// A scene with its camera.
 pub(crate) struct Scene {
     pub(crate) name: &'static str,
     pub(crate) build: fn(&mut SceneDb),

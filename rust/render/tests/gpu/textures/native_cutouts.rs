@@ -147,7 +147,7 @@ fn by_value(number: u32, name: Option<&str>) -> MaterialDesc {
 
 /// Cutouts of every kind.
 fn all_kinds(db: &mut SceneDb) {
-    // Ptex beside them is no matter.
+    // Ptex beside them does not matter.
     let ground = square(prim("/ground", DMat4::from_scale(DVec3::splat(20.0))), 1, 0.5);
     db.upsert_mesh(MeshDesc { material: Some("/painted".into()), ..ground });
     db.upsert_material(crate::materials::painted("/painted"));

@@ -31,7 +31,7 @@ fn only_visible_tiles_are_loaded() {
     let streamed = session(settings(4, 1), streams, build);
     support::render(&streamed, &far);
     assert!(read_all(&streamed, &far) == read_all(&in_core, &far), "the same bits");
-    // Another camera asks for what it sees; the rest stays and is not loaded again.
+    // Another camera requests the tiles that it sees; the rest stays and is not loaded again.
     let near = part(0.01, 32);
     support::render(&in_core, &near);
     let later = stats(&in_core);

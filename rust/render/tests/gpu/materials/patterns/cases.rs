@@ -8,7 +8,7 @@ pub(super) fn ops() -> impl Iterator<Item = Op> {
     Op::ALL.into_iter().filter(|op| !matches!(op, Op::Surface | Op::Texture))
 }
 
-/// An operation and what it is given.
+/// An operation and its operands.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Case {
     pub(super) op: Op,
