@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The hard budget by the driver's own account. A process of its own: the driver counts all that the process holds.
+//! The hard budget by the driver's own figures. It runs in a process of its own because the driver counts all memory of
+//! a process.
 
 #[path = "gpu/lights/test_files.rs"]
 mod light_files;
@@ -53,7 +54,7 @@ fn after_every_step_the_driver_counts_no_more_than_the_budget() {
     }
     assert!(peaks_of(&BEACH, 2, 1024, false).0 > 0, "it is asked in core, too");
     let own = small_driver.saturating_sub(small_ours);
-    // All of them smaller than what the scene and its paths would take.
+    // All of them are smaller than the scene and its paths would take.
     for budget_mib in [28, 36, 48] {
         let (driver, ours) = peaks(&BEACH, 16, budget_mib);
         let limit = (u64::from(budget_mib) << 20) + own + DRIVERS_OWN;

@@ -17,7 +17,7 @@ fn rel_mse(picture: &[f32], reference: &[f64]) -> f64 {
     mean(&errors).0
 }
 
-/// Mean, and the variance of that.
+/// The mean, and its variance.
 #[expect(clippy::cast_precision_loss, reason = "few")]
 fn mean(values: &[f64]) -> (f64, f64) {
     let count = values.len() as f64;
@@ -187,7 +187,7 @@ fn the_confidence_interval_holds_the_true_error() {
         let (pictures, told): (Vec<_>, Vec<_>) = (0..number as usize).map(one).unzip();
         let all = average(&pictures);
         for (picture, told) in pictures.iter().zip(told) {
-            // Against the mean of the others, whose own noise is one part in as many as they are.
+            // Each picture is compared with the mean of the others, whose own noise is smaller by their number.
             let others: Vec<f64> =
                 all.iter().zip(picture).map(|(m, x)| (m * (more + 1.0) - f64::from(*x)) / more).collect();
             let (truth, told) = (rel_mse(picture, &others) / (1.0 + 1.0 / more), told.expect("an estimate"));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Curves and points on the device against a solver in f64 that knows nothing of cones: a hull of two balls is met
-//! where the first of all balls between them is met.
+//! Curves and points on the device against a solver in f64 without cones: a hull of two balls is met where the first of
+//! all balls between them is met.
 
 use crate::scenes::{constant, dome, prim};
 use crate::support::{orthographic, perspective, read, render, request, session, settings};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The image `motion`, against where points are by closed forms in f64: cameras, placements and points that move.
+//! The image `motion`, against positions of points by closed forms in f64: cameras, placements and points that move.
 
 use crate::scenes::{constant, deforming, mesh, prim, square, widening};
 use crate::support::{orthographic, perspective, read, render, request, session, settings};
@@ -49,7 +49,7 @@ fn rendered(camera: &Camera, build: impl FnOnce(&mut SceneDb)) -> (Session, Vec<
 }
 
 /// Renders and compares every pixel. `still`: the camera in the middle of the shutter; `at`: its map at a time of it.
-/// Pixels of each prim id that moved.
+/// Returns the number of moving pixels of each prim id.
 fn agree(
     what: &str,
     (camera, still): (&Camera, &Camera),

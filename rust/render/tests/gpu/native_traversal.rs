@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Both traversal backends on the same scenes: the same bits of every image, in core and streaming; and who runs where.
+//! Both traversal backends on the same scenes: the same bits of every image, in core and streaming; and the choice of
+//! the backend.
 //!
 //! All other tests pin the shaders. With `OOCPT_TEST_TRAVERSAL=native` they run on the host instead.
 
@@ -33,7 +34,7 @@ fn images(
     (read_all(&session, request), stats.inventory.traversal, session)
 }
 
-/// Compares both backends; on a device with memory of its own, asks for the message instead.
+/// Compares both backends; on a device with memory of its own, expects the message instead.
 pub(crate) fn same_bits(
     what: &str,
     build: fn(&mut SceneDb),

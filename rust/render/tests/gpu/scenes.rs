@@ -116,7 +116,7 @@ pub(crate) fn sun(irradiance: f32, angle_degrees: f32, transform: DMat4) -> Ligh
     }
 }
 
-/// `desc` with points that `place` puts where they are at times of the shutter.
+/// `desc` with the points of `place` at times of the shutter.
 pub(crate) fn deforming(desc: MeshDesc, times: &[f64], place: &dyn Fn(Vec3, f64) -> Vec3) -> MeshDesc {
     let view = desc.points.view();
     #[expect(clippy::unwrap_used, reason = "a test")]

@@ -9,12 +9,11 @@ use oocpt_render::{AovKind, AovRequest, Message, RenderRequest, Session, Session
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Longest wait for one render: it is there for what hangs, so a busy machine may take its time compiling.
+/// Longest wait for one render: it only ends tests that hang, so a busy machine may take its time compiling.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(300);
 
-/// Settings of the tests: few samples, one seed, rays walked by the shaders, which are what is tested, or by the host
-/// where `OOCPT_TEST_TRAVERSAL` says so: any test must pass with either. The device is the one that
-/// `OOCPT_TEST_DEVICE` names.
+/// Settings of the tests: few samples, one seed, rays walked by the shaders, or by the host if `OOCPT_TEST_TRAVERSAL`
+/// says so: any test must pass with either. `OOCPT_TEST_DEVICE` names the device.
 pub(crate) fn settings(samples: u32, bounces: u32) -> Settings {
     let said = std::env::var("OOCPT_TEST_TRAVERSAL").ok();
     let traversal = said.and_then(|name| TraversalKind::named(&name)).unwrap_or(TraversalKind::Compute);

@@ -5,7 +5,7 @@ use glam::DVec3;
 use std::f64::consts::TAU;
 
 pub(super) const CASE_FLOATS: usize = 64;
-/// `SHADING_SPECULAR_WORKFLOW`.
+/// The flag `SHADING_SPECULAR_WORKFLOW`.
 pub(super) const SPECULAR_WORKFLOW: u32 = 1;
 
 /// A fibre along x; counts with its flag.
@@ -54,7 +54,8 @@ pub(super) struct Case {
     /// Colour of sheen; only counts on a device with its lobe.
     pub(super) sheen: DVec3,
     pub(super) sheen_roughness: f64,
-    /// Ratio and turn of the base, of the coat; the tangent is the x axis. The same, as what follows.
+    /// Ratio and turn of the base, of the coat; the tangent is the x axis. They only count on a device with their
+    /// lobes, as the fields below do.
     pub(super) anisotropy: [f64; 4],
     /// Weight, thickness in nm, index.
     pub(super) film: DVec3,
@@ -119,7 +120,7 @@ impl Case {
         floats
     }
 
-    /// The case as the shader sees it: every number rounded to f32.
+    /// The case as the shader receives it: every number rounded to f32.
     pub(super) fn rounded(mut self) -> Self {
         for v in [
             &mut self.g,
@@ -193,13 +194,13 @@ impl Random {
         DVec3::new(self.unit(), self.unit(), self.unit())
     }
 
-    /// On the hemisphere of z, more often near the horizon than uniform.
+    /// A direction on the hemisphere of z, more often near the horizon than uniform.
     pub(super) fn above(&mut self) -> DVec3 {
         let cosine = self.unit().powi(2).max(1e-3);
         direction(cosine, TAU * self.unit())
     }
 
-    /// Any parameters; both directions above a flat surface.
+    /// A case of random parameters; both directions above a flat surface.
     pub(super) fn case(&mut self) -> Case {
         Case {
             wo: self.above(),

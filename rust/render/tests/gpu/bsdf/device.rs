@@ -32,14 +32,14 @@ pub(super) struct Answer {
     pub(super) diffuse: DVec3,
     pub(super) specular: DVec3,
     pub(super) given_pdf: f64,
-    /// Of coat, specular, diffuse, multiple scattering, glass, its multiple scattering.
+    /// Chances of coat, specular, diffuse, multiple scattering, glass, its multiple scattering.
     pub(super) chance: [f64; 6],
     pub(super) chance_sheen: f64,
     /// The transmittance of a smooth interface, 1 - F; 0 without glass.
     pub(super) lets_through: f64,
-    /// Of glass, as the shader takes it; 0: sharp.
+    /// Alpha of glass, as the shader uses it; 0: sharp.
     pub(super) glass_alpha: f64,
-    /// All floats, as they came.
+    /// All floats of the result.
     pub(super) raw: [f32; RESULT_FLOATS],
 }
 
@@ -123,7 +123,7 @@ impl Device {
         results.as_chunks::<4>().0.to_vec()
     }
 
-    /// No message of the validation layer went unseen.
+    /// Asserts that there were no messages of the validation layer.
     pub(super) fn close(&self) {
         let messages = self.gpu.take_validation_messages();
         assert!(messages.is_empty(), "Vulkan validation: {messages:?}");

@@ -9,7 +9,7 @@ use super::sampling::{Chart, mirror, test};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// Glass and nothing else.
+/// A case of glass only.
 fn glass() -> Case {
     Case { opacity: 0.0, metallic: 0.0, ..Case::default() }
 }
@@ -138,7 +138,7 @@ fn rough_glass_values_match_the_f64_definition() {
             wo = -wo;
         }
         let case = Case { wo, ior, roughness, u: random.units(), ..glass() };
-        // A sample, so that narrow lobes are met.
+        // The direction is a sample, so that narrow lobes are met.
         let wi = device.cases(&[case])[0].sampled;
         if wi.z.abs() > 0.15 {
             made.push(Case { wi, ..case });
@@ -236,8 +236,8 @@ fn rough_glass_is_reciprocal() {
 const OFF: f64 = 1e-3;
 
 /// Any roughness, index and cosine, most of them where the table bends: near index 1, at grazing angles and about that
-/// of total reflection. The chance of multiple scattering is U of the shader; samples would have to be millions to tell
-/// a thousandth.
+/// of total reflection. The chance of multiple scattering is the shader's U; to measure a thousandth, samples would
+/// have to be millions.
 #[test]
 fn any_glass_in_a_white_furnace_disappears() {
     let device = Device::new(ALL);
@@ -251,7 +251,7 @@ fn any_glass_in_a_white_furnace_disappears() {
             let side = random.pick(&[1.0, -1.0]);
             let cosine = if side < 0.0 && random.unit() < 0.4 { about } else { random.unit().powi(2) };
             let wo = direction(cosine.clamp(1.5e-3, 1.0), 0.3) * side;
-            // The other way about: a denser outside.
+            // The inverse index is a denser outside.
             let inverse = random.unit() < 0.3 && index < 2.5;
             let (ior, wo) = if inverse { (1.0 / index, -wo) } else { (index, wo) };
             Case { wo, roughness, ior, ..glass() }
@@ -332,7 +332,7 @@ fn samples_follow_the_density_on_both_sides() {
     device.close();
 }
 
-/// Below what bins of the whole sphere resolve: each side has its own narrow lobe.
+/// Lobes below the resolution of bins of the whole sphere: each side has its own narrow lobe.
 #[test]
 fn samples_of_nearly_smooth_glass_follow_the_density() {
     let device = Device::new(ALL);
@@ -357,8 +357,8 @@ fn samples_of_nearly_smooth_glass_follow_the_density() {
     device.close();
 }
 
-/// With less and less roughness it is Snell's and Fresnel's glass, and without any the passes need nothing of the rough
-/// one.
+/// As roughness decreases the glass becomes Snell's and Fresnel's, and without any roughness the passes need nothing of
+/// rough glass.
 #[test]
 fn rough_glass_converges_to_smooth_glass() {
     let device = Device::new(ALL);
@@ -389,7 +389,7 @@ fn rough_glass_converges_to_smooth_glass() {
             }
         }
     }
-    // Roughness below what is resolved is the same to the bit as none.
+    // Roughness below the resolution is the same to the bit as none.
     let mut random = Random(23);
     let of = |roughness: f64| move |c: Case| Case { roughness, coat: 0.0, opacity: 0.3 * c.opacity, ..c };
     let cases: Vec<Case> = (0..2000).map(|_| random.case()).collect();

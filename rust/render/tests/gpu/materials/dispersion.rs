@@ -5,7 +5,7 @@ use super::*;
 use crate::support::color_request;
 
 const OPEN_PBR: &str = "ND_open_pbr_surface_surfaceshader";
-/// Of n - 1, between the lines F and C: 1 / V.
+/// Relative dispersion of n - 1, between the lines F and C: 1 / V.
 const DISPERSION: f64 = 0.1;
 const INDEX: f64 = 1.5;
 /// The angle of the prism.

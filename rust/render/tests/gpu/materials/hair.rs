@@ -61,7 +61,7 @@ fn picture(db: impl FnOnce(&mut SceneDb), samples: u32, streams: bool) -> Vec<[f
 fn a_white_fibre_in_a_white_furnace_disappears() {
     let bent: Vec<[f32; 3]> = [[-1.2, -0.6], [-0.4, 0.5], [0.4, -0.5], [1.2, 0.6]].map(|[x, y]| [x, y, 0.0]).to_vec();
     let wave = curves("/fibre", CurveBasis::BSpline, &[bent], 0.1);
-    // A path that met an inside would be one bounce longer, and be lost where there is none left.
+    // A path that met an inside would be one bounce longer, and be lost at the last bounce.
     for (name, desc, bound, most) in [
         ("a tube", fibre(1.0, false), 1e-5, 1e-4),
         ("a thin tube", fibre(0.05, false), 1e-5, 1e-4),
@@ -202,7 +202,7 @@ fn hair_streams_with_the_same_bits() {
     assert!(colors.iter().flatten().all(|x| x.is_finite()), "every pixel is a number");
 }
 
-/// Hair on a mesh is shaded by its normals, and one line says so.
+/// Hair on a mesh is shaded by its normals, and a warning says so.
 #[test]
 fn hair_on_a_mesh_gives_a_warning() {
     let session = session(settings(1, 1));

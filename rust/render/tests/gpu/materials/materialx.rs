@@ -135,7 +135,7 @@ fn dependent_texture_lookups_use_the_computed_coordinates() {
     }
 }
 
-/// An `open_pbr_surface` and the `UsdPreviewSurface` that says the same are the same picture, bit for bit.
+/// An `open_pbr_surface` and an equivalent `UsdPreviewSurface` give the same picture, bit for bit.
 #[test]
 fn equal_surfaces_in_two_models_give_equal_pictures() {
     let pictures = [
@@ -181,7 +181,7 @@ fn equal_surfaces_in_two_models_give_equal_pictures() {
     assert!(pictures[0] == pictures[1], "{:?} and {:?}", pictures[0][0], pictures[1][0]);
 }
 
-/// Under a white sky what takes nothing away is white: glass that is clear, fuzz that is white over white.
+/// Materials that absorb nothing are white under a white sky: clear glass, white fuzz over white.
 #[test]
 fn materialx_glass_and_fuzz_in_a_white_furnace_stay_white() {
     let cases = [
@@ -208,8 +208,8 @@ fn materialx_glass_and_fuzz_in_a_white_furnace_stay_white() {
     }
 }
 
-/// Over black it is the fuzz alone that is seen, in its colour. Seen from the front it reflects 4 %, which the bound of
-/// white fuzz over white lets pass.
+/// Over black only the fuzz is seen, in its colour. Seen from the front it reflects 4 %, which the bound of white fuzz
+/// over white would not notice.
 #[test]
 fn fuzz_color_tints_the_fuzz_lobe() {
     let params = [

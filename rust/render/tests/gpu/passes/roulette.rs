@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Known answers of the passes that say what the rays that wait for a chunk are worth, on rays and radiances that were
-//! made up.
+//! Known answers of the passes that estimate the worth of the rays that wait for a chunk, on invented rays and
+//! radiances.
 
 use super::{close_device, open};
 use bytemuck::{Pod, Zeroable};
@@ -56,7 +56,7 @@ impl Waiting {
         self.wait(chunk, path, SHADOW_BIT);
     }
 
-    /// A closest ray does.
+    /// A closest ray of a pixel waits for a chunk.
     fn closest(&mut self, chunk: u32, pixel: u32, sample: u32, (bounce, throughput): (u32, f32)) {
         let path = sample * PIXELS + pixel;
         self.rays[path as usize][3] = bounce;
@@ -135,7 +135,7 @@ impl Waiting {
     }
 }
 
-/// The one whose first place is `at`.
+/// The segment whose first place is `at`.
 fn segment(at: u32) -> PathSegment {
     PathSegment { first_pixel: at % PIXELS, first_sample: at / PIXELS, count: SEGMENT, alive: 1 }
 }

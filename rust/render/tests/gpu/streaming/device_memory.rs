@@ -7,7 +7,7 @@ use crate::support::{read_all, render, render_with_messages, seeds, settings};
 use oocpt_core::settings::Settings;
 use oocpt_render::{PlantedFaults, Session};
 
-/// MiB, from what nothing renders with to more than all of the scene and its paths take.
+/// MiB, from a size with which nothing renders to more than all of the scene and its paths take.
 const SIZES: std::ops::RangeInclusive<u32> = 1..=50;
 /// Of these, those of a short test: most of them about the smallest in core.
 const FEW: [u32; 9] = [1, 4, 7, 9, 10, 11, 12, 14, 24];
@@ -62,7 +62,7 @@ fn leftovers_on_the_device_are_evicted_for_paths() {
     assert!(second.gpu_peak_bytes <= second.gpu_budget_bytes, "above the budget: {}", second.gpu_peak_bytes);
 }
 
-/// A scene that fits may be rendered while it comes: the same picture, and the next one is in core.
+/// A scene that fits may be rendered while it is loaded: the same picture, and the next one is in core.
 #[test]
 fn a_scene_streamed_while_uploading_stays_resident() {
     let settings = Settings { chunk_size_kib: 256, ..settings(8, 2) };

@@ -28,7 +28,7 @@ fn shows(scene: &Scene, whole: &Render, lost_chunks: u32) -> bool {
 /// The same in all scenes: passes are compiled for it.
 const LOST: u32 = 9;
 
-/// One chunk in a hundred, and of a scene of fewer one of all.
+/// One chunk in a hundred is lost, and one in all of a smaller scene.
 #[test]
 fn one_lost_chunk_in_a_hundred_is_noticed() {
     for scene in &SCENES {
@@ -79,7 +79,7 @@ fn failed(scene: &Scene, settings: Settings, streams: bool, failure: PlantedFail
     Failed { what, struck, outcome, next }
 }
 
-/// Calls that take memory, and after how many of them one fails: as far as there are so many, in core and streaming.
+/// Allocating calls, and after how many of them one fails: as far as there are so many, in core and streaming.
 const FAILURES: [(DriverCall, &[u64]); 6] = [
     (DriverCall::Buffer, &[0, 2, 5, 13]),
     (DriverCall::Range, &[0, 3, 13, 34]),
@@ -89,7 +89,7 @@ const FAILURES: [(DriverCall, &[u64]); 6] = [
     (DriverCall::CommandPool, &[0, 1]),
 ];
 
-/// Fails at `most` of the places of each call.
+/// Fails at `most` of the positions of each call.
 fn fail_everywhere(times: u32, most: usize, judge: impl Fn(&Failed)) {
     let scene = &SCENES[0];
     let whole = render(scene, small_chunks(), options());
@@ -129,8 +129,8 @@ fn two_consecutive_failed_allocations_give_at_most_one_error() {
     });
 }
 
-/// By the driver's own function, on any device: every byte is on the books of the budget, and what is on them for the
-/// device never exceeds it.
+/// By the driver's own function, on any device: the budget accounts for every byte, and its figure for the device never
+/// exceeds it.
 #[test]
 fn driver_allocations_never_exceed_the_counted_budget() {
     for host_mapped in [HostMapped::Off, HostMapped::On] {

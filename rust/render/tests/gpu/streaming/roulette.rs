@@ -56,7 +56,8 @@ struct Renderer {
     session: Session,
     view: RenderRequest,
     totals: StreamingStats,
-    /// Pictures in core by seed.
+    /// The decision of production, in which only the price of a byte is that of a slow disk: probabilities of all
+    /// sizes, accounts that run out, few stragglers.
     known: HashMap<u32, Regions>,
 }
 
@@ -70,7 +71,7 @@ impl Renderer {
         Self { session, view, totals: StreamingStats::default(), known: HashMap::new() }
     }
 
-    /// Mean of the colour, region by region; alpha and counts have to be what they are.
+    /// Mean of the colour, region by region; alpha and counts must not change.
     fn regions(&mut self, seed: u32) -> Regions {
         if let Some(known) = self.known.get(&seed) {
             return known.clone();
@@ -167,7 +168,7 @@ impl Shown {
     }
 }
 
-/// The regions that differ, at `budget_percent`, as it is played by `faults`.
+/// The regions that differ, at `budget_percent`, with roulette under `faults`.
 fn differing(
     scene: &Scene,
     without: &mut Renderer,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Scenes of many small chunks, each with another way to go wrong.
+//! Scenes of many small chunks, each of which tests another risk.
 
 use crate::lights::TestFiles;
 use crate::scenes::{constant, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
@@ -18,7 +18,7 @@ pub(crate) struct Scene {
     pub(crate) target: DVec3,
 }
 
-/// All of them.
+/// All scenes.
 pub(crate) const SCENES: [Scene; 10] = [
     Scene { name: "flat", build: flat, eye: DVec3::new(6.0, 5.0, 12.0), target: DVec3::ZERO },
     Scene { name: "nested", build: nested, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO },
@@ -130,7 +130,7 @@ pub(super) fn balls(first: u32, end: u32, path: &str) -> InstancerDesc {
     instancer(clump, &format!("{path}/ball"), &inner)
 }
 
-/// As `nested`: each clump has a colour, half of the balls in it one of their own, and some are there in part only.
+/// As `nested`: each clump has a colour, half of the balls in it one of their own, and some are partly transparent.
 fn coloured(db: &mut SceneDb) {
     nested(db);
     let per_instance = |name: &str, values: TypedArray| NamedPrimvar {

@@ -64,7 +64,7 @@ fn slant(times: f64) -> f64 {
     (1.0 / times).acos()
 }
 
-/// Not by its longer side, up to a ratio of sixteen.
+/// The level does not follow the longer side, up to a ratio of sixteen.
 #[test]
 fn a_slanted_surface_is_looked_up_as_coarse_as_its_shorter_side() {
     for (times, level) in [(1.0, 4.0), (2.0, 4.0), (-2.0, 4.0), (15.9, 4.0), (32.0, 5.0), (-32.0, 5.0), (64.0, 6.0)] {

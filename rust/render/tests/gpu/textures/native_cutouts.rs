@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Cutouts of every kind, walked by the shaders and by the host: the same bits, in core and streaming; and who walks
-//! them. On a device with memory of its own there is nothing to compare.
+//! Cutouts of every kind, walked by the shaders and by the host: the same bits, in core and streaming; and the choice
+//! of the backend. On a device with memory of its own there is nothing to compare.
 
 use super::*;
 use crate::scenes::{deforming, widening};
@@ -57,7 +57,7 @@ fn of<T: oocpt_core::ArrayElement + std::fmt::Debug>(
     NamedPrimvar { name: name.into(), primvar: Primvar { interpolation, values: TypedArray::of(v), indices: None } }
 }
 
-/// Some leaves of a kind, in two nested levels, with values of their own for what they lack.
+/// Some leaves of a kind, in two nested levels, with values of their own for the attributes that they lack.
 fn kind(db: &mut SceneDb, number: u32, made: Made, material: MaterialDesc) {
     let [name, inner] = [format!("/kind_{number}"), format!("/kind_{number}/inner")];
     let leaf = format!("{inner}/leaf");
@@ -115,7 +115,7 @@ fn mode(number: u32) -> Vec<(&'static str, ParamValue)> {
     }
 }
 
-/// Cut out by a texture, looked at through a map that turns and stretches.
+/// A material cut out by a texture through a map that turns and stretches.
 fn by_image(number: u32, (file, output): (&str, &str)) -> MaterialDesc {
     let mut desc = textured(&format!("/material_{number}"), file, mode(number), &[("opacity", output)]);
     let map = vec![
@@ -172,7 +172,7 @@ fn all_kinds(db: &mut SceneDb) {
     }
 }
 
-/// A render, who walked its rays, and whether the host could.
+/// A render, the backend that walked its rays, and whether the host could.
 fn walked(build: fn(&mut SceneDb), traversal: TraversalKind, budget: Option<u32>) -> (Render, TraversalUse, bool) {
     let settings = Settings { geometry_budget_kib: budget.unwrap_or(0), traversal, ..small_chunks() };
     let force_streaming = budget.is_some();

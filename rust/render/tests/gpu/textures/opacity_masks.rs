@@ -131,7 +131,7 @@ pub(super) fn masked(
     (render, session)
 }
 
-/// The shaders that ask together, those that look up in passes of their own, and streaming.
+/// The shaders that look up together, those that look up in passes of their own, and streaming.
 #[test]
 fn masked_cutouts_have_the_same_bits_in_every_engine() {
     let (together, _) = masked(cut_in_many_ways, (true, false), None, small_chunks());
@@ -157,7 +157,7 @@ fn opacity_masks_tolerate_nan_coordinates() {
     }
 }
 
-/// The host looks at masks and textures as the shaders do. On a device with memory of its own there is nothing to
+/// The host evaluates masks and textures as the shaders do. On a device with memory of its own there is nothing to
 /// compare.
 #[test]
 fn native_masked_cutouts_match_the_shaders() {
@@ -295,7 +295,8 @@ fn coverage_of_a_udim_set_is_the_same_from_every_distance() {
     }
 }
 
-/// Ids and depths have one ray to a pixel and no chance: they are of what is in its middle, however small it is.
+/// Ids and depths have one ray to a pixel and no random numbers: they show the surface in its middle, however small it
+/// is.
 #[test]
 fn images_of_ids_show_cutouts_in_the_middle_of_pixels() {
     for (scale, bias, threshold, at_rim, at_leaf) in

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! In core: tiles come when they are seen, and stay; where they outgrow their memory the scene is streamed.
+//! In core: tiles are loaded when they are seen, and stay; if they outgrow their memory the scene is streamed.
 
 use super::{board, options, session};
 use crate::support::{self, orthographic, read_all, request, settings};
@@ -48,7 +48,7 @@ fn only_visible_tiles_are_loaded() {
 #[test]
 fn textures_that_outgrow_their_memory_are_streamed() {
     let build = |db: &mut _| board(db, "1500x1500x4");
-    // Finer than the picture: all of level 0, of 8.6 MiB.
+    // This is finer than the picture: all of level 0, of 8.6 MiB.
     let all = part(4.0, 1000);
     let roomy = session(settings(1, 0), options(), build);
     support::render(&roomy, &all);

@@ -24,7 +24,7 @@ pub(crate) struct Row {
     pub(crate) passes: Lists,
     pub(crate) buffers: Lists,
     pub(crate) primvars: Names,
-    /// Of the request, the settings or the session, where it is none of the scene.
+    /// Features of the request, the settings or the session, if the scene does not need them itself.
     pub(crate) also: Also,
 }
 
@@ -115,7 +115,7 @@ pub(crate) const BARE: Row = Row {
 pub(crate) use {geometry::ROWS as GEOMETRY, lights::ROWS as LIGHTS, materials::ROWS as MATERIALS};
 pub(crate) use {streaming::ROWS as STREAMING, textures::ROWS as TEXTURES};
 
-/// All of them.
+/// All rows.
 pub(crate) fn all() -> impl Iterator<Item = &'static Row> {
     [GEOMETRY, LIGHTS, MATERIALS, TEXTURES, STREAMING].into_iter().flatten()
 }
