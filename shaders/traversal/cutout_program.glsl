@@ -100,8 +100,8 @@ GpuSurfaceMaterial candidate_material(uint triangle, vec2 uv, float t, out Patte
     return m;
 }
 
-// Returns true if the program makes the surface opaque; `id` as in is_cut_in; opacities above `limit`, or with `chance`
-// a random number, count. Requests an absent tile.
+// Returns true if the program makes the surface opaque: its opacity is above `limit` or, unless `chance`, equal to it.
+// `id` as in is_cut_in. Requests an absent tile.
 bool is_cut_in_by_program(Presence presence, uint triangle, vec2 uv, float t, uint id, bool chance, float limit) {
     PatternPoint point;
     const GpuSurfaceMaterial m = candidate_material(triangle, uv, t, point);

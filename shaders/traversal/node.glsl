@@ -43,8 +43,8 @@ uvec4 mesh_children(uint counts, uint first, uint first_triangle) {
     return children;
 }
 
-// The points of leaves as bundles, one each. All bundles are full but the first one, which has the rest of `count`
-// points.
+// Turns references to leaves that name a bundle of points each into references to its points. All bundles are full but
+// the first one, which has the rest of `count` points.
 uvec4 bundle_members(uvec4 children, uint count) {
     const uint missing = -count & (POINT_BUNDLE - 1u);
     for (uint i = 0u; i < 4u; ++i) {

@@ -22,8 +22,9 @@ static FOLDERS: AtomicU64 = AtomicU64::new(0);
 const TAIL: u64 = 16 << 10;
 /// Lines of it that are shown.
 const LINES: usize = 4;
-/// Bytes of standard error that are read for warnings of a host that rendered, and most lines that are reported.
+/// Bytes of standard error that are read for warnings of a host that rendered.
 const HEAD: u64 = 256 << 10;
+/// Most warnings that are reported.
 const WARNINGS: usize = 100;
 
 /// The last bytes of a file, or the first, as text.

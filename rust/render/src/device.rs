@@ -22,8 +22,9 @@ use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
 use xxhash_rust::xxh3::Xxh3;
 
-/// Size of the arenas that hold scene data, bytes; also their least size.
+/// Size of the arenas that hold scene data, bytes.
 const ARENA_BYTES: u64 = 64 << 20;
+/// Size of the smallest arenas, bytes.
 const LEAST_ARENA_BYTES: u64 = 1 << 20;
 /// Share of the budget that an arena takes at most: under a small budget, other arenas need room too.
 const ARENA_SHARE: u64 = 16;

@@ -35,8 +35,9 @@ impl HostMemoryUser {
     }
 }
 
-/// Most bytes of decoded images that are kept in memory, and their share of a budget.
+/// Most bytes of decoded images that are kept in memory.
 const IMAGES: u64 = 512 << 20;
+/// Decoded images may take one part in so many of a budget.
 const IMAGES_SHARE: u64 = 8;
 /// Of a budget that cannot hold what must stay in host memory, one part in so many is still given to the other users:
 /// data in transit needs some memory.

@@ -27,9 +27,11 @@ const DEVICE_SHARE: u64 = 16;
 const LEAST: u64 = 1 << 16;
 /// Fewest in flight.
 pub(crate) const FEWEST: u64 = 1 << 12;
-/// A scene counts as fitting only if it leaves room for waves of this many paths (or of all paths that the render has).
-/// Smaller waves leave a GPU idle between them, and a scene that is nearly resident streams faster (decisions/0029).
+/// A scene counts as fitting a GPU only if it leaves room for waves of this many paths (or of all paths that the render
+/// has). Smaller waves leave a GPU idle between them, and a scene that is nearly resident streams faster
+/// (decisions/0029).
 const ROOMY: u64 = 1 << 19;
+/// The same number for a processor.
 const ROOMY_CPU: u64 = 1 << 16;
 
 /// The figures that decide the number of paths in flight.

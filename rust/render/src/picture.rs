@@ -15,8 +15,9 @@ use std::path::Path;
 
 /// The prefix of our attributes' names.
 const PREFIX: &str = "oocpt:";
-/// Most attributes that are read, and longest text of one, characters.
+/// Most attributes that are read.
 const MOST: usize = 64;
+/// Longest text of an attribute that is read, characters.
 const LONGEST: usize = 400;
 
 /// An attribute's value.

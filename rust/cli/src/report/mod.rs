@@ -23,8 +23,9 @@ use std::path::{Path, PathBuf};
 
 use boxes::BoxHierarchy;
 
-/// Share of a box's colour in a pixel seen through its faces, and in its edges.
+/// Share of a box's colour in a pixel seen through its faces.
 const FACE: f64 = 0.45;
+/// Share of a box's colour in a pixel of its edges.
 const EDGE: f64 = 0.92;
 /// Brightness of faces by axis: the light comes from above.
 const SHADE: [f64; 3] = [0.74, 1.0, 0.86];

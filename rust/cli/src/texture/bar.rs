@@ -3,8 +3,9 @@
 
 use std::io::{IsTerminal as _, Write as _};
 
-/// Columns of the bar itself, and of the name behind it.
+/// Columns of the bar itself.
 const COLUMNS: u64 = 24;
+/// Columns of the name behind the bar.
 const NAME: usize = 40;
 
 /// A progress bar, or nothing if there is no terminal.

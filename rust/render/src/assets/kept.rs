@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Encoded assemblies and chunks in host memory, for those that are loaded again and again: a reload is then a copy.
 //!
-//! Bounded in bytes. The first assets stay: units come back in no predictable order, so no policy of eviction would be
-//! better, and one that is not kept costs no more than encoding it. Any thread.
+//! Bounded in bytes. The first assets stay: the order in which units come back does not tell which to evict, and one
+//! that is not kept costs no more than encoding it. Any thread.
 
 use super::level::EncodedAsset;
 use super::source::AssetKey;

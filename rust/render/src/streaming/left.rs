@@ -3,8 +3,9 @@
 
 use crate::timings::LeftMoment;
 
-/// The time of the first entry, seconds, and the factor from each entry to the next.
+/// The next entry is due at [`STEP`] times the time of the last one plus this, seconds.
 const FIRST: f64 = 0.05;
+/// The factor from the time of an entry to that of the next.
 const STEP: f64 = 1.1;
 /// Shares of the paths left at which an entry is made whatever the time.
 const SHARES: [f64; 6] = [0.5, 0.1, 0.01, 0.001, 0.0001, 0.0];

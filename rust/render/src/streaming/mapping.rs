@@ -13,13 +13,15 @@ use std::time::{Duration, Instant};
 
 /// Units that are begun in a step, those that most rays wait for first.
 const MAPPED_A_STEP: usize = 4096;
-/// Units that no ray has asked for that are begun in a step; then the most assets in transit, and the most bytes of
-/// them while rays wait for others, which are loaded before those.
+/// Units that no ray has asked for that are begun in a step.
 const REST_A_STEP: usize = 1024;
+/// Most assets in transit when such units are begun.
 const REST_ON_THE_WAY: usize = 4096;
+/// Most bytes of such units in transit while rays wait for others, which would be loaded after them.
 const REST_BYTES_BEFORE_WANTED: u64 = 64 << 20;
-/// The time of one wait for an asset, and of the whole wait, before rays are traced that request their assets first.
+/// The time of one wait for an asset.
 const WAIT: Duration = Duration::from_millis(20);
+/// Longest wait without an asset, after which rays are traced, whose own assets are loaded first.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
 /// The most visited units count as resident when less than this share of the device's geometry is in transit, after so
 /// many rays.

@@ -13,9 +13,9 @@ use std::sync::Arc;
 const SEGMENTS_PER_FILL: u32 = 64;
 /// Most places for every slot in the memory that the slots are in.
 const PER_SLOT: u32 = 8;
-/// Most places for every slot in host memory, and the number of places from which on more than [`PER_SLOT`] are too
-/// many.
+/// Most places for every slot in host memory.
 const PER_SLOT_HOST: u32 = 64;
+/// Number of places that is enough in host memory, unless [`PER_SLOT`] for every slot are more.
 const ENOUGH: u64 = 1 << 26;
 /// Bytes of a place: the radiance of a path.
 const PLACE_BYTES: u64 = 16;

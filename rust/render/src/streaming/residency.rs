@@ -19,9 +19,10 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Share of the budget that may be in transit at a time, and the most bytes of it: throughput is the bytes in transit
-/// over the time of a load, about two steps.
+/// One part in so many of the budget may be in transit at a time: throughput is the bytes in transit over the time of a
+/// load, about two steps.
 const IN_FLIGHT_SHARE: u64 = 6;
+/// Most bytes in transit at a time.
 const MOST_IN_FLIGHT: u64 = 2 << 30;
 
 /// A load that the planner requested.

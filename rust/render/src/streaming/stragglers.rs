@@ -25,8 +25,9 @@ const FEW: u64 = 64;
 const MANY_RAYS: u32 = 1 << 12;
 /// The device idles if so many times more rays wait than can be traced, as in the planner.
 const IDLE_RATIO: u64 = 64;
-/// Loads from which on their price is known, and from which on older ones count half.
+/// Loads from which on their price is known.
 const KNOWN_LOADS: f64 = 8.0;
+/// Loads from which on older ones count half.
 const WINDOW_LOADS: f64 = 64.0;
 
 /// The cost of the paths so far.

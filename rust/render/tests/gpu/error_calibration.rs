@@ -17,8 +17,9 @@ use std::sync::Arc;
 const SEEDS: [u32; 2] = [16, 32];
 /// Widest interval that is of use, as the factor from its middle to either end.
 const WIDEST: f64 = 3.0;
-/// Most paths of one picture, on a GPU and on a processor.
+/// Most paths of one picture on a GPU.
 const MOST_PATHS: u64 = 1 << 30;
+/// Most paths of one picture on a processor.
 const MOST_PATHS_CPU: u64 = 1 << 22;
 
 /// [`WIDEST`] by the samples: below 16 the slope of the error is a guess (decisions/0009).

@@ -85,8 +85,8 @@ impl<'w> SpirvFunction<'w> {
         labels.chain(self.header.iter().chain(body).filter_map(SpirvInstruction::result))
     }
 
-    /// Returns true if no remaining phi of a loop header names a removed block behind it: the shaders keep variables
-    /// that a loop changes in memory, so there are no such phis.
+    /// Returns true if no header of a loop has a phi, which could name a removed block behind it. The shaders keep in
+    /// variables what a loop changes, so there are none.
     fn has_all_it_names(&self) -> bool {
         let loops = self.blocks.iter().filter(|block| block.merge.is_some_and(|merge| merge.op == op::LOOP_MERGE));
         loops.flat_map(|block| &block.body).all(|instruction| instruction.op != op::PHI)

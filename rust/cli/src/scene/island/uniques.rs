@@ -15,8 +15,9 @@ use super::view;
 pub(crate) const OCEAN_QUADS: u64 = 64;
 /// Reefs.
 const REEFS: u64 = 3;
-/// Part of the unique quads that is terrain, and reefs together.
+/// Share of the unique quads that is terrain.
 const TERRAIN_PART: f64 = 0.22;
+/// Share of the unique quads that all reefs have together.
 const REEF_PART: f64 = 0.10;
 /// Quads of a tree of the full-size island.
 const TREE_QUADS: u64 = 2_500_000;

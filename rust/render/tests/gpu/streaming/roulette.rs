@@ -20,9 +20,9 @@ use std::sync::Arc;
 /// Seeds, and with all tests. The draws of consecutive seeds are stratified, by sixteen: a mean over them is closer to
 /// the truth than its standard error says, never further.
 const SEEDS: [u32; 2] = [32, 64];
-/// The number of times that the roulette is to be played for each of them ([`plays`]), and the most times as many seeds
-/// that may be rendered for that.
+/// The number of times that the roulette is to be played for each of the [`SEEDS`] ([`plays`]).
 const PLAYS: u32 = 16;
+/// The most times as many seeds that may be rendered for that.
 const MOST_BATCHES: u32 = 4;
 /// Seeds that only measure how often a machine plays.
 const PILOTS: Range<u32> = 1 << 20..(1 << 20) + 4;

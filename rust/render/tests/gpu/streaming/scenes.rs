@@ -196,8 +196,9 @@ fn huge_mesh(db: &mut SceneDb) {
 /// Props of which every part of the set has each one, in place of cells with props of their own.
 pub(crate) const SET: Scene = Scene { name: "set", build: set, eye: DVec3::new(5.0, 4.0, 11.0), target: DVec3::ZERO };
 
-/// Meshes of [`SET`], and placements of them.
+/// Meshes of [`SET`].
 const PROPS: u32 = 24;
+/// Placements of the meshes of [`SET`].
 const PLACED: u32 = 1000;
 
 fn set(db: &mut SceneDb) {
