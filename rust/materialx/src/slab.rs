@@ -28,8 +28,9 @@ pub(crate) struct OpenPbrSlab {
     pub(crate) opacity_threshold: f32,
     /// The normal in the frame of the surface.
     pub(crate) normal: Val,
-    /// Ratio of the alphas, and of the tangent; `roughness` is that of the mean of their squares.
+    /// Ratio of the two alphas; `roughness` is that of the mean of their squares.
     pub(crate) ratio: Val,
+    /// Turn of the tangent.
     pub(crate) turn: Val,
     pub(crate) coat_ratio: Val,
     pub(crate) coat_turn: Val,

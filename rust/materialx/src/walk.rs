@@ -71,8 +71,9 @@ pub(crate) struct NetworkWalker<'a> {
     frames: Vec<GraphFrame>,
     frame_of: HashMap<NodeAddress, usize>,
     memo: HashMap<(NodeAddress, Arc<str>), MemoizedOutput>,
-    /// Closures and surface shaders, and emission: each is computed once; `None` while it is being computed.
+    /// Slabs of closures and surface shaders: each is computed once; `None` while it is being computed.
     pub(crate) slabs: HashMap<NodeAddress, Option<Option<OpenPbrSlab>>>,
+    /// Emission of nodes: each is computed once; `None` while it is being computed.
     pub(crate) emissions: HashMap<NodeAddress, Option<Val>>,
     /// Random numbers of a hit that are used.
     pub(crate) choices: usize,

@@ -14,8 +14,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const MOST_WANTED: u32 = 1 << 14;
 /// Copies that may be under way; waves in flight are two.
 const COPIES: usize = 4;
-/// Offset of the copied range: the last four words of the block, followed by the list.
+/// Offset of the copied range, which begins with the last four words of the block.
 const COUNTS: u64 = offset_of!(TextureFeedback, wanted_capacity) as u64;
+/// Bytes of the copied words; the list follows.
 const COUNT_BYTES: u64 = size_of::<TextureFeedback>() as u64 - COUNTS;
 
 /// The device block of missing tiles, and the buffers through which the host reads it.

@@ -37,8 +37,9 @@ pub(super) struct AssetMemory {
     pub(super) ready: FxHashMap<AssetKey, ResidentAsset>,
     /// The memory of assets in transit.
     pub(super) arriving: FxHashMap<AssetId, Arc<HeapRange>>,
-    /// The arriving assets that the loader was not asked for yet, and their bytes.
+    /// The arriving assets that the loader was not asked for yet.
     begun: Vec<WantedAsset>,
+    /// Bytes of the assets in `begun`.
     begun_bytes: u64,
 }
 

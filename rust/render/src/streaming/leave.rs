@@ -11,8 +11,8 @@ use crate::wavefront::PendingCompiles;
 
 /// Nanoseconds that a path saves, without and with tiles of textures, when the device is busy (decisions/0050).
 const NANOS_A_PATH: [u64; 2] = [5, 80];
-/// Additional nanoseconds saved with so many paths in flight; with half as many, twice that. A round takes as long as
-/// its longest ray, however few it traces (see the book, design/streaming).
+/// Additional nanoseconds that a path saves with [`PATHS_IN_FLIGHT`] paths in flight; with half as many, twice that. A
+/// round takes as long as its longest ray, however few it traces (see the book, design/streaming).
 const NANOS_IN_FLIGHT: u64 = 20;
 const PATHS_IN_FLIGHT: u64 = 1 << 20;
 /// Nanoseconds that are lost, without and with tiles: paths run out, and processors compile the other passes before.

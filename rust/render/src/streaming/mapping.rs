@@ -23,9 +23,10 @@ const REST_BYTES_BEFORE_WANTED: u64 = 64 << 20;
 const WAIT: Duration = Duration::from_millis(20);
 /// Longest wait without an asset, after which rays are traced, whose own assets are loaded first.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
-/// The most visited units count as resident when less than this share of the device's geometry is in transit, after so
-/// many rays.
+/// The most visited units count as resident when less than one part in so many of the device's geometry is in transit,
+/// after [`SETTLING_RAYS`].
 const SETTLED_SHARE: u64 = 32;
+/// Rays after which the most visited units are known.
 const SETTLING_RAYS: u64 = 1 << 22;
 
 impl SceneResidency<'_> {

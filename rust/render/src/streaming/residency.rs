@@ -48,8 +48,9 @@ pub(crate) struct SceneResidency<'a> {
     pub(super) budget: u64,
     /// Loads that wait for memory, in the planner's order.
     waiting: VecDeque<PlannedLoad>,
-    /// The number of missing assets of every unit in transit, and the units that wait for each of these.
+    /// The number of missing assets of every unit in transit.
     missing: FxHashMap<UnitId, usize>,
+    /// The units that wait for each missing asset.
     dependents: FxHashMap<AssetId, Vec<UnitId>>,
     /// Assets in transit that nobody needs any more.
     orphans: FxHashSet<AssetId>,

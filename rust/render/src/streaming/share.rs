@@ -14,9 +14,9 @@ const PATHS_SHARE: u64 = 2;
 const ENOUGH_SLOTS: u64 = 1 << 22;
 /// Beyond these, slots may take so many times the missing bytes.
 const WORTH: u64 = 2;
-/// Units keep at least so many times the largest one: one is traced while others are loaded; the same holds if rays
-/// read them in host memory, so that none has to be loaded.
+/// Units keep at least so many times the largest one: one is traced while others are loaded.
 const LARGEST_UNITS: u64 = 4;
+/// The same number if rays read units in host memory, so that none has to be loaded.
 const LARGEST_UNITS_BESIDE_MAPPED: u64 = 2;
 
 /// The memory to be shared and its users.
@@ -34,8 +34,9 @@ pub(super) struct ShareRequest {
     pub(super) cap: u64,
     /// True if rays read missing units in host memory: more slots then do not reduce loads.
     pub(super) maps: bool,
-    /// Paths in flight that the render could use, and the fewest that are worth it.
+    /// Paths in flight that the render could use.
     pub(super) wanted: u64,
+    /// Fewest paths in flight that are worth it.
     pub(super) fewest: u64,
 }
 

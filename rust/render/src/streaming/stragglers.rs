@@ -34,8 +34,9 @@ const WINDOW_LOADS: f64 = 64.0;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct RenderCost {
     pub(super) secs: f64,
-    /// Paths that have ended, and all of the picture.
+    /// Paths that have ended.
     pub(super) paths: u64,
+    /// All paths of the picture.
     pub(super) all_paths: u64,
     /// Relative variance per path of the picture's error, if it was measured.
     pub(super) variance: Option<f64>,

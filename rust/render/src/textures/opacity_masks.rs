@@ -56,8 +56,9 @@ pub(crate) struct OpacityMasks {
     are_opaque: Vec<bool>,
     /// True if some material has cutouts.
     pub(crate) has_cutouts: bool,
-    /// The number of materials with cutouts, and of those that have no mask, or a part without one.
+    /// The number of materials with cutouts.
     asked: usize,
+    /// The number of those that have no mask, or a part without one.
     unmasked: usize,
     /// The cutouts that only the shaders can look up, in words.
     pub(crate) of_shaders: Option<&'static str>,

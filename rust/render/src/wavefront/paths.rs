@@ -60,8 +60,9 @@ enum PathArray {
     Cones,
     LightPaths,
     IncompletePaths,
-    /// The queue and candidates of undecided cutouts: for rays, then as much for shadow rays.
+    /// The queue of rays with undecided cutouts: for rays, then as much for shadow rays.
     SettleQueue,
+    /// The candidates of these rays.
     SettleHits,
 }
 

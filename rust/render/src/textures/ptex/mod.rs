@@ -28,9 +28,10 @@ const MOST_EDGE_BYTES: usize = 256 << 20;
 /// Constant faces are stored with at most this many texels a side, as a power of two: they blend with their neighbours
 /// over 1/32 of a side.
 const CONSTANT_LOG2: u8 = 4;
-/// Bytes of texels that a file of any size may have; beyond, at most [`MOST_PER_BYTE`] for each byte of it. (Deflate
-/// expands by at most 1032; the rest is for tiles of one colour.)
+/// Bytes of texels that a file of any size may have; beyond, at most [`MOST_PER_BYTE`] for each byte of it.
 const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
+/// Most bytes of texels for each byte of a larger file. Deflate expands by at most 1032; the rest is for tiles of one
+/// colour.
 const MOST_PER_BYTE: u64 = 2048;
 /// Most texels of a face: its levels are held as floats.
 const MOST_FACE_TEXELS: u64 = 1 << 26;
