@@ -75,7 +75,7 @@ fn rustfmt(places: &RootFolders) -> Result<()> {
 
 /// Runs clippy in the profile of the tests, so that they find build scripts, procedural macros and shaders compiled.
 /// The product is the same code without the features of tests; rustc's warnings about it count when it is built
-/// (`product::build_workspace`).
+/// (`product::build_for_tests`).
 fn clippy(places: &RootFolders) -> Result<()> {
     let mut clippy = cargo(places, "clippy");
     run(clippy.args(["--quiet", "--workspace", "--all-targets", "--profile", PROFILE, "--", "-D", "warnings"]))
