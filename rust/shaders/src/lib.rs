@@ -19,13 +19,14 @@
 //! With [`Features::STREAMING`] chunks may be absent (`GpuChunk::nodes == 0`), rays wait for them across submissions,
 //! and paths are at different bounces. Paths live in *slots*, and leave their radiance at a *place*; there are more
 //! places than slots. Segment `s` is the places from `s * segment_size` on, and holds the paths `first .. first +
-//! count` of the render: its push constants are `PushConstants::wave(frame, first, count, pixels).with(r, s * segment_size)`,
-//! and where it begins `.into_slots(s, taken, slots)` of that. Passes over all slots take `PushConstants::wave(frame,
-//! 0, 0, pixels).with(r, ..)`. Round numbers grow through all submissions of a stage. Before the first one the host
-//! zeroes `WavefrontCounters`, the segment table and `StreamingPointers::demand`; before the deferred rays are sorted
-//! `StreamingPointers::sort_counts`, before demand is counted `StreamingPointers::demand_counts`, before worth is
-//! estimated `StreamingPointers::worth` and `worth_sums`. Chunks appear and disappear between submissions only. The
-//! passes that sort deferred rays may be left out, all four together, if no ray is deferred.
+//! count` of the render: its push constants are `PushConstants::wave(frame, first, count, pixels).with(r, s *
+//! segment_size)`, and where it begins `.into_slots(s, taken, slots)` of that. Passes over all slots take
+//! `PushConstants::wave(frame, 0, 0, pixels).with(r, ..)`. Round numbers grow through all submissions of a stage.
+//! Before the first one the host zeroes `WavefrontCounters`, the segment table and `StreamingPointers::demand`; before
+//! the deferred rays are sorted `StreamingPointers::sort_counts`, before demand is counted
+//! `StreamingPointers::demand_counts`, before worth is estimated `StreamingPointers::worth` and `worth_sums`. Chunks
+//! appear and disappear between submissions only. The passes that sort deferred rays may be left out, all four
+//! together, if no ray is deferred.
 //!
 //! A segment with `alive == 0` and `count > 0` is done. When all earlier ones are accumulated, it is accumulated too,
 //! and its places are free for another segment. A slot is free as soon as its path has ended

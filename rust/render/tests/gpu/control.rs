@@ -188,7 +188,7 @@ fn sessions_come_and_go_without_growing_device_memory() {
     assert_eq!(used[2], used[19], "device memory grows with each session: {used:?}");
 }
 
-/// The image has more pixels than the first wave has paths, so its first hits are traced in several waves.
+/// On a processor the image has more pixels than the first wave has paths, so its first hits take several waves.
 #[test]
 fn every_pixel_of_a_large_image_gets_its_first_hit() {
     let session = session(settings(1, 0));
