@@ -40,7 +40,7 @@ protected:
     HeldImage() = default;
 };
 
-/// The bytes of a file, which stays open. The same contract.
+/// The bytes of a file, which stays open. The contract of HeldImage holds.
 class HeldFile
 {
 public:
@@ -57,7 +57,7 @@ protected:
     HeldFile() = default;
 };
 
-/// A conversion of colours to linear Rec. 709. The same contract.
+/// A conversion of colours to linear Rec. 709. The contract of HeldImage holds.
 class HeldTransform
 {
 public:
@@ -65,14 +65,14 @@ public:
     HeldTransform(const HeldTransform&) = delete;
     HeldTransform& operator=(const HeldTransform&) = delete;
 
-    /// In place; texels of 1 to 4 channels, of which alpha stays.
+    /// Converts texels of 1 to 4 channels in place; alpha stays.
     virtual void apply(rust::Slice<float> texels, std::uint32_t channels) const = 0;
 
 protected:
     HeldTransform() = default;
 };
 
-/// The host's files, by resolved path. The same contract.
+/// The host's files, by resolved path. The contract of HeldImage holds.
 class ImageSource
 {
 public:
@@ -84,13 +84,13 @@ public:
 
     virtual bool exists(rust::Str resolved) const = 0;
 
-    /// What is known without opening the file.
+    /// The facts of a file that are known without opening it.
     virtual FileFacts file_facts(rust::Str resolved) const = 0;
 
     /// The bytes of a file, to be read in parts.
     virtual std::unique_ptr<HeldFile> open_file(rust::Str resolved) const = 0;
 
-    /// Hands over all bytes of a file, part by part; how many it was.
+    /// Passes all bytes of a file to `sink`, part by part; returns their number.
     virtual std::uint64_t stream_file(rust::Str resolved, ByteSink& sink) const = 0;
 
     /// The conversion from a named colour space.

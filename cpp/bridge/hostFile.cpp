@@ -35,11 +35,11 @@ public:
 
 private:
     const std::shared_ptr<ArAsset> _asset;
-    /// As it was opened. A file that shrinks meanwhile gives fewer bytes than were asked for.
+    /// Size of the file when it was opened. A file that shrinks meanwhile gives fewer bytes than requested.
     const std::size_t _size;
 };
 
-/// Why a path of the file system must not be opened; null for files, and for what is not there.
+/// The reason why a path of the file system must not be opened; null for files, and for paths that do not exist.
 const char* _WhyNotOpened(const std::string& path)
 {
     struct stat status
@@ -73,7 +73,7 @@ std::shared_ptr<const HdOocPTImageBytes> HdOocPTOpenHostFile(const std::string& 
     if (resolved.empty()) {
         return nullptr;
     }
-    // Of scene.usdz[texture.png] the package is what is opened.
+    // For scene.usdz[texture.png], the package is the file that is opened.
     const std::string outermost
         = ArIsPackageRelativePath(resolved) ? ArSplitPackageRelativePathOuter(resolved).first : resolved;
     if (const char* const reason = _WhyNotOpened(outermost)) {

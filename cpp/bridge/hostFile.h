@@ -12,24 +12,21 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// A file that lies on a disk.
+/// A plain file on a disk.
 struct HdOocPTPlainFile
 {
     std::uint64_t size = 0;
-    /// Since 1970.
+    /// Nanoseconds since 1970.
     std::int64_t modifiedNanoseconds = 0;
 };
 
-/// What the file system says of a resolved path, without opening it; none for what only the resolver knows (members of
-/// packages,
-/// resolver plugins, nothing at all) and for what is no file. Any thread.
+/// The facts of the file system about a resolved path, without opening it; nullopt for paths that only the resolver
+/// knows (members of packages, resolver plugins, paths that do not exist) and for what is not a file. Any thread.
 std::optional<HdOocPTPlainFile> HdOocPTFindPlainFile(const std::string& resolved);
 
-/// The bytes of a file by the host's resolver; null when it has no such file. What the resolver has to say about that
-/// goes no
-/// further: this may be any thread, and the caller names the file. Directories, pipes, devices and links in circles
-/// are refused
-/// before anybody opens them, since opening a pipe waits and a device has no end: std::runtime_error with the reason.
+/// The bytes of a file by the host's resolver; null if it has no such file. The resolver's own messages are dropped:
+/// this may be any thread, and the caller names the file. Directories, pipes, devices and circular links are refused
+/// before anybody opens them, since opening a pipe blocks and a device has no end: std::runtime_error with the reason.
 /// Any thread.
 std::shared_ptr<const HdOocPTImageBytes> HdOocPTOpenHostFile(const std::string& resolved);
 

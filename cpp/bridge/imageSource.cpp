@@ -20,12 +20,12 @@ namespace {
 
 constexpr std::size_t streamPart = std::size_t { 1 } << 20;
 
-/// The library of image readers, once loaded never unloaded.
+/// The library of image readers, never unloaded once loaded.
 struct _Library
 {
     HdOocPTOpenImageFunction* open = nullptr;
     HdOocPTMakeColorTransformFunction* makeColorTransform = nullptr;
-    /// Why it is not there.
+    /// The reason why it cannot be loaded.
     std::string reason;
 };
 
@@ -36,7 +36,7 @@ _Library _Load()
         return { nullptr, nullptr, "the plugin does not know where it lies" };
     }
     const std::filesystem::path path = std::filesystem::path(own.dli_fname).parent_path() / "hdOocPTImages.so";
-    // Local: what it brings along must not be found by the host, nor by what the host loads later.
+    // RTLD_LOCAL: the libraries that it loads must not be found by the host, nor by what the host loads later.
     void* const library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
     void* const symbol = library ? dlsym(library, HDOOCPT_OPEN_IMAGE_NAME) : nullptr;
     void* const colorSymbol = library ? dlsym(library, HDOOCPT_MAKE_COLOR_TRANSFORM_NAME) : nullptr;
@@ -57,7 +57,7 @@ const _Library& _LoadedLibrary()
     return library;
 }
 
-/// The bytes of a file that has to be there.
+/// The bytes of a file, which must exist.
 std::shared_ptr<const HdOocPTImageBytes> _OpenFile(const std::string& resolved)
 {
     std::shared_ptr<const HdOocPTImageBytes> bytes = HdOocPTOpenHostFile(resolved);
@@ -238,7 +238,7 @@ public:
 
 std::unique_ptr<HdOocPTImageFile> HdOocPTOpenHostImage(const std::string& resolved)
 {
-    // Tells what is no file before the library is loaded.
+    // Fails for paths that are not files before the library is loaded.
     static_cast<void>(_OpenFile(resolved));
     return _LoadedLibrary().open(resolved, [resolved] { return HdOocPTOpenHostFile(resolved); });
 }

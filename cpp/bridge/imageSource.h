@@ -15,7 +15,7 @@ PXR_NAMESPACE_OPEN_SCOPE
 /// decoded by the library in cpp/images, which is loaded when the first one is opened.
 std::unique_ptr<oocpt::ImageSource> HdOocPTMakeImageSource();
 
-/// One of them: what the source's images are made of. Throws std::runtime_error with the reason, which follows on the
+/// Opens a file as the images of the source are opened. Throws std::runtime_error with the reason, which follows on the
 /// file's name.
 std::unique_ptr<HdOocPTImageFile> HdOocPTOpenHostImage(const std::string& resolved);
 

@@ -34,7 +34,7 @@ std::string _OneLine(const std::string& text)
     return line;
 }
 
-/// Who says it stands in front of our own texts already. What kind it is goes without saying for our own status.
+/// Our own texts already begin with our name. The kind of message is left out for our own status.
 void _Print(const char* kind, const std::string& text)
 {
     static const std::string ours = "OocPT: ";
@@ -43,7 +43,7 @@ void _Print(const char* kind, const std::string& text)
     const std::string line = std::string(isOurs ? "OocPT: " : "USD: ")
         + (isOurs && isStatus ? "" : std::string(kind) + ": ") + _OneLine(isOurs ? text.substr(ours.size()) : text)
         + "\n";
-    // One call, so that lines of several threads do not mix.
+    // One call writes the line, so that lines of several threads do not mix.
     std::fwrite(line.data(), 1, line.size(), stderr);
     std::fflush(stderr);
 }
@@ -55,7 +55,7 @@ public:
 
     void IssueFatalError(const TfCallContext& context, const std::string& text) override
     {
-        // A defect: here the place in the source is what there is to know.
+        // An error in the program: its place in the source is worth printing.
         _Print("fatal error",
             text + TfStringPrintf(" (%s, %s:%zu)", context.GetFunction(), context.GetFile(), context.GetLine()));
         std::abort();
@@ -70,7 +70,7 @@ public:
 
 void HdOocPTPrintPlainMessages()
 {
-    // Never removed: the host says things until the process ends.
+    // The delegate is never removed: the host prints until the process ends.
     TfDiagnosticMgr::GetInstance().AddDelegate(new _PlainMessages);
 }
 

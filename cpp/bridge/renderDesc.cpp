@@ -27,8 +27,8 @@ oocpt::AovDesc _DescribeAov(const HdOocPTAovRequest& aov)
     return desc;
 }
 
-/// The inverse of a matrix that Hydra has itself got by inverting: what is affine but for rounding comes out exactly
-/// affine.
+/// The inverse of a matrix that Hydra itself computed by inverting: a matrix that is affine but for rounding becomes
+/// exactly affine.
 GfMatrix4d _InverseOfView(const GfMatrix4d& worldToView)
 {
     GfMatrix4d viewToWorld = worldToView.GetInverse();
@@ -61,7 +61,7 @@ std::array<unsigned char, 16> _ClearBytes(const TfToken& aov, std::array<float, 
     const std::string& name = aov.GetString();
     const bool isId = name.size() > 2 && name.compare(name.size() - 2, 2, "Id") == 0;
     if (isId) {
-        // A cast of a value that does not fit is undefined; hosts may hand over anything.
+        // Casting a value that does not fit is undefined behaviour, and hosts may pass anything.
         constexpr float bound = 1 << 24;
         const float value = clear[0] == clear[0] ? std::min(std::max(clear[0], -bound), bound) : -1.0f;
         const int32_t number = static_cast<int32_t>(value);

@@ -15,12 +15,12 @@ struct RenderDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// A request as it goes to Rust. The image is the whole buffer; what lies outside of the data window is cleared by
-/// HdOocPTClearOutside() when the image is read.
+/// Describes a request for Rust. The image is the whole buffer; HdOocPTClearOutside() clears the pixels outside of the
+/// data window when the image is read.
 oocpt::RenderDesc HdOocPTDescribeRender(const HdOocPTRenderRequest& request, const HdOocPTLens& lens);
 
 /// Overwrites the pixels of an image (bottom row first) that lie outside of the request's data window with the AOV's
-/// clear value. Does nothing when the window covers the buffer, when it is empty, or when the size is not that of the
+/// clear value. Does nothing if the window covers the buffer, if it is empty, or if the size is not that of the
 /// request.
 void HdOocPTClearOutside(const HdOocPTRenderRequest& request, const TfToken& aov, void* pixels, size_t byteCount);
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What command lines of ours ask of the plugin that they have loaded (plugin/usdrecord, plugin/texture-host): to hear
-/// interrupts while Python is blocked in the host, and to print diagnostics as plain lines. No other host calls this,
-/// and nothing here installs a signal handler: the command line's own writes a byte into a pipe.
+/// The functions that our command lines call in the plugin that they have loaded (plugin/usdrecord,
+/// plugin/texture-host): to handle interrupts while Python is blocked in the host, and to print diagnostics as plain
+/// lines. No other host calls them, and nothing here installs a signal handler: the command line's own writes a byte
+/// into a pipe.
 #include "bridge/plainMessages.h"
 #include "oocpt-bridge/src/ffi_runner.rs.h"
 #include "scene/timeCodes.h"
@@ -20,10 +21,10 @@ PXR_NAMESPACE_USING_DIRECTIVE
 
 namespace {
 
-/// As shells say of a program that was interrupted.
+/// The exit status that shells report for an interrupted program.
 constexpr int INTERRUPTED = 130;
 
-/// Whether there is a picture to wait for.
+/// Returns true if there is a picture to wait for.
 bool _Interrupt() noexcept
 {
     try {
@@ -33,7 +34,7 @@ bool _Interrupt() noexcept
     }
 }
 
-/// Runs until the other end is closed. Bytes that are no such signal mean nothing.
+/// Reads until the other end is closed. Bytes that are not SIGINT or SIGTERM are ignored.
 void _Listen(int descriptor)
 {
     for (;;) {
@@ -63,9 +64,9 @@ bool _Try(Function&& function) noexcept
 
 } // namespace
 
-/// From now on diagnostics of the host are plain lines on standard error, and each byte SIGINT or SIGTERM that is read
-/// from `descriptor` is an interrupt: the process ends at once with status 130, unless there is a picture to wait for.
-/// Returns whether somebody listens. Call it once.
+/// Prints diagnostics of the host as plain lines on standard error from now on, and takes each byte SIGINT or SIGTERM
+/// that is read from `descriptor` as an interrupt: the process ends at once with status 130, unless there is a picture
+/// to wait for. Returns 1 if a thread listens, else 0. Call it once.
 extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerStart(int descriptor)
 {
     return _Try([descriptor] {
@@ -75,16 +76,16 @@ extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerStart(int des
     });
 }
 
-/// A picture is begun, whose temporary files are in `folder`, to be removed when the process ends before it is written.
-/// Returns 0 when there was an interrupt before: the picture is not to be begun.
+/// Begins a picture, whose temporary files are in `folder`, to be removed if the process ends before it is written.
+/// Returns 0 if there was an interrupt before: the picture must not be begun.
 extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerBegin(const char* folder)
 {
     return _Try([folder] { return oocpt::begin_picture(rust::Str(folder)); });
 }
 
-/// Sets a setting for what is rendered from now on, above what scene, host and environment say. `name` is a key,
-/// with or without `oocpt:` in front. Returns 0 and writes why to `message` (of `size` bytes, cut and ended with a
-/// zero byte) when there is no such setting, or it does not take the value.
+/// Sets a setting for everything rendered from now on, overriding scene, host and environment. `name` is a key, with or
+/// without `oocpt:` in front. Returns 0 and writes the reason to `message` (of `size` bytes, cut and ended with a zero
+/// byte) if there is no such setting, or it does not take the value.
 extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerSet(
     const char* name, const char* value, char* message, size_t size)
 {
@@ -99,13 +100,13 @@ extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerSet(
     }
 }
 
-/// Of the stage of this process: scenes that come by a front end that does not say it have so many time codes a second.
+/// Sets the time codes per second of the stage of this process, for scenes whose front end does not tell them.
 extern "C" __attribute__((visibility("default"))) void HdOocPTRunnerTimeCodesPerSecond(double rate)
 {
     HdOocPTSetTimeCodesPerSecond(rate);
 }
 
-/// The picture that was begun is rendered: the first interrupt now waits until it is written.
+/// Notes that the begun picture is rendered: the first interrupt now waits until it is written.
 extern "C" __attribute__((visibility("default"))) void HdOocPTRunnerRendered()
 {
     _Try([] {
@@ -114,8 +115,8 @@ extern "C" __attribute__((visibility("default"))) void HdOocPTRunnerRendered()
     });
 }
 
-/// Whether there was an interrupt; then also how far the picture that was begun is: samples of each pixel that are
-/// done, 0 for none, and how many were asked for.
+/// Returns 1 if there was an interrupt; then also the progress of the begun picture: the finished samples of each
+/// pixel, 0 for none, and the requested number.
 extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerInterrupted(
     unsigned int* samples, unsigned int* target)
 {

@@ -13,16 +13,17 @@ struct ScalarValue;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// A setting's value as Rust takes it: bool, int, float or text. False for any other type.
+/// Converts a setting's value for Rust: bool, int, float or text. Returns false for any other type.
 bool HdOocPTToScalar(const VtValue& value, oocpt::ScalarValue* scalar);
 
-/// A value from Rust as a setting's value: bool, int, float or std::string, the types for which usdview has a widget.
+/// Converts a value from Rust to a setting's value: bool, int, float or std::string, the types for which usdview has a
+/// widget.
 VtValue HdOocPTSettingFromScalar(const oocpt::ScalarValue& scalar);
 
-/// A value from Rust as a statistic: whole numbers as size_t and real ones as double, so that nothing is cut.
+/// Converts a value from Rust to a statistic: whole numbers as size_t and real ones as double, so that nothing is cut.
 VtValue HdOocPTStatisticFromScalar(const oocpt::ScalarValue& scalar);
 
-/// A clear value: the components of a number or vector, zero where it has fewer than four. False if value holds
+/// Converts a clear value: the components of a number or vector, zero for missing ones. Returns false if value holds
 /// neither.
 bool HdOocPTToClear(const VtValue& value, std::array<float, 4>* clear);
 

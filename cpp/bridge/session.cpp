@@ -37,7 +37,7 @@ rust::Str _Str(const std::string& text)
 class HdOocPTSession::_Impl
 {
 public:
-    /// Runs a call of the bridge. Whatever is thrown, by Rust or by C++, becomes one error message for DrainMessages().
+    /// Runs a call of the bridge. An exception of Rust or of C++ becomes one error message for DrainMessages().
     template <typename Function>
     bool Try(Function&& function) noexcept
     {
@@ -58,7 +58,7 @@ public:
             const std::lock_guard<std::mutex> lock(mutex);
             errors.emplace_back(text);
         } catch (...) {
-            // There is no memory left to say so.
+            // There is no memory left for a message.
         }
     }
 
@@ -72,13 +72,13 @@ public:
     std::unique_ptr<HdOocPTSceneReader> reader;
     HdOocPTSceneReader::PrimIdLookup primIdLookup;
     HdOocPTWarnings warnings;
-    /// What the host set, and what the active render settings prim sets on top of it.
+    /// The settings of the host, and those of the active render settings prim, which override them.
     HdOocPTSettingMap hostSettings;
     HdOocPTSettingMap primSettings;
-    /// What the scene set in vain, told once.
+    /// Settings of the scene that were refused, each reported once.
     std::set<TfToken> refusedSettings;
 
-    /// Guards what follows.
+    /// Guards the members that follow.
     std::mutex mutex;
     std::vector<std::string> errors;
     /// The last request, for its windows and clear values.
@@ -110,7 +110,7 @@ void HdOocPTSession::_Impl::ForwardSetting(const TfToken& key, const VtValue& va
     }
 }
 
-/// What the scene sets, without what belongs to the machine.
+/// The settings of the scene, without those that belong to the machine.
 HdOocPTSettingMap HdOocPTSession::_Impl::TakeSceneSettings()
 {
     HdOocPTSettingMap settings = reader->GetSettings();
@@ -148,7 +148,7 @@ void HdOocPTSession::_Impl::ForwardPrimSettings()
     primSettings = current;
 }
 
-/// Whether a setting of the host, or a namespaced one of the scene, turns one of these switches on.
+/// Returns true if a setting of the host, or a namespaced one of the scene, turns one of these switches on.
 bool HdOocPTSession::_Impl::IsAnySet(std::initializer_list<TfToken> switches) const
 {
     bool isSet = false;
@@ -178,7 +178,7 @@ HdOocPTSession::~HdOocPTSession()
     _impl->reader.reset();
     if (_impl->session) {
         _impl->Try([this] { oocpt::close_session(std::move(*_impl->session)); });
-        // close_session() has taken the box; what is left is empty.
+        // close_session() has taken the session out; only the empty box is left.
         _impl->session.reset();
     }
 }
@@ -207,7 +207,7 @@ void HdOocPTSession::CommitScene(const SdfPath& camera)
     _impl->Try([&] {
         HdOocPTSceneReader& reader = *_impl->reader;
         reader.SetCamera(camera, &_impl->warnings);
-        // A second time if the settings that were read turn motion off or on.
+        // The second round is for settings that turn motion blur off or on.
         for (int round = 0; round < 2 && reader.HasChanges(); ++round) {
             oocpt::SceneEdits edits {};
             reader.Read(_impl->primIdLookup, &edits, &_impl->warnings);
@@ -280,7 +280,7 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
 
 bool HdOocPTSession::IsConverged() const
 {
-    // A session that cannot be asked will not get any further either: a host must not wait for it.
+    // A session that throws will make no progress either: a host must not wait for it.
     bool converged = true;
     if (_impl->session) {
         _impl->Try([&] { converged = (*_impl->session)->is_converged(); });

@@ -24,7 +24,7 @@ PXR_NAMESPACE_OPEN_SCOPE
 struct HdOocPTAovRequest
 {
     TfToken name;
-    /// As the host gave it: any scalar or vector of float, double or int; empty takes the AOV's own default.
+    /// The value as the host gave it: any scalar or vector of float, double or int; empty takes the AOV's own default.
     VtValue clearValue;
 };
 
@@ -81,21 +81,21 @@ public:
     /// observer. A second call drops the scene of the first. A null pointer drops the scene.
     void SetTerminalSceneIndex(const HdSceneIndexBaseRefPtr& terminal);
 
-    /// How a mesh's Hydra prim id is found (HdRprim::GetPrimId by path, -1 when unknown). Called from several threads
-    /// during CommitScene(), never afterwards. Meshes read before the lookup is set have id -1.
+    /// Finds a mesh's Hydra prim id (HdRprim::GetPrimId by path, -1 if unknown). Called from several threads during
+    /// CommitScene(), never afterwards. Meshes read before the lookup is set have id -1.
     void SetPrimIdLookup(std::function<int32_t(const SdfPath&)> lookup);
 
     /// Reads what was added, removed or dirtied since the last call and forwards it. Call it from
-    /// HdRenderDelegate::CommitResources. Cheap when nothing is pending. Posts the reader's warnings through Tf itself.
+    /// HdRenderDelegate::CommitResources. Cheap if nothing is pending. Posts the reader's warnings through Tf itself.
     ///
-    /// `camera`: whose shutter counts from now on; empty where that is not known yet.
+    /// `camera`: the camera whose shutter counts from now on; empty if it is not known yet.
     void CommitScene(const SdfPath& camera = SdfPath());
 
     // ---- settings ----
 
-    /// Forwards one setting that the host sets explicitly: it wins over OOCPT_* variables, which win over defaults. An
-    /// empty value takes the explicit one back. Keys of other renderers are ignored; an unknown oocpt: key, a value of
-    /// the wrong type or one out of range warns and changes nothing.
+    /// Forwards one setting that the host sets explicitly: it overrides OOCPT_* variables, which override defaults. An
+    /// empty value removes the explicit one. Keys of other renderers are ignored; an unknown oocpt: key, a value of the
+    /// wrong type or one out of range warns and changes nothing.
     void SetSetting(const TfToken& key, const VtValue& value);
 
     std::vector<HdOocPTSettingDescriptor> GetSettingDescriptors() const;
@@ -106,7 +106,7 @@ public:
     /// request.
     void Render(const HdOocPTRenderRequest& request);
 
-    /// True when the latest image is final and resolved, or when rendering ended for good (error, stop).
+    /// Returns true if the latest image is final and resolved, or if rendering ended for good (error, stop).
     bool IsConverged() const;
 
     void Pause();
@@ -119,15 +119,15 @@ public:
     /// Copies the newest resolved image of an AOV into destination: tightly packed, bottom row first, in the AOV's own
     /// format (color f32x4; depth, cameraDepth, sampleCount f32; primId, instanceId, elementId i32; normal, Neye,
     /// albedo, motion f32x3). An image whose version is `known` is not copied again: destination must hold it. Returns
-    /// the version of what destination holds then; 0, destination untouched, if there is none yet, the name is unknown
-    /// or the size differs.
+    /// the version of the image in destination; 0, destination untouched, if there is none yet, the name is unknown or
+    /// the size differs.
     uint64_t ReadAov(const TfToken& name, uint64_t known, void* destination, size_t byteCount) const;
 
     /// GetRenderStats() of the delegate, with the keys that hosts read.
     VtDictionary GetStats() const;
 
-    /// Posts what the renderer has to say as TF_STATUS, TF_WARN and TF_RUNTIME_ERROR. Call it on the host's thread:
-    /// errors posted on another one are lost to the host.
+    /// Posts the renderer's messages as TF_STATUS, TF_WARN and TF_RUNTIME_ERROR. Call it on the host's thread: errors
+    /// posted on another one are lost to the host.
     void DrainMessages();
 
 private:

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The plugin's one function for programs that load it without rendering: plugin/texture-host calls it for `oocpt
-/// texture`.
+/// The function for programs that load the plugin without rendering: plugin/texture-host calls it for `oocpt texture`.
 #include "bridge/imageSource.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/usd/ar/resolvedPath.h"
@@ -11,11 +10,9 @@
 
 PXR_NAMESPACE_USING_DIRECTIVE
 
-/// Looks at a texture file (`info`) or puts it into the texture cache (`convert`). `path` is an asset path, resolved
-/// as it is by the host's
-/// resolver; a path that it does not resolve is taken as it stands. The answer is a JSON object, of which `error` is
-/// the only member where
-/// it failed; it is this thread's until its next call. Any thread, several at once.
+/// Inspects a texture file (`info`) or puts it into the texture cache (`convert`). `path` is an asset path, resolved by
+/// the host's resolver; a path that it does not resolve is used as it is. The answer is a JSON object, which has only
+/// the member `error` if the call failed; it is valid until this thread's next call. Any thread, several at once.
 extern "C" __attribute__((visibility("default"))) const char* HdOocPTTextureFile(
     const char* command, const char* path, const char* colorSpace)
 {
@@ -25,7 +22,7 @@ extern "C" __attribute__((visibility("default"))) const char* HdOocPTTextureFile
         const std::string found = resolved.empty() ? std::string(path) : resolved.GetPathString();
         answer = std::string(oocpt::texture_file(HdOocPTMakeImageSource(), command, found, colorSpace));
     } catch (const std::exception& error) {
-        // Texts of panics hold no more than our own words; a quote would end the string.
+        // Texts of panics hold only our own words; a quote would end the string.
         std::string text(error.what());
         for (char& letter : text) {
             if (letter == '"' || letter == '\\' || static_cast<unsigned char>(letter) < 0x20) {

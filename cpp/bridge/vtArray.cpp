@@ -60,7 +60,7 @@ bool _Hold(const VtValue& value, ElementTag tag, std::unique_ptr<oocpt::HeldArra
     return true;
 }
 
-/// An array of this element type as it is, or one value as an array of one.
+/// Returns an array of this element type as it is, or one value as an array of one.
 template <typename Element>
 bool _Keep(const VtValue& value, VtValue* result)
 {

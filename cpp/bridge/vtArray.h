@@ -11,7 +11,7 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// What the renderer can use an array for.
+/// The renderer's use of an array.
 enum class HdOocPTArrayRole
 {
     Integers,
@@ -20,19 +20,19 @@ enum class HdOocPTArrayRole
     Vectors3,
     Quaternions,
     Matrices,
-    /// What a shader may ask for: numbers and vectors of two to four of them.
+    /// Values that a shader may read: numbers and vectors of two to four of them.
     Values,
 };
 
-/// Brings whatever a scene holds into a form that the renderer reads in place for this role.
+/// Converts any array of a scene into a form that the renderer reads in place for this role.
 ///
-/// Arrays of a fitting type come back as they are (sharing the data). A single value becomes an array of one. Unsigned
-/// and 64-bit integers, byte masks, and quaternions given as (real, i, j, k) four-vectors are converted, which copies
-/// them. For any other type the result is empty and reason says what was found; an empty value gives an empty result
-/// and no reason.
+/// Arrays of a fitting type are returned as they are (sharing the data). A single value becomes an array of one.
+/// Unsigned and 64-bit integers, byte masks, and quaternions given as (real, i, j, k) four-vectors are converted, which
+/// copies them. For any other type the result is empty and reason names the type found; an empty value gives an empty
+/// result and no reason.
 VtValue HdOocPTNormalizeArray(const VtValue& value, HdOocPTArrayRole role, std::string* reason);
 
-/// Hands an array to Rust, which reads it in place and keeps it alive; the data is shared, not copied. Null when the
+/// Passes an array to Rust, which reads it in place and keeps it alive; the data is shared, not copied. Null if the
 /// value holds no array of an element type that the bridge knows.
 std::unique_ptr<oocpt::HeldArray> HdOocPTHoldArray(const VtValue& value);
 

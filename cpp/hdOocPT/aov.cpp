@@ -33,7 +33,7 @@ enum class _Component
     Unknown
 };
 
-// One pixel between two formats. double holds every int32 and every float exactly.
+// One pixel during conversion. double holds every int32 and every float exactly.
 using _Pixel = std::array<double, 4>;
 
 _Component _ComponentOf(HdFormat format)
@@ -226,7 +226,7 @@ void HdOocPTFillPixels(VtValue const& clearValue, void* target, HdFormat targetF
     for (size_t c = 0; c < count; ++c) {
         _WriteComponent(bytes, c, component, pixel[c]);
     }
-    // Runs of what is filled, as long as the processor's cache holds them: pixel by pixel is several times slower.
+    // Pixels are filled in runs that fit the processor's cache: pixel by pixel is several times slower.
     constexpr size_t longestRun = 4096;
     for (size_t filled = 1; filled < pixelCount;) {
         size_t const run = std::min({ filled, longestRun, pixelCount - filled });

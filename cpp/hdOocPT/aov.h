@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The outputs that OocPT makes, and the conversion of their pixels to what a host's buffer holds.
+/// The outputs that OocPT renders, and the conversion of their pixels to the format of a host's buffer.
 #ifndef HDOOCPT_AOV_H
 #define HDOOCPT_AOV_H
 
@@ -13,7 +13,7 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// One output as the renderer makes it.
+/// One output in the renderer's own format.
 struct HdOocPTAov
 {
     TfToken name;
@@ -21,14 +21,14 @@ struct HdOocPTAov
     VtValue clearValue;
 };
 
-/// Null when OocPT makes no output of that name.
+/// The output of that name; null if OocPT does not render it.
 HdOocPTAov const* HdOocPTFindAov(TfToken const& name);
 
-/// True when HdOocPTConvertPixels can write this format.
+/// Returns true if HdOocPTConvertPixels can write this format.
 bool HdOocPTIsStorable(HdFormat format);
 
-/// Copies `pixelCount` tightly packed pixels. Components that the source lacks become 0; 8-bit formats clamp.
-/// False, nothing written, when one of the two formats is not storable. The arrays must not overlap.
+/// Copies `pixelCount` tightly packed pixels. Components that the source lacks become 0; 8-bit formats clamp. Returns
+/// false, and writes nothing, if one of the two formats is not storable. The arrays must not overlap.
 bool HdOocPTConvertPixels(
     void const* source, HdFormat sourceFormat, void* target, HdFormat targetFormat, size_t pixelCount);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The only place where the shim asks which OpenUSD it is compiled for.
+/// The only place where the shim depends on the version of OpenUSD that it is compiled for.
 ///
 /// Compiled: 25.08 (wheel host, declarations under cpp/abi/25.08) and 24.11 (SDK headers). The switch for newer SDKs
 /// follows their published interface and was not compiled here.
@@ -20,7 +20,7 @@
 #include "pxr/imaging/hd/version.h"
 #endif
 
-/// From API version 83 on a renderer plugin is asked with a struct, and may say why it cannot.
+/// Since API version 83, IsSupported takes a struct, and may return a reason.
 #if defined(HD_API_VERSION) && HD_API_VERSION >= 83
 #define HDOOCPT_IS_SUPPORTED_PARAMETERS HdRendererCreateArgs const&, std::string*
 #else

@@ -11,7 +11,7 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// Runs `body`. Whatever it throws becomes a TF_RUNTIME_ERROR that names `entry`, and `fallback` is the answer.
+/// Runs `body`. An exception becomes a TF_RUNTIME_ERROR that names `entry`, and `fallback` is returned.
 template <typename Result, typename Body>
 Result HdOocPTGuard(char const* entry, Result fallback, Body&& body) noexcept
 {
@@ -25,7 +25,7 @@ Result HdOocPTGuard(char const* entry, Result fallback, Body&& body) noexcept
     return fallback;
 }
 
-/// The same for a body that answers nothing.
+/// Runs a body without a result in the same way.
 template <typename Body>
 void HdOocPTGuard(char const* entry, Body&& body) noexcept
 {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Prims that exist only so that Hydra has something to hold: the scene is read from the terminal scene index.
+/// Prims that only Hydra's render index needs: the scene is read from the terminal scene index.
 #ifndef HDOOCPT_PLACEHOLDER_PRIMS_H
 #define HDOOCPT_PLACEHOLDER_PRIMS_H
 
@@ -13,7 +13,7 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// Stands for a drawn prim. Of use is only the prim id that the render index gives it.
+/// Stands for a drawn prim. Only the prim id that the render index gives it is used.
 class HdOocPTPlaceholderRprim final : public HdRprim
 {
 public:

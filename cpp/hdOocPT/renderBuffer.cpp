@@ -45,7 +45,8 @@ HdOocPTRenderBuffer::~HdOocPTRenderBuffer() = default;
 void HdOocPTRenderBuffer::Bind(HdOocPTAov const* aov, VtValue const& clearValue)
 {
     std::lock_guard<std::mutex> const lock(_mutex);
-    // Bound at every execution; hosts read few of the images that they bind, so the others stay as they were filled.
+    // Hosts bind buffers at every execution, and read few of the images that they bind, so the others stay as they were
+    // filled.
     bool const isFilled = _isFilled && _clearValue == clearValue;
     if (_isBound && _aov == aov && (_holdsImage || _isStretched || isFilled)) {
         return;
@@ -174,7 +175,8 @@ void HdOocPTRenderBuffer::Resolve()
 bool HdOocPTRenderBuffer::IsConverged() const
 {
     return HdOocPTGuard("asking a render buffer for convergence", true, [this] {
-        // The session is asked before its messages are: a fatal one is queued before the session says converged.
+        // The session is asked before its messages are drained: a fatal one is queued before the session says
+        // converged.
         bool const isFinal = _session->IsConverged();
         bool const isUpToDate = isFinal && _CopyLatest();
         _session->DrainMessages();
@@ -203,7 +205,7 @@ bool HdOocPTRenderBuffer::_CopyLatest() const
 
 bool HdOocPTRenderBuffer::_ReadFrom(HdOocPTAov const& aov) const
 {
-    // Hosts resolve at every execution, whether there is another image or not.
+    // Hosts resolve at every execution, even if there is no new image.
     uint64_t const known = _holdsImage ? _version : 0;
     bool const isConverted = aov.format != _format;
     if (isConverted) {

@@ -21,7 +21,7 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 class HdOocPTSession;
 
-/// Holds a copy of the renderer's newest image, taken by Resolve(), Map(), and IsConverged() before it answers true.
+/// Holds a copy of the renderer's newest image, taken by Resolve(), Map(), and IsConverged() before it returns true.
 /// The render thread never writes here, so the host may read a mapped buffer while rendering goes on.
 ///
 /// Threads: Allocate, Bind and Finalize on the host's thread; the rest from any thread.
@@ -46,23 +46,23 @@ public:
     HdFormat GetFormat() const override;
     bool IsMultiSampled() const override { return false; }
 
-    /// The newest image, unless the buffer is mapped already. Null when nothing is allocated. Each Map needs an Unmap,
-    /// also then.
+    /// Maps the newest image, unless the buffer is mapped already. Returns null if nothing is allocated. Each Map needs
+    /// an Unmap, also then.
     void* Map() override;
     void Unmap() override;
     bool IsMapped() const override;
 
     void Resolve() override;
 
-    /// True once the final image is in this buffer, or when no pass renders into it. While the buffer is mapped and not
-    /// yet final the answer is no.
+    /// Returns true once the final image is in this buffer, or if no pass renders into it. While the buffer is mapped
+    /// and not yet final it returns false.
     bool IsConverged() const override;
 
 protected:
     void _Deallocate() override;
 
 private:
-    /// Copies the newest image unless the buffer is mapped. True when the buffer then holds the newest state.
+    /// Copies the newest image unless the buffer is mapped. Returns true if the buffer then holds the newest state.
     bool _CopyLatest() const;
     bool _IsBound() const;
     bool _ReadFrom(HdOocPTAov const& aov) const;
@@ -81,7 +81,7 @@ private:
     /// It was filled with _clearValue since it was allocated; an image may have come since.
     bool _isFilled = false;
     VtValue _clearValue;
-    /// Of the image that it holds.
+    /// The version of the image that it holds.
     mutable uint64_t _version = 0;
     HdOocPTAov const* _aov = nullptr;
     bool _isBound = false;

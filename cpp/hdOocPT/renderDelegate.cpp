@@ -32,7 +32,7 @@ HdOocPTRenderDelegate::HdOocPTRenderDelegate(HdRenderSettingsMap const& settings
     _session->SetPrimIdLookup([this](SdfPath const& path) { return _FindPrimId(path); });
     _settingsMap = settingsMap;
     _PopulateDefaultSettings(GetRenderSettingDescriptors());
-    // A hash map has no order; settings are told in the order of their names.
+    // A hash map has no order; settings are forwarded in the order of their names.
     std::map<TfToken, VtValue> const ordered(settingsMap.begin(), settingsMap.end());
     for (auto const& entry : ordered) {
         _session->SetSetting(entry.first, entry.second);
@@ -54,7 +54,7 @@ HdOocPTRenderDelegate::~HdOocPTRenderDelegate()
 TfTokenVector const& HdOocPTRenderDelegate::GetSupportedRprimTypes() const
 {
     // Implicit shapes, NURBS and tetrahedral meshes are listed so that they get prim ids; scene indices in front of the
-    // reader make meshes and basis curves of most.
+    // reader convert most of them to meshes and basis curves.
     static TfTokenVector const types { _tokens->mesh, _tokens->basisCurves, _tokens->points, _tokens->sphere,
         _tokens->cube, _tokens->cone, _tokens->cylinder, _tokens->capsule, _tokens->plane, _tokens->nurbsCurves,
         _tokens->nurbsPatch, _tokens->tetMesh };
@@ -93,8 +93,8 @@ TfTokenVector HdOocPTRenderDelegate::GetMaterialRenderContexts() const
 
 TfTokenVector HdOocPTRenderDelegate::GetShaderSourceTypes() const
 {
-    // Front ends that ask OpenUSD's registry find definitions in MaterialX documents by the first, and what nodes of
-    // UsdPreviewSurface read by the second, as with no types at all.
+    // Front ends that ask OpenUSD's registry find definitions in MaterialX documents by the first type, and the nodes
+    // of UsdPreviewSurface by the second, as without any types.
     return { _tokens->mtlx, _tokens->glslfx };
 }
 

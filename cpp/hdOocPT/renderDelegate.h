@@ -43,7 +43,7 @@ public:
     TfTokenVector GetRenderSettingsNamespaces() const override;
     bool IsParallelSyncEnabled(TfToken const& primType) const override;
 
-    /// An invalid format for outputs that OocPT does not make.
+    /// The format is invalid for outputs that OocPT does not render.
     HdAovDescriptor GetDefaultAovDescriptor(TfToken const& name) const override;
 
     // ---- settings, statistics, commands ----

@@ -26,7 +26,8 @@ HdOocPTRenderPass::~HdOocPTRenderPass() = default;
 bool HdOocPTRenderPass::IsConverged() const
 {
     return HdOocPTGuard("asking the render pass for convergence", true, [this] {
-        // Asked first: a fatal message is queued before the session says converged, so draining after it loses none.
+        // This comes first: a fatal message is queued before the session says converged, so draining after it loses
+        // none.
         bool const isConverged = !_hasRequest || _session->IsConverged();
         _session->DrainMessages();
         return isConverged;

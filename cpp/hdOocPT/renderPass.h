@@ -21,14 +21,15 @@ public:
         HdRenderIndex* index, HdRprimCollection const& collection, std::shared_ptr<HdOocPTSession> session);
     ~HdOocPTRenderPass() override;
 
-    /// True once every bound buffer holds its final image, or when rendering has ended for good.
+    /// Returns true once every bound buffer holds its final image, or if rendering has ended for good.
     bool IsConverged() const override;
 
 protected:
     void _Execute(HdRenderPassStateSharedPtr const& renderPassState, TfTokenVector const& renderTags) override;
 
 private:
-    /// Binds the buffers to their outputs and lists them in the request; false when there is nothing to render into.
+    /// Binds the buffers to their outputs and lists them in the request; returns false if there is no buffer to render
+    /// into.
     bool _BindAovs(HdRenderPassAovBindingVector const& bindings, HdOocPTRenderRequest* request);
     HdRenderBuffer* _FindBuffer(HdRenderPassAovBinding const& binding) const;
 

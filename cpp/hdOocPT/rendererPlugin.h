@@ -19,8 +19,8 @@ public:
     HdRenderDelegate* CreateRenderDelegate(HdRenderSettingsMap const& settingsMap) override;
     void DeleteRenderDelegate(HdRenderDelegate* renderDelegate) override;
 
-    /// Always true: the question is about the host's own drawing, and OocPT brings its own Vulkan device. A machine
-    /// without a usable device is told so, with the reason, when the first image is asked for.
+    /// Always true: Hydra asks about the host's own drawing, and OocPT brings its own Vulkan device. On a machine
+    /// without a usable device, the first image request reports it, with the reason.
     using HdRendererPlugin::IsSupported;
     bool IsSupported(HDOOCPT_IS_SUPPORTED_PARAMETERS) const override;
 };

@@ -72,7 +72,7 @@ Vector XyzOf(const std::array<double, 2>& xy)
     return { xy[0] / xy[1], 1.0, (1.0 - xy[0] - xy[1]) / xy[1] };
 }
 
-/// From linear colors of these primaries to XYZ (SMPTE RP 177).
+/// The matrix from linear colors of these primaries to XYZ (SMPTE RP 177).
 Matrix XyzFrom(const Primaries& primaries)
 {
     const Vector r = XyzOf(primaries.red), g = XyzOf(primaries.green), b = XyzOf(primaries.blue);
@@ -111,7 +111,7 @@ OCIO::TransformRcPtr MatrixTransform(const Matrix& m)
     return transform;
 }
 
-/// Of a pure power. Numbers below zero are mirrored.
+/// The transform of a pure power. Numbers below zero are mirrored.
 OCIO::TransformRcPtr PowerTransform(double gamma)
 {
     const double values[4] = { gamma, gamma, gamma, 1.0 };
@@ -121,7 +121,7 @@ OCIO::TransformRcPtr PowerTransform(double gamma)
     return transform;
 }
 
-/// IEC 61966-2-1.
+/// The curve of IEC 61966-2-1.
 OCIO::TransformRcPtr SrgbTransform()
 {
     const double gamma[4] = { 2.4, 2.4, 2.4, 1.0 };
@@ -133,7 +133,7 @@ OCIO::TransformRcPtr SrgbTransform()
     return transform;
 }
 
-/// A color space with all its names; `curve` may be null.
+/// Adds a color space with all its names; `curve` may be null.
 void Add(const OCIO::ConfigRcPtr& config, const std::vector<const char*>& names, const OCIO::TransformRcPtr& curve,
     const Matrix& toRec709)
 {
@@ -198,7 +198,7 @@ OCIO::ConstConfigRcPtr HdOocPTMakeColorConfig()
     Add(config, { "adobergb", "g22_adobergb", "g22_adobergb_scene", "AdobeRGB", "Utility - AdobeRGB - Texture" },
         PowerTransform(563.0 / 256.0), to709(adobe));
     config->setRole(OCIO::ROLE_SCENE_LINEAR, "lin_rec709");
-    // By these OpenColorIO finds its way from one configuration to another.
+    // OpenColorIO converts between configurations by these roles.
     config->setRole("aces_interchange", "lin_ap0");
     config->setRole("cie_xyz_d65_interchange", "lin_ciexyzd65");
     return config;

@@ -14,11 +14,11 @@ namespace OCIO = OCIO_NAMESPACE;
 
 namespace {
 
-/// What linear Rec. 709 is called, in the configurations of ACES and in others.
+/// The names of linear Rec. 709, in the configurations of ACES and in others.
 constexpr const char* targets[]
     = { "lin_rec709", "lin_rec709_scene", "lin_rec709_srgb", "Linear Rec.709 (sRGB)", "lin_srgb",
           "Utility - Linear - sRGB", "Utility - Linear - Rec.709", "Linear Rec.709", "Linear sRGB", "linear_srgb" };
-/// Texels of one or two channels are widened that many at a time.
+/// Number of texels of one or two channels that are widened at a time.
 constexpr std::size_t widened = 1024;
 
 const OCIO::ConstConfigRcPtr& OwnConfig()
@@ -27,14 +27,15 @@ const OCIO::ConstConfigRcPtr& OwnConfig()
     return config;
 }
 
-/// The user's, from $OCIO; null without one.
+/// The user's configuration, from $OCIO; null without one.
 OCIO::ConstConfigRcPtr UserConfig()
 {
     const char* const path = std::getenv("OCIO");
     if (!path || !*path) {
         return nullptr;
     }
-    // Opening a pipe waits. What is not there, or is the name of a configuration of the library's, OpenColorIO tells.
+    // Opening a pipe would block. OpenColorIO reports missing files, and knows the names of its built-in
+    // configurations.
     struct stat status
     {
     };
@@ -44,7 +45,7 @@ OCIO::ConstConfigRcPtr UserConfig()
     return OCIO::Config::CreateFromEnv();
 }
 
-/// Null where the configuration does not have the color space.
+/// The conversion; null if the configuration does not have the color space.
 OCIO::ConstProcessorRcPtr FindProcessor(const OCIO::ConstConfigRcPtr& config, const std::string& name)
 {
     if (!config || !config->getColorSpace(name.c_str())) {
@@ -62,7 +63,7 @@ class ColorTransform final : public HdOocPTColorTransform
 {
 public:
     explicit ColorTransform(const OCIO::ConstProcessorRcPtr& processor)
-        // Without the approximate powers of the default.
+        // This optimization avoids the approximate powers of the default.
         : _processor(processor->getOptimizedCPUProcessor(OCIO::OPTIMIZATION_LOSSLESS))
     {
     }
@@ -73,7 +74,7 @@ public:
             return;
         }
         if (channels >= 3) {
-            // Rows of any length do: each texel is converted by itself.
+            // A row of any length will do: each texel is converted by itself.
             OCIO::PackedImageDesc image(texels, static_cast<long>(count), 1, static_cast<long>(channels));
             _Apply(image, texels, count, channels);
             return;
@@ -94,7 +95,7 @@ public:
     }
 
 private:
-    /// Alpha stays, whatever the conversion says of it.
+    /// Converts texels; alpha stays, even if the conversion changes it.
     void _Apply(OCIO::PackedImageDesc& image, float* texels, std::size_t count, std::uint32_t channels) const
     {
         if (channels == 3) {

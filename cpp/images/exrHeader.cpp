@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Headers of OpenEXR files, before OpenEXR takes memory for what they say. Source: "OpenEXR File Layout" of its
+/// Checks headers of OpenEXR files before OpenEXR allocates memory for them. Source: "OpenEXR File Layout" of its
 /// documentation.
 #include "images/imageLimits.h"
 
@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t maxAttributes = 4096;
 constexpr std::size_t maxParts = 1024;
-/// Of a name or a type, with long names.
+/// Longest name or type of files with long names.
 constexpr std::size_t maxName = 255;
 constexpr std::uint32_t isDeep = 0x800;
 constexpr std::uint32_t hasParts = 0x1000;
@@ -25,7 +25,7 @@ constexpr std::uint32_t hasParts = 0x1000;
     throw std::runtime_error("cannot be read: " + reason);
 }
 
-/// Goes through the file from its beginning.
+/// Reads the file from its beginning.
 class Cursor
 {
 public:
@@ -52,7 +52,7 @@ public:
         return b[0] | b[1] << 8 | b[2] << 16 | static_cast<std::uint32_t>(b[3]) << 24;
     }
 
-    /// Up to a zero.
+    /// Reads a name up to a zero.
     std::string TakeName()
     {
         std::array<char, maxName + 1> text {};
@@ -107,7 +107,7 @@ void ReadChannels(const std::vector<unsigned char>& data, Part* part)
     while (at < data.size() && data[at] != 0) {
         const auto* const end = static_cast<const unsigned char*>(std::memchr(&data[at], 0, data.size() - at));
         const std::size_t next = end ? end - data.data() + 1 : data.size();
-        // Kind of number, whether it is linear, three unused bytes, sampling in x and y.
+        // The entry has kind of number, linearity, three unused bytes, sampling in x and y.
         if (next + 16 > data.size()) {
             Refuse("its list of channels breaks off");
         }
@@ -137,7 +137,7 @@ void ReadAttribute(const std::string& name, const std::vector<unsigned char>& da
     }
 }
 
-/// False where the list of parts ends.
+/// Reads a part; returns false at the end of the list of parts.
 bool ReadPart(Cursor* file, Part* part)
 {
     for (std::size_t count = 0; count < maxAttributes; ++count) {
@@ -160,7 +160,7 @@ bool ReadPart(Cursor* file, Part* part)
     Refuse("its header has no end");
 }
 
-/// Tiles along one axis, of the level alone or of all levels that halve it.
+/// Number of tiles along one axis, of the level alone or of all levels that halve it.
 double TileCount(std::int64_t size, std::int64_t tile, bool allLevels, bool roundsUp)
 {
     double count = 0.0;
@@ -174,9 +174,9 @@ double TileCount(std::int64_t size, std::int64_t tile, bool allLevels, bool roun
 
 void CheckPart(const Part& part, std::size_t fileSize, double* tableBytes)
 {
-    // Bytes of the table and of an empty chunk's header.
+    // Bytes of a table entry and of an empty chunk's header.
     constexpr double bytesPerChunk = 16.0;
-    // By the number that OpenEXR gives to a compression.
+    // Rows of a block by OpenEXR's number of the compression.
     constexpr int rows[] = { 1, 1, 1, 16, 32, 16, 32, 32, 32, 256 };
     if (part.width < 1 || part.height < 1 || part.width > HdOocPTMaxSide || part.height > HdOocPTMaxSide) {
         throw std::runtime_error("is " + std::to_string(part.width) + " x " + std::to_string(part.height)

@@ -11,10 +11,9 @@
 
 namespace {
 
-/// Of an image with 65536 texels a side.
+/// Number of levels of an image with 65536 texels a side.
 constexpr int maxLevels = 17;
-/// Of a tile in a file, above which a part of the file is not had at little cost. Ordinary tiles have 32 to 256 texels
-/// a side.
+/// Texels of a tile above which reading a part of the file is not cheap. Ordinary tiles have 32 to 256 texels a side.
 constexpr long maxTexelsOfPart = 1024L * 1024L;
 
 /// 16-bit integers become floats: half precision would lose five of their bits.
@@ -41,7 +40,7 @@ std::string LayerOf(const std::string& name)
     return dot == std::string::npos ? "" : name.substr(0, dot);
 }
 
-/// What the channel is within its layer: 'r', 'g', 'b', 'a', 'x', 'y' (luminance too), or 0.
+/// The meaning of the channel within its layer: 'r', 'g', 'b', 'a', 'x', 'y' (luminance too), or 0.
 char MeaningOf(const std::string& name)
 {
     std::string word = name.substr(name.rfind('.') + 1);
@@ -62,7 +61,7 @@ OIIO::TypeDesc HdOocPTTypeOf(HdOocPTTexelFormat format)
 
 std::vector<int> HdOocPTChooseChannels(const std::vector<std::string>& names)
 {
-    // The layer without a name first, the others as they come.
+    // The layer without a name comes first, the others in the order of the file.
     std::vector<std::string> layers { "" };
     for (const std::string& name : names) {
         if (std::find(layers.begin(), layers.end(), LayerOf(name)) == layers.end()) {
@@ -87,14 +86,14 @@ std::vector<int> HdOocPTChooseChannels(const std::vector<std::string>& names)
         }
     }
     for (const std::string& layer : layers) {
-        // Luminance, not the second coordinate.
+        // The channel y is luminance here, not the second coordinate.
         if (const int luminance = find(layer, 'y'); luminance >= 0 && find(layer, 'x') < 0) {
             return withAlpha(layer, { luminance });
         }
     }
     std::vector<int> all(std::min<std::size_t>(names.size(), 4));
     std::iota(all.begin(), all.end(), 0);
-    // Further layers do not become green, blue or alpha of the first.
+    // Channels of further layers must not become green, blue or alpha of the first.
     const auto isOther = [&](int channel) { return LayerOf(names[channel]) != LayerOf(names.front()); };
     all.erase(std::remove_if(all.begin(), all.end(), isOther), all.end());
     return all;
@@ -119,16 +118,16 @@ HdOocPTImageFacts HdOocPTFindFacts(
         facts.wrap
             = { WrapOf(wrap.substr(0, comma)), WrapOf(comma == std::string::npos ? wrap : wrap.substr(comma + 1)) };
     }
-    // Other formats have no levels, and give the same one for every number. (ImageInput::supports("mipmap") says no
+    // Other formats have no levels, and return the same one for every number. (ImageInput::supports("mipmap") says no
     // for all.)
     const int most = name == "openexr" || name == "tiff" ? maxLevels : 1;
     for (int level = 0; level < most; ++level) {
-        // spec_dimensions() gives what it has for a level that is not there.
+        // spec_dimensions() returns something even for a level that does not exist.
         if (level > 0 && !input.seek_subimage(0, level)) {
             break;
         }
         const OIIO::ImageSpec found = level == 0 ? spec : input.spec_dimensions(0, level);
-        // Of rip maps the levels have no such order.
+        // The levels of rip maps do not halve both sides.
         const bool isHalved
             = found.width == std::max(1, spec.width >> level) && found.height == std::max(1, spec.height >> level);
         if (found.undefined() || !isHalved || found.width < 1 || found.height < 1
@@ -138,7 +137,7 @@ HdOocPTImageFacts HdOocPTFindFacts(
         HdOocPTCheckSpec(level == 0 ? spec : found, name, bytes.GetSize());
         facts.levels.push_back({ static_cast<std::uint32_t>(found.width), static_cast<std::uint32_t>(found.height) });
     }
-    // Asking for a level that is not there leaves a message behind.
+    // Asking for a level that does not exist leaves an error message behind.
     static_cast<void>(input.geterror());
     return facts;
 }

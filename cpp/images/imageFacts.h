@@ -10,12 +10,11 @@
 #include <string>
 #include <vector>
 
-/// Which channels of a file are its texels, by their numbers in the file, 1 to 4: by name where a file has more than a
-/// texture
-/// needs (layers, depth, ids).
+/// Chooses the channels of a file that are its texels, by their numbers in the file, 1 to 4: by name if a file has more
+/// than a texture needs (layers, depth, ids).
 std::vector<int> HdOocPTChooseChannels(const std::vector<std::string>& names);
 
-/// What is known of an open file, of which `channels` are read. Throws std::runtime_error where it is too large.
+/// The facts of an open file, of which `channels` are read. Throws std::runtime_error if it is too large.
 HdOocPTImageFacts HdOocPTFindFacts(
     OIIO::ImageInput& input, const HdOocPTImageBytes& bytes, const std::vector<int>& channels);
 

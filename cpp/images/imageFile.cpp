@@ -39,12 +39,11 @@ public:
         const auto [first, last] = std::minmax_element(_channels.begin(), _channels.end());
         _first = *first;
         _end = *last + 1;
-        // Of whole strips OpenImageIO decompresses what it could not read, beyond the end of its memory; rows are
-        // libtiff's work.
+        // For whole strips OpenImageIO decompresses data that it could not read, beyond the end of its memory; libtiff
+        // itself reads rows.
         _readsRowByRow = std::strcmp(lease.Input().format_name(), "tiff") == 0;
-        // OpenImageIO's reader of TIFF is spoilt when it was asked for a level that is not there: it forgets how many
-        // bits a
-        // channel has.
+        // OpenImageIO's reader of TIFF is broken after a request for a level that does not exist: it forgets how many
+        // bits a channel has.
         lease.Discard();
     }
 
@@ -85,7 +84,7 @@ public:
         if (level >= _facts.levels.size()) {
             throw std::runtime_error("has no level " + std::to_string(level));
         }
-        // Not pooled: one input, which goes through the file once and never back.
+        // This input is not pooled: it goes through the file once and never back.
         const OpenInput open = HdOocPTOpenInput(*_source);
         const OIIO::ImageSpec spec = _SpecOf(*open.input, level);
         const std::size_t stride = _TexelBytes() * static_cast<std::size_t>(spec.width);
@@ -118,7 +117,7 @@ private:
         return spec;
     }
 
-    /// How many rows are decoded together, so that nothing is decoded twice: a row of tiles, whole blocks.
+    /// The number of rows that are decoded together, so that nothing is decoded twice: a row of tiles, whole blocks.
     int _RowsAtOnce(const OIIO::ImageSpec& spec, int most) const
     {
         if (spec.tile_height > 0) {
@@ -131,7 +130,7 @@ private:
         return most > blockRows ? most / blockRows * blockRows : most;
     }
 
-    /// What OpenImageIO can read at once: whole tiles, or whole rows.
+    /// The box that OpenImageIO can read at once: whole tiles, or whole rows.
     static FileBox _Widened(const OIIO::ImageSpec& spec, const FileBox& box)
     {
         if (spec.tile_width <= 0 || spec.tile_height <= 0) {
@@ -145,7 +144,7 @@ private:
             down(box.y0, spec.y, spec.tile_height), up(box.y1, spec.y, spec.tile_height, spec.y + spec.height) };
     }
 
-    /// The chosen channels of the box, rows from the top down.
+    /// Reads the chosen channels of the box, rows from the top down.
     void _ReadBox(OIIO::ImageInput& input, int level, const OIIO::ImageSpec& spec, const FileBox& box,
         std::vector<char>* texels) const
     {
@@ -164,7 +163,7 @@ private:
                     0, level, y, y + step, spec.z, _first, _end, type, texels->data() + stride * (y - box.y0));
             }
         }
-        // Some readers say that all is well and leave a message.
+        // Some readers report success and leave an error message.
         if (!isRead || input.has_error()) {
             const std::string reason = input.geterror();
             throw std::runtime_error("cannot be decoded" + (reason.empty() ? "" : ": " + reason));
@@ -172,7 +171,7 @@ private:
         _Pick(texels, count, type.size());
     }
 
-    /// Leaves the chosen channels of those that were read, in their order.
+    /// Compacts texels to the chosen channels, in their order.
     void _Pick(std::vector<char>* texels, std::size_t count, std::size_t channelBytes) const
     {
         bool isInOrder = _end - _first == static_cast<int>(_channels.size());

@@ -66,7 +66,7 @@ std::string HdOocPTFindImageFormat(const std::string& name, const HdOocPTImageBy
 
 int HdOocPTFindPngColorSpace(const HdOocPTImageBytes& bytes)
 {
-    // Signature, then chunks of length, type, data, check; what is wanted comes before the first IDAT.
+    // The file has a signature, then chunks of length, type, data, check; the wanted ones come before the first IDAT.
     std::size_t offset = 8;
     for (int chunk = 0; chunk < 64; ++chunk) {
         std::array<unsigned char, 12> head {};
@@ -76,13 +76,12 @@ int HdOocPTFindPngColorSpace(const HdOocPTImageBytes& bytes)
         if (std::memcmp(&head[4], "sRGB", 4) == 0) {
             return 1;
         }
-        // An embedded profile, by its name: "sRGB IEC61966-2.1", "sRGB built-in". PNG says that such a file has no
-        // sRGB chunk, so 16-bit
-        // files of many programs say it in this way alone.
+        // The name of an embedded profile: "sRGB IEC61966-2.1", "sRGB built-in". PNG says that such a file has no sRGB
+        // chunk, so 16-bit files of many programs state it only in this way.
         if (std::memcmp(&head[4], "iCCP", 4) == 0 && std::memcmp(&head[8], "sRGB", 4) == 0) {
             return 1;
         }
-        // The exponent of the encoding times 100 000.
+        // The chunk has the exponent of the encoding times 100 000.
         if (std::memcmp(&head[4], "gAMA", 4) == 0 && BigEndian(&head[8]) == 100000) {
             return 0;
         }

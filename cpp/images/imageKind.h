@@ -6,12 +6,13 @@
 
 #include <string>
 
-/// OpenImageIO's name of the format of a file, told from its first bytes (Targa, which has no mark, from its name).
+/// OpenImageIO's name of the format of a file, from its first bytes (Targa, which has no magic number, from its name).
 /// Throws std::runtime_error for any other file: OpenImageIO itself would try some thirty readers on it, video and
-/// medicine included.
+/// medical formats included.
 std::string HdOocPTFindImageFormat(const std::string& name, const HdOocPTImageBytes& bytes);
 
-/// Whether a PNG says that it is sRGB (1) or linear (0); -1 when it says nothing. OpenImageIO calls every PNG sRGB.
+/// Returns 1 if a PNG says that it is sRGB, 0 if it says that it is linear, -1 if it says nothing. OpenImageIO calls
+/// every PNG sRGB.
 int HdOocPTFindPngColorSpace(const HdOocPTImageBytes& bytes);
 
 #endif

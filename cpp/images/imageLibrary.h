@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What the library of image readers (hdOocPTImages.so) gives to the plugin: files, read by OpenImageIO.
+/// The interface of the library of image readers (hdOocPTImages.so), through which the plugin reads files by
+/// OpenImageIO.
 ///
-/// It is a library of its own, and opened by the plugin when the first image is wanted, so that its OpenImageIO and the
-/// 200 libraries behind that meet the host's own copies nowhere (rust/decisions/0007-images.md), and scenes without
-/// images do not load them. No type of USD or OpenImageIO appears here. Both sides are built together, by one compiler.
+/// It is a library of its own, opened by the plugin when the first image is needed, so that its OpenImageIO and the 200
+/// libraries behind that never meet the host's own copies (rust/decisions/0007-images.md), and scenes without images do
+/// not load them. No type of USD or OpenImageIO appears here. Both sides are built together, by one compiler.
 #ifndef HDOOCPT_IMAGES_IMAGE_LIBRARY_H
 #define HDOOCPT_IMAGES_IMAGE_LIBRARY_H
 
@@ -15,21 +16,21 @@
 #include <string>
 #include <vector>
 
-/// The bytes of a file, wherever they are. Any thread, several at once.
+/// The bytes of a file, wherever it is stored. Any thread, several at once.
 class HdOocPTImageBytes
 {
 public:
     virtual ~HdOocPTImageBytes() = default;
     virtual std::size_t GetSize() const = 0;
-    /// Reads at most `count` bytes; how many it was, 0 at the end and on errors.
+    /// Reads at most `count` bytes; returns their number, 0 at the end and on errors.
     virtual std::size_t Read(void* destination, std::size_t count, std::size_t offset) const = 0;
 };
 
-/// Opens a file's bytes, anew each time; null when they cannot be had.
+/// Opens a file's bytes, anew each time; null if they cannot be opened.
 using HdOocPTImageOpener = std::function<std::shared_ptr<const HdOocPTImageBytes>()>;
 
-/// Takes rows: the number of the first counted from the top of the image, the rows from there on downwards. False: no
-/// more.
+/// Takes rows: the number of the first counted from the top of the image, the rows from there on downwards. Returns
+/// false to stop.
 using HdOocPTRowSink = std::function<bool(std::uint32_t top, const void* rows, std::size_t byteCount)>;
 
 enum class HdOocPTTexelFormat : std::uint8_t
@@ -52,17 +53,17 @@ struct HdOocPTImageFacts
 {
     /// Width and height of the levels in the file, finest first.
     std::vector<std::array<std::uint32_t, 2>> levels;
-    /// 1 to 4; a file's further channels are not read.
+    /// Number of channels that are read, 1 to 4.
     std::uint32_t channels = 0;
     HdOocPTTexelFormat format = HdOocPTTexelFormat::UInt8;
-    /// The file is in tiles of ordinary size: parts of it are read alone.
+    /// True if the file has tiles of ordinary size, so that parts of it can be read alone.
     bool isTiled = false;
-    /// Whether the file itself says that it is sRGB (1) or that it is not (0); -1: it says nothing.
+    /// 1 if the file itself says that it is sRGB, 0 if it says that it is not, -1 if it says nothing.
     int isSrgb = -1;
     std::array<HdOocPTImageWrap, 2> wrap { HdOocPTImageWrap::Unknown, HdOocPTImageWrap::Unknown };
 };
 
-/// An image. Reading may be done by several threads at once.
+/// An image. Several threads may read at once.
 class HdOocPTImageFile
 {
 public:
@@ -75,8 +76,7 @@ public:
         void* out, std::size_t byteCount) const = 0;
 
     /// Decodes a level once, from the top of the image down, in bands of whole rows of at most 4 MiB (or one row).
-    /// Throws as Read,
-    /// and lets pass what the sink throws.
+    /// Throws as Read does; exceptions of the sink pass through.
     virtual void Decode(std::uint32_t level, const HdOocPTRowSink& sink) const = 0;
 };
 
@@ -86,16 +86,15 @@ class HdOocPTColorTransform
 public:
     virtual ~HdOocPTColorTransform() = default;
 
-    /// In place, `count` texels of 1 to 4 channels. Alpha stays; grey goes through as r = g = b, and the red that
-    /// comes out is taken.
+    /// Converts `count` texels of 1 to 4 channels in place. Alpha stays; grey is converted as r = g = b, and the red of
+    /// the result is taken.
     virtual void Apply(float* texels, std::size_t count, std::uint32_t channels) const = 0;
 };
 
-/// The functions of the library; their names are below. Both throw std::runtime_error with the reason.
+/// The functions of the library, whose names are below. Both throw std::runtime_error with the reason.
 using HdOocPTOpenImageFunction = std::unique_ptr<HdOocPTImageFile>(const std::string& name, HdOocPTImageOpener opener);
-/// The conversion from a color space that OpenColorIO knows: by the configuration that $OCIO names, then by one of
-/// ours with the
-/// names that OpenUSD and ACES use (colorConfig.h).
+/// Makes the conversion from a color space that OpenColorIO knows: by the configuration that $OCIO names, then by one
+/// of ours with the names that OpenUSD and ACES use (colorConfig.h).
 using HdOocPTMakeColorTransformFunction = std::unique_ptr<HdOocPTColorTransform>(const std::string& name);
 
 #define HDOOCPT_OPEN_IMAGE_NAME "HdOocPTOpenImage"

@@ -9,7 +9,8 @@
 
 namespace {
 
-/// Of deflate: 258 bytes for two bits (zlib's technical notes: 1032), and some for headers.
+/// Most decoded bytes of a byte of deflate: 258 bytes for two bits (zlib's technical notes: 1032), and some for
+/// headers.
 constexpr double deflateRatio = 1100.0;
 
 std::uint32_t BigEndian(const unsigned char* bytes, int count)
@@ -33,14 +34,13 @@ void CheckSides(std::uint64_t width, std::uint64_t height)
     }
 }
 
-/// Most decoded bytes of a byte of a TIFF. Of LZW the longest strings of a table of 4096; RLE in zstd's blocks of 128
-/// KiB; the fax
-/// codes, where a white row is one bit, and anything else: no limit (what is decoded at once is bounded by strips and
-/// tiles).
+/// Most decoded bytes of a byte of a TIFF. LZW: the longest strings of a table of 4096; zstd: RLE in blocks of 128 KiB;
+/// the fax codes, where a white row is one bit, and anything else: no limit (strips and tiles bound what is decoded at
+/// once).
 double TiffRatio(const OIIO::ImageSpec& spec)
 {
     const std::string compression = spec.get_string_attribute("compression", "none");
-    // Few bits and colours from a palette become bytes.
+    // Texels of few bits and colours from a palette become bytes.
     const int bits = spec.get_int_attribute("oiio:BitsPerSample", 8);
     const double widened = (bits < 8 ? 8.0 / std::max(bits, 1) : 1.0)
         * (spec.get_string_attribute("tiff:ColorSpace") == "palette"
@@ -56,7 +56,7 @@ double TiffRatio(const OIIO::ImageSpec& spec)
     return ratio * widened;
 }
 
-/// Compressed texts, each of which may have 8 MB when libpng has read it.
+/// Checks compressed texts, each of which may expand to 8 MB in libpng.
 void CheckPngTexts(const HdOocPTImageBytes& bytes)
 {
     constexpr int most = 16;
@@ -136,7 +136,7 @@ void HdOocPTCheckJpegHeader(const unsigned char* content, std::size_t size)
             if (scans > mostScans) {
                 throw std::runtime_error("is a JPEG of " + std::to_string(scans) + " scans, more than is read");
             }
-            // Coefficients have two bytes each.
+            // Coefficients of several scans take two bytes each.
             if (scans > 1 && decoded * 2 > HdOocPTMaxHeldBytes) {
                 throw std::runtime_error("is a progressive JPEG of " + SizeText(width, height)
                     + " texels, which has to be decoded at once; save it as a baseline JPEG");
@@ -155,13 +155,13 @@ void HdOocPTCheckSpec(const OIIO::ImageSpec& spec, const std::string& format, st
         throw std::runtime_error("is a volume or a deep image, not a flat one");
     }
     if (format == "tiff" && spec.format == OIIO::TypeDesc::DOUBLE) {
-        // OpenImageIO 2.4 gives zeros.
+        // OpenImageIO 2.4 reads zeros from them.
         throw std::runtime_error("has numbers of 64 bits, which are not read from TIFF; save it with 32");
     }
     if (format == "hdr" && spec.get_int_attribute("Orientation", 1) != 1) {
         throw std::runtime_error("has its rows in another order than -Y +X, the only one that is read");
     }
-    // A tile of no width, or of 2^32 - 1, is divided by.
+    // libtiff divides by the width of a tile, also by 0 or 2^32 - 1.
     const bool isTiled = spec.tile_width != 0 || spec.tile_height != 0;
     if (isTiled
         && (spec.tile_width < 1 || spec.tile_height < 1 || spec.tile_width > HdOocPTMaxSide
@@ -185,9 +185,9 @@ void HdOocPTCheckSpec(const OIIO::ImageSpec& spec, const std::string& format, st
                                            : "has tiles of " + SizeText(spec.tile_width, spec.tile_height)
                     + " texels, which is more than is read");
     }
-    // Runs of TGA: 128 texels for two bytes (of a palette of four channels: 256 times). Of BMP: 255 texels for two
-    // bytes; rows
-    // may be left out. Of Radiance: 127 for two bytes, in each of four channels that become three floats.
+    // Most texels of a run: TGA has 128 texels for two bytes (of a palette of four channels: 256 times), BMP 255 texels
+    // for two bytes, and rows may be left out; Radiance has 127 for two bytes, in each of four channels that become
+    // three floats.
     const double ratio = format == "tiff" ? TiffRatio(spec)
         : format == "targa"               ? 260.0
         : format == "bmp"                 ? 1100.0

@@ -15,11 +15,11 @@
 namespace {
 
 constexpr std::size_t maxIdle = 64;
-/// Each takes memory for two blocks in every open file.
+/// Each thread takes memory for two blocks in every open file.
 constexpr unsigned maxExrThreads = 4;
 constexpr std::size_t maxCopy = std::size_t { 1 } << 30;
 
-/// Lets OpenImageIO read an asset.
+/// An OpenImageIO proxy that reads an asset.
 class Proxy final : public OIIO::Filesystem::IOProxy
 {
 public:
@@ -60,7 +60,7 @@ private:
     const std::shared_ptr<const HdOocPTImageBytes> _bytes;
 };
 
-/// An idle input and whose it is.
+/// An idle input and its source.
 struct Idle
 {
     std::weak_ptr<const InputSource> source;
@@ -70,13 +70,13 @@ struct Idle
 struct Pool
 {
     std::mutex mutex;
-    /// The last used ones come first.
+    /// Idle inputs, the last used ones first.
     std::list<Idle> idle;
 };
 
 Pool& ThePool()
 {
-    // Never destroyed: threads may still read while the process ends.
+    // The pool is never destroyed: threads may still read while the process ends.
     static Pool& pool = *new Pool;
     return pool;
 }
@@ -85,10 +85,10 @@ void SetUpOnce()
 {
     static std::once_flag once;
     std::call_once(once, [] {
-        // The renderer has threads of its own that decode, one image each.
+        // The renderer decodes on threads of its own, one image each.
         OIIO::attribute("threads", 1);
-        // OpenEXR decompresses blocks of rows and tiles on threads of its own: a single file would else keep one core
-        // busy.
+        // OpenEXR decompresses blocks of rows and tiles on threads of its own: otherwise a single file would keep only
+        // one core busy.
         OIIO::attribute(
             "exr_threads", static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, maxExrThreads)));
         OIIO::attribute("limits:channels", 1024);
@@ -143,7 +143,7 @@ OpenInput HdOocPTOpenInput(const InputSource& source)
     OIIO::ImageSpec config;
     OIIO::Filesystem::IOProxy* proxy = open.proxy.get();
     config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
-    // Alpha stays as the file has it: what it means is the material's affair.
+    // Alpha stays as the file has it: the material decides its meaning.
     config.attribute("oiio:UnassociatedAlpha", 1);
     OIIO::ImageSpec spec;
     if (!open.input->open(source.name, spec, config)) {
@@ -176,7 +176,7 @@ InputLease::~InputLease()
     if (!_open.input) {
         return;
     }
-    // Inputs are closed outside of the lock.
+    // Inputs are closed after the lock is released.
     std::list<Idle> closing;
     {
         Pool& pool = ThePool();

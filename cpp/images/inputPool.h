@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-/// Where an image comes from. Its address names the image in the pool.
+/// The source of an image. Its address names the image in the pool.
 struct InputSource
 {
     std::string name;
@@ -22,14 +22,14 @@ struct InputSource
 struct OpenInput
 {
     std::shared_ptr<const HdOocPTImageBytes> bytes;
-    // The file whole, where OpenImageIO's reader takes nothing else (JPEG).
+    // The whole file, for OpenImageIO's readers that take nothing else (JPEG).
     std::vector<char> copy;
-    // Before the input, which uses it until it is gone.
+    // Declared before the input, which uses it until it is destroyed.
     std::unique_ptr<OIIO::Filesystem::IOProxy> proxy;
     std::unique_ptr<OIIO::ImageInput> input;
 };
 
-/// Opens an image for one who closes it himself. Throws std::runtime_error with the reason.
+/// Opens an image for a caller who closes it himself. Throws std::runtime_error with the reason.
 OpenInput HdOocPTOpenInput(const InputSource& source);
 
 /// The use of an open input by one thread. Inputs are kept when a lease ends, at most 64 of them in the process, since
@@ -46,7 +46,7 @@ public:
     OIIO::ImageInput& Input() const { return *_open.input; }
     const std::shared_ptr<const HdOocPTImageBytes>& Bytes() const { return _open.bytes; }
 
-    /// Does not keep the input: after an error nobody knows what state it is in.
+    /// Does not return the input to the pool: after an error its state is unknown.
     void Discard() { _open.input.reset(); }
 
 private:

@@ -41,6 +41,6 @@ void HdOocPTCheckTiffHeader(const HdOocPTImageBytes& bytes)
             return;
         }
     }
-    // One bit then. OpenImageIO 2.4 takes it for eight.
+    // The default is one bit. OpenImageIO 2.4 takes it for eight.
     throw std::runtime_error("does not say how many bits a channel has; save it with 8");
 }

@@ -14,10 +14,10 @@ struct AssetDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// A file that the scene names, as it goes to Rust: an SdfAssetPath, or text that means a path. Hydra has resolved it
-/// already; where it has not, the host's resolver is asked here. Empty for any other value.
-/// A path with the separators of Windows, which is one name elsewhere, is looked for in the folders that the resolver's
-/// context has (the root layer's): which layer said it is not known any more.
+/// Describes a file that the scene names for Rust: an SdfAssetPath, or text that means a path. Hydra usually has
+/// resolved it; if not, the host's resolver is asked here. Empty for any other value. A path with the separators of
+/// Windows, which is one name elsewhere, is looked for in the folders of the resolver's context (the root layer's): the
+/// layer that authored it is not known any more.
 oocpt::AssetDesc HdOocPTDescribeAsset(const VtValue& value);
 
 /// The context of the host's resolver: the one bound on this thread, or else the scene's. Bind it on every thread that

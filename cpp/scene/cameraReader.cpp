@@ -84,7 +84,7 @@ std::vector<GfVec4d> HdOocPTReadClippingPlanes(
     if (path.IsEmpty()) {
         return planes;
     }
-    // Front ends do not agree on the type.
+    // Front ends use different types for it.
     const VtValue value = HdOocPTRead(scene.GetPrim(path).dataSource, { tokens.camera, tokens.clippingPlanes });
     _TakePlanes<VtArray<GfVec4d>>(value, &planes) || _TakePlanes<VtArray<GfVec4f>>(value, &planes)
         || _TakePlanes<std::vector<GfVec4d>>(value, &planes);

@@ -24,12 +24,12 @@ struct HdOocPTLens
 /// them).
 HdOocPTLens HdOocPTReadLens(const HdSceneIndexBase& scene, const SdfPath& path);
 
-/// What the camera's exposure multiplies the picture by: its linear exposure scale or, of a host that has none, what
-/// UsdGeomCamera::ComputeLinearExposureScale() makes of its parts; 1 without a prim. Warns of a scale that is no
-/// number, negative or too large, which counts as 1, and of 0.
+/// The factor by which the camera's exposure multiplies the picture: its linear exposure scale or, for a host that has
+/// none, the result of UsdGeomCamera::ComputeLinearExposureScale() for its parts; 1 without a prim. Warns of a scale
+/// that is not a number, negative or too large, which counts as 1, and of 0.
 float HdOocPTReadExposureScale(const HdSceneIndexBase& scene, const SdfPath& path, HdOocPTWarnings* warnings);
 
-/// The clipping planes of a camera prim, in its space: what is below 0 is not seen. Warns of planes that are not
+/// The clipping planes of a camera prim, in its space: the side below 0 is not seen. Warns of planes that are not
 /// finite, and of more than the renderer takes, and leaves them out.
 std::vector<GfVec4d> HdOocPTReadClippingPlanes(
     const HdSceneIndexBase& scene, const SdfPath& path, HdOocPTWarnings* warnings);

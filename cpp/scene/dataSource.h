@@ -13,20 +13,20 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// The data source reached from a container by a path of names; null when there is none (or when container is null).
-/// Safe on any thread, as the data sources themselves are.
+/// The data source reached from a container by a path of names; null if there is none (or if container is null). Safe
+/// on any thread, as the data sources themselves are.
 HdDataSourceBaseHandle HdOocPTFind(const HdContainerDataSourceHandle& container, std::initializer_list<TfToken> names);
 
-/// The same for a container below a container.
+/// The container reached from a container by a path of names, as HdOocPTFind().
 HdContainerDataSourceHandle HdOocPTFindContainer(
     const HdContainerDataSourceHandle& container, std::initializer_list<TfToken> names);
 
-/// The value of a sampled data source at the frame's own time; empty when there is none.
+/// The value of a sampled data source at the frame's own time; empty if there is none.
 VtValue HdOocPTSample(const HdDataSourceBaseHandle& source);
 VtValue HdOocPTRead(const HdContainerDataSourceHandle& container, std::initializer_list<TfToken> names);
 
-// Conversions from whatever number, vector or text type a value holds. False, and the result untouched, if it does not
-// fit.
+// Convert any number, vector or text type that a value holds. They return false, with the result untouched, if it does
+// not fit.
 bool HdOocPTConvert(const VtValue& value, bool* result);
 bool HdOocPTConvert(const VtValue& value, double* result);
 bool HdOocPTConvert(const VtValue& value, float* result);

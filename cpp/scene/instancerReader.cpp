@@ -16,7 +16,7 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-/// Schemas say "all" or "none" with an empty array as well as with none.
+/// Schemas express "all" or "none" by an empty array as well as by no array.
 VtValue _UnlessEmpty(const VtValue& array)
 {
     return array.GetArraySize() == 0 ? VtValue() : array;
@@ -82,8 +82,8 @@ void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState
     const auto& tokens = *HdOocPTSceneTokens;
     HdOocPTPrimSource prim = source;
     if (HdOocPTFind(source.container, { tokens.sceneDelegate })) {
-        // Legacy scene delegates are not asked whether an instancer is visible: Blender's ends in a null pointer there.
-        // Prototypes say themselves what their instancer hides.
+        // Legacy scene delegates are not asked for the visibility of an instancer: Blender's dereferences a null
+        // pointer there. Prototypes know themselves what their instancer hides.
         prim.dirtyBits &= ~HdOocPTDirtyVisibility;
     }
     HdOocPTReadPrim(prim, &state->prim);

@@ -17,7 +17,7 @@ struct InstancerDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// An instancer as last read. The arrays share their data with the scene.
+/// The state of an instancer when it was last read. The arrays share their data with the scene.
 struct HdOocPTInstancerState
 {
     HdOocPTPrimState prim;
@@ -29,16 +29,16 @@ struct HdOocPTInstancerState
     VtValue scales;
     VtValue transforms;
     HdOocPTInstancerMotionState motion;
-    /// All others with a value per instance.
+    /// All other primvars with a value per instance.
     HdOocPTNamedPrimvars primvars;
-    /// Set by whoever knows the lights.
+    /// Set by the caller, who knows the lights.
     HdOocPTInstanceLinks links;
 };
 
 /// Reads the dirty parts of an instancer.
 void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState* state);
 
-/// The instancer as it goes to Rust.
+/// Describes the instancer for Rust.
 oocpt::InstancerDesc HdOocPTDescribeInstancer(const SdfPath& path, const HdOocPTInstancerState& state);
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -18,8 +18,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-/// The inputs of a light. Both front ends serve them by name in the container "light"; what a front end serves only as
-/// a parameter of the light's shading node is found there.
+/// The inputs of a light. Both front ends serve them by name in the container "light"; an input that a front end serves
+/// only as a parameter of the light's shading node is found there.
 class _Inputs
 {
 public:
@@ -113,7 +113,7 @@ void _ReadShaping(const _Inputs& inputs, oocpt::LightDesc* desc)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     oocpt::ShapingDesc& shaping = desc->shaping;
-    // Only what has the schema has a cone, of 90 degrees if nobody says otherwise.
+    // Only prims with the schema have a cone, of 90 degrees if it is not authored.
     shaping.cone_angle_degrees = inputs.Get(tokens.coneAngle, 180.0f);
     shaping.cone_softness = inputs.Get(tokens.coneSoftness, 0.0f);
     shaping.focus = inputs.Get(tokens.shapingFocus, 0.0f);
@@ -125,8 +125,8 @@ void _ReadShaping(const _Inputs& inputs, oocpt::LightDesc* desc)
         || !shaping.ies.authored.empty();
 }
 
-/// Shaders of lights of other renderers, which may have any inputs. A schema's own is named as its type; the lights
-/// that hosts make at the camera have RenderMan's names for two of them.
+/// Warns of light shaders of other renderers, which may have any inputs. A schema's own is named as its type; the
+/// lights that hosts make at the camera have RenderMan's names for two of them.
 void _WarnOfShader(const HdOocPTPrimSource& source, const _Inputs& inputs)
 {
     static const std::set<std::string> own { "", "CylinderLight", "DiskLight", "DistantLight", "DomeLight",
@@ -138,7 +138,7 @@ void _WarnOfShader(const HdOocPTPrimSource& source, const _Inputs& inputs)
     }
 }
 
-/// How the light of a mesh and the mesh's material go together.
+/// The combination of a mesh's light and its material.
 oocpt::LightTag _MaterialSync(const _Inputs& inputs)
 {
     const auto& tokens = *HdOocPTSceneTokens;
@@ -148,7 +148,7 @@ oocpt::LightTag _MaterialSync(const _Inputs& inputs)
                                             : oocpt::LightTag::GlowTintedMesh;
 }
 
-/// Lights at infinity have no place that a cone or a profile could be about, as in hdEmbree.
+/// Warns of shaping on lights at infinity, which have no position for a cone or a profile, as in hdEmbree.
 void _WarnOfShaping(const HdOocPTPrimSource& source, const oocpt::LightDesc& desc)
 {
     const bool isInfinite = desc.kind == oocpt::LightTag::Distant || desc.kind == oocpt::LightTag::Dome;
@@ -195,13 +195,13 @@ oocpt::LightDesc HdOocPTReadLight(const HdOocPTPrimSource& source, const TfToken
     oocpt::LightDesc desc {};
     desc.kind = _Kind(type);
     if (desc.kind == oocpt::LightTag::Dome) {
-        // The pole axis of a DomeLight_1, as Hydra hands it out: between the light and its texture.
+        // The pole axis of a DomeLight_1 is a transform in Hydra, between the light and its texture.
         prim.transform = inputs.Get(tokens.domeOffset, GfMatrix4d(1.0)) * prim.transform;
     }
     HdOocPTFillPrim(source.path, prim, &desc.prim);
     if (type == tokens.mesh) {
         desc.kind = _MaterialSync(inputs);
-        // MESH_LIGHT of the renderer's core: no prim is called so.
+        // MESH_LIGHT of the renderer's core: no prim has such a name.
         desc.prim.path = rust::String::lossy(source.path.GetString() + HdOocPTMeshLightSuffix);
     }
     _ReadShape(inputs, &desc);

@@ -12,13 +12,14 @@ struct LightDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// What follows the path of a mesh in the path of its light: MESH_LIGHT of the renderer's core. No prim is called so.
+/// The suffix of a mesh's path in the path of its light: MESH_LIGHT of the renderer's core. No prim has such a name.
 inline constexpr const char* HdOocPTMeshLightSuffix = "/{light}";
 
-/// Whether a mesh is a light too (MeshLightAPI). Both front ends say so in the container "light" of the mesh itself.
+/// Returns true if a mesh is a light too (MeshLightAPI). Both front ends say so in the container "light" of the mesh
+/// itself.
 bool HdOocPTIsMeshLight(const HdContainerDataSourceHandle& container);
 
-/// Reads a light whole; simple lights (a host's camera light) are distant lights. What is not supported is named in a
+/// Reads a light whole; simple lights (a host's camera light) are distant lights. Unsupported inputs are named in a
 /// warning and left out. For the type "mesh" it is the light of the mesh.
 oocpt::LightDesc HdOocPTReadLight(const HdOocPTPrimSource& source, const TfToken& type);
 

@@ -26,7 +26,7 @@ std::optional<SdfPathExpression> _ReadCollection(const HdOocPTPrimSource& light,
         return std::nullopt;
     }
     const SdfPathExpression& expression = value.UncheckedGet<SdfPathExpression>();
-    // All paths, and all paths that are no properties: what the defaults of a light come out as.
+    // These are all paths, and all paths that are not properties: the defaults of a light resolve to them.
     const std::string text = expression.GetText();
     return text == "//" || text == "~//*.*" ? std::nullopt : std::make_optional(expression);
 }
@@ -58,7 +58,7 @@ HdOocPTLinkChange HdOocPTLinks::Set(const SdfPath& light, const HdOocPTLightLink
         if (!expression) {
             return std::optional<_Link>();
         }
-        // Predicates ask for more than paths; without a library of them they do not compile.
+        // Predicates test more than paths; without a library of them they do not compile.
         TfErrorMark mark;
         _Eval eval = SdfMakePathExpressionEval(*expression, SdfPredicateLibrary<const SdfPath&>());
         const bool isUsable = mark.IsClean() && expression->IsComplete() && (eval || expression->IsEmpty());
@@ -130,7 +130,7 @@ bool _HasLocations(const HdContainerDataSourceHandle& instancer)
                 .empty();
 }
 
-/// The path without the elements that UsdImaging puts in for the prototypes of point instancers.
+/// The path without the elements that UsdImaging inserts for the prototypes of point instancers.
 SdfPath _WithoutInsertions(const SdfPath& path)
 {
     SdfPath clean = SdfPath::AbsoluteRootPath();
@@ -142,12 +142,12 @@ SdfPath _WithoutInsertions(const SdfPath& path)
     return clean;
 }
 
-/// Where collections look for a prim, or for a native instance, that these instancers place; nothing if it is a native
-/// instance further out that decides.
+/// The path by which collections find a prim, or a native instance, that these instancers place; nullopt if a native
+/// instance further out decides.
 std::optional<SdfPath> _StagePath(
     const HdSceneIndexBase& scene, const SdfPath& path, const _InstancedBy& instancedBy, int depth = 0)
 {
-    // More levels than the renderer goes down.
+    // This is more than the levels that the renderer supports.
     constexpr int mostLevels = 64;
     if (instancedBy.empty() || depth >= mostLevels) {
         return path;
@@ -164,7 +164,7 @@ std::optional<SdfPath> _StagePath(
     return above && own.HasPrefix(*above) ? own : above;
 }
 
-/// Numbers sets of collections.
+/// Collects distinct sets of collections and numbers them.
 class _Sets
 {
 public:
@@ -187,7 +187,7 @@ private:
     std::map<TfTokenVector, uint32_t> _numbers;
 };
 
-/// What a scene delegate says of the instances, which it does itself for all levels of native instances.
+/// Reads the links of instances from a scene delegate, which resolves them itself for all levels of native instances.
 HdOocPTInstanceLinks _ReadNamedLinks(const HdOocPTPrimSource& source)
 {
     const auto& tokens = *HdOocPTSceneTokens;
@@ -212,7 +212,7 @@ void HdOocPTAddCategories(
     const HdSceneIndexBase& scene, const HdOocPTLinks& links, const HdOocPTPrimSource& source, HdOocPTMeshState* mesh)
 {
     if (HdOocPTFind(source.container, { HdOocPTSceneTokens->sceneDelegate })) {
-        // It has said so itself, and is not asked for what others do not ask it.
+        // The delegate has provided the links itself.
         return;
     }
     if (const std::optional<SdfPath> path = _StagePath(scene, source.path, mesh->prim.instancedBy)) {

@@ -23,8 +23,8 @@ struct LightDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// The collections that a light and its shadows are linked to: expressions over paths where the front end hands out
-/// collections, else what it calls them. Collections of everything are none.
+/// The collections that a light and its shadows are linked to: expressions over paths if the front end provides
+/// collections, otherwise the names that it gives them. Collections of everything are left out.
 struct HdOocPTLightLinks
 {
     std::optional<SdfPathExpression> light;
@@ -32,32 +32,32 @@ struct HdOocPTLightLinks
     std::pair<TfToken, TfToken> names {};
 };
 
-/// The collections that the instances of an instancer are in: a set of `sets` for each, or the first for all where `of`
-/// is empty.
+/// The collections that the instances of an instancer are in: a set of `sets` for each, or the first for all if `of` is
+/// empty.
 struct HdOocPTInstanceLinks
 {
     std::vector<TfTokenVector> sets;
     std::vector<uint32_t> of;
 };
 
-/// What may be in other collections than before.
+/// The prims that may be in other collections than before.
 enum class HdOocPTLinkChange
 {
     Nothing,
-    /// Instances: scene delegates say of prims that their collections have changed, but not of instancers.
+    /// Instances: scene delegates report changed collections of prims, but not of instancers.
     Instances,
     Everything,
 };
 
-/// Which prims the lights of a scene are linked to.
+/// The light links of a scene: which prims are in the collections of lights and shadows.
 ///
-/// Only UsdImaging's scene delegate says itself in which collections a prim is ("categories"); the new front end hands
-/// out the collections, and this works out the rest. Hydra has a scene index for it, HdsiLightLinkingSceneIndex, which
-/// in OpenUSD 25.08 copies a freed expression when a collection is edited.
+/// Only UsdImaging's scene delegate itself tells in which collections a prim is ("categories"); the new front end
+/// provides the collections, and this class evaluates them. Hydra has a scene index for it, HdsiLightLinkingSceneIndex,
+/// which in OpenUSD 25.08 copies a freed expression when a collection is edited.
 ///
-/// What is instanced is in the collections of its outermost instancer: of a native instance by its path on the stage,
-/// of a point instancer by the instancer's, or, where the expressions are here to be asked, by the prototype's own if
-/// that is below the instancer.
+/// Instanced prims are in the collections of their outermost instancer: for a native instance by its path on the stage,
+/// for a point instancer by the instancer's, or, if the expressions are available, by the prototype's own path if that
+/// is below the instancer.
 ///
 /// Threads: Match() from several at once, between calls of the others.
 class HdOocPTLinks
@@ -66,7 +66,7 @@ public:
     /// Reads the collections of a light. Safe on any thread.
     static HdOocPTLightLinks Read(const HdOocPTPrimSource& light);
 
-    /// Takes what was read of a light. Warns of expressions that cannot be used; that light is linked to everything.
+    /// Sets the collections of a light. Warns of expressions that cannot be used; such a light is linked to everything.
     HdOocPTLinkChange Set(const SdfPath& light, const HdOocPTLightLinks& links, HdOocPTWarnings* warnings);
     void Remove(const SdfPath& light);
 
@@ -75,7 +75,8 @@ public:
 
     bool IsEmpty() const { return _lights.empty(); }
 
-    /// The categories of a path on the stage: those whose collections hold it. None where the front end says it itself.
+    /// The categories of a path on the stage: those whose collections contain it. None if the front end resolves them
+    /// itself.
     TfTokenVector Match(const SdfPath& path) const;
 
 private:
@@ -95,15 +96,15 @@ private:
     std::map<SdfPath, _Light> _lights;
 };
 
-/// Adds the categories of the collections that a mesh is in, and not by its native instances.
+/// Adds the categories of the collections that a mesh is in, other than through its native instances.
 void HdOocPTAddCategories(
     const HdSceneIndexBase& scene, const HdOocPTLinks& links, const HdOocPTPrimSource& source, HdOocPTMeshState* mesh);
 
-/// The collections that the instances of an instancer are in, beside what it shows. `prim`: as last read.
+/// The collections that the instances of an instancer are in, apart from those of its prototypes. `prim`: as last read.
 HdOocPTInstanceLinks HdOocPTReadInstanceLinks(const HdSceneIndexBase& scene, const HdOocPTLinks& links,
     const HdOocPTPrimSource& source, const HdOocPTPrimState& prim);
 
-/// Where the front end has named categories itself, those stay.
+/// Sets the categories, except those that the front end has named itself.
 void HdOocPTSetCategories(const std::pair<TfToken, TfToken>& categories, oocpt::LightDesc* light);
 
 PXR_NAMESPACE_CLOSE_SCOPE

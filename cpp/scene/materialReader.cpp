@@ -95,12 +95,12 @@ void _ReadParams(const HdContainerDataSourceHandle& node, oocpt::NodeDesc* desc)
         const VtValue value = HdOocPTRead(params, { name, tokens.value });
         oocpt::ParamDesc param {};
         param.name = _Text(name);
-        // Matrices, arrays and the like have no meaning in the nodes that the renderer knows, which says so if they are
-        // asked for.
+        // Matrices, arrays and the like have no meaning in the nodes that the renderer knows; it warns if they are
+        // used.
         if (_TakeScalar(value, &param) || _TakeVectors(value, &param)) {
             desc->params.push_back(std::move(param));
         }
-        // Legacy front ends make this a parameter of its own, with the same name.
+        // Legacy front ends make this a separate parameter with the same name.
         TfToken colorSpace;
         HdOocPTConvert(HdOocPTRead(params, { name, tokens.colorSpace }), &colorSpace);
         const TfToken colorSpaceName("colorSpace:" + name.GetString());
@@ -129,7 +129,7 @@ void _ReadConnections(
     const HdContainerDataSourceHandle inputs = HdOocPTFindContainer(node, { tokens.inputConnections });
     for (const TfToken& name : _SortedNames(inputs)) {
         const HdVectorDataSourceHandle sources = HdVectorDataSource::Cast(inputs->Get(name));
-        // An input with several sources takes the first.
+        // Only the first of several sources of an input is used.
         if (!sources || sources->GetNumElements() == 0) {
             continue;
         }
@@ -220,7 +220,7 @@ oocpt::MaterialDesc HdOocPTReadMaterial(const HdOocPTPrimSource& source)
     const auto& tokens = *HdOocPTSceneTokens;
     oocpt::MaterialDesc desc {};
     desc.path = rust::String::lossy(source.path.GetString());
-    // A terminal that a context does not have is that of the next one, each by itself.
+    // A terminal that a context lacks is taken from the next one, each by itself.
     _Network networks[] { { source, tokens.mtlx }, { source, tokens.universal } };
     const auto terminal = [&](const TfToken& name) {
         const int32_t number = networks[0].Use(name, &desc);

@@ -11,9 +11,9 @@ struct MaterialDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// Reads the networks of a material that its terminals are in, whole: nodes, authored inputs, connections. Each
-/// terminal is that of the MaterialX context or, where that has none, of the universal one. Which nodes and inputs mean
-/// something is not decided here.
+/// Reads the networks of a material's terminals, whole: nodes, authored inputs, connections. Each terminal is that of
+/// the MaterialX context or, if that has none, of the universal one. Which nodes and inputs are supported is not
+/// decided here.
 oocpt::MaterialDesc HdOocPTReadMaterial(const HdOocPTPrimSource& source);
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -67,7 +67,7 @@ void _ReadTopology(const TfToken& primType, const HdOocPTPrimSource& source, HdO
     state->subdivisionScheme = tokens.catmullClark;
     HdOocPTConvert(HdOocPTRead(source.container, { tokens.mesh, tokens.subdivisionScheme }), &state->subdivisionScheme);
     if (HdOocPTFind(source.container, { tokens.tetMesh })) {
-        // Hydra's filter leaves them the default scheme, but tetrahedra have flat faces.
+        // Hydra's filter leaves tetrahedral meshes the default scheme, but tetrahedra have flat faces.
         state->subdivisionScheme = tokens.none;
     }
     state->doubleSided = false;
@@ -108,7 +108,7 @@ oocpt::SubdivisionDesc _DescribeSubdivision(const HdOocPTMeshState& mesh)
     return desc;
 }
 
-/// Whether curves have no widths in the scene, though Hydra hands over one of a unit, where it means lines.
+/// Returns true if curves have no authored widths, though Hydra provides a width of 1: such curves are lines.
 bool _AreLines(const HdOocPTPrimSource& source, const HdOocPTPrimvarState& widths)
 {
     const auto& tokens = *HdOocPTSceneTokens;
@@ -119,20 +119,20 @@ bool _AreLines(const HdOocPTPrimSource& source, const HdOocPTPrimvarState& width
     }
     const HdOocPTUsdProperties properties(source);
     if (!properties) {
-        // What stands for a model whose draw mode is "bounds" or "origin" is no prim of USD.
+        // The stand-in for a model whose draw mode is "bounds" or "origin" is not a prim of USD.
         const TfToken& name = source.path.GetNameToken();
         return (name == tokens.boundsCurves || name == tokens.originCurves)
             && !HdOocPTFind(source.container, { tokens.usdPrimInfo });
     }
-    // UsdImaging's scene delegate gives stand-ins the model's own path, and a model is no curves. Curves without widths
-    // get one at the frame's own time alone: beside it the attribute itself is asked.
+    // UsdImaging's scene delegate gives stand-ins the model's own path, and a model is not a curve. Curves without
+    // widths get one at the frame's own time alone: at a time beside it the attribute itself is asked.
     constexpr HdSampledDataSource::Time beside = 1e-3F;
     const HdSampledDataSourceHandle sampled = HdSampledDataSource::Cast(
         HdOocPTFind(source.container, { tokens.primvars, tokens.widths, tokens.primvarValue }));
     return properties.Get(tokens.curveVertexCounts).IsEmpty() || (sampled && sampled->GetValue(beside).IsEmpty());
 }
 
-/// How values are spread that UsdImaging does not say it of: as their number fits.
+/// The interpolation of values for which UsdImaging gives none: the one that fits their number.
 TfToken _Interpolation(size_t count, const HdOocPTMeshState& mesh)
 {
     const auto& tokens = *HdOocPTSceneTokens;
@@ -145,9 +145,9 @@ TfToken _Interpolation(size_t count, const HdOocPTMeshState& mesh)
                                                          : tokens.constant;
 }
 
-/// displayColor or displayOpacity, `property` in USD. UsdImaging's scene delegate leaves both out where their type is
-/// not the schema's own (a single value, doubles, halves), and of constant ones takes the first value, whatever their
-/// index says.
+/// Reads displayColor or displayOpacity, `property` in USD. UsdImaging's scene delegate drops both if their type is not
+/// the schema's own (a single value, doubles, halves), and takes the first value of constant ones, whatever their index
+/// is.
 HdOocPTPrimvarState _ReadDisplay(const HdOocPTPrimSource& source, const TfToken& name, const TfToken& property,
     HdOocPTArrayRole role, const HdOocPTMeshState& mesh)
 {
@@ -177,8 +177,8 @@ HdOocPTPrimvarState _ReadDisplay(const HdOocPTPrimSource& source, const TfToken&
     return own;
 }
 
-/// The material bound for the purposes asked for, by default "full", which is the one that the delegate asks for; else
-/// for all purposes.
+/// The material bound for the requested purposes, by default "full", which the delegate requests; otherwise that for
+/// all purposes.
 SdfPath _ReadMaterial(const HdContainerDataSourceHandle& container, const TfTokenVector* purposes)
 {
     const auto& tokens = *HdOocPTSceneTokens;
@@ -207,7 +207,7 @@ void _ReadSubsets(const HdSceneIndexBase& scene, const HdOocPTPrimSource& mesh, 
         TfToken type;
         HdOocPTConvert(HdOocPTRead(prim.dataSource, { tokens.geomSubset, tokens.type }), &type);
         const SdfPath material = _ReadMaterial(prim.dataSource, mesh.bindingPurposes);
-        // Subsets of points or edges, and those that only group faces, say nothing about shading.
+        // Subsets of points or edges, and those that only group faces, do not affect shading.
         if (type != tokens.typeFaceSet || material.IsEmpty()) {
             continue;
         }
@@ -232,7 +232,7 @@ void HdOocPTReadMesh(
 {
     const auto& tokens = *HdOocPTSceneTokens;
     HdOocPTReadPrim(source, &state->prim);
-    // Where UsdImaging made a mesh of a solid, its points say that it has another size.
+    // If UsdImaging made a mesh of a solid, changed points mean that the solid has another size.
     const bool wasSolid = state->shape.kind == HdOocPTShapeState::Kind::Solid;
     if (source.dirtyBits & (HdOocPTDirtyTopology | (wasSolid ? HdOocPTDirtyPoints : 0u))) {
         _ReadTopology(primType, source, state);
@@ -296,8 +296,7 @@ oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState&
     desc.primvars = HdOocPTDescribePrimvars(state.primvars);
     desc.material = _Text(state.material);
     for (const HdOocPTSubsetState& subset : state.subsets) {
-        // The new front end hands the mesh's binding down to subsets that have none, such as those that only group
-        // faces.
+        // The new front end copies the mesh's binding to subsets that have none, such as those that only group faces.
         if (subset.material != state.material) {
             desc.subsets.push_back({ _Text(subset.path), _Text(subset.material), HdOocPTHoldArray(subset.faces) });
         }

@@ -21,7 +21,7 @@ struct MeshDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// Faces with a material of their own, as last read.
+/// Faces with a material of their own, when they were last read.
 struct HdOocPTSubsetState
 {
     SdfPath path;
@@ -29,7 +29,7 @@ struct HdOocPTSubsetState
     VtValue faces;
 };
 
-/// Rules, creases and corners of a subdivision surface, as last read.
+/// Rules, creases and corners of a subdivision surface, when they were last read.
 struct HdOocPTSubdivisionState
 {
     TfToken interpolateBoundary;
@@ -42,7 +42,8 @@ struct HdOocPTSubdivisionState
     VtValue cornerSharpnesses;
 };
 
-/// A mesh, or what else has a surface, as last read. The arrays share their data with the scene.
+/// The state of a mesh or another prim with a surface when it was last read. The arrays share their data with the
+/// scene.
 struct HdOocPTMeshState
 {
     HdOocPTPrimState prim;
@@ -71,7 +72,7 @@ struct HdOocPTMeshState
 void HdOocPTReadMesh(
     const HdSceneIndexBase& scene, const TfToken& primType, const HdOocPTPrimSource& source, HdOocPTMeshState* state);
 
-/// The mesh as it goes to Rust.
+/// Describes the mesh for Rust.
 oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState& state, int32_t primId);
 
 PXR_NAMESPACE_CLOSE_SCOPE

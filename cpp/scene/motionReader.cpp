@@ -18,7 +18,7 @@ using _Times = std::vector<HdSampledDataSource::Time>;
 /// Most samples that are read: the core keeps a quarter of them, and each may be an array of millions.
 constexpr size_t _mostSamples = 64;
 
-/// Leaves out samples between the first and the last where there are too many, evenly.
+/// Drops samples between the first and the last if there are too many, evenly.
 void _ThinOut(_Times* times)
 {
     const size_t count = times->size();
@@ -32,7 +32,7 @@ void _ThinOut(_Times* times)
     times->swap(kept);
 }
 
-/// The times at which a value has to be read; none if it does not change while the shutter is open.
+/// The times at which a value has to be read; empty if it does not change while the shutter is open.
 _Times _SampleTimes(const HdDataSourceBaseHandle& source, const HdOocPTShutter& shutter)
 {
     _Times times;
@@ -47,7 +47,8 @@ _Times _SampleTimes(const HdDataSourceBaseHandle& source, const HdOocPTShutter& 
     return times;
 }
 
-/// Adds the times of another value. Those of one value stay as they are, so that a wrong order of them is told.
+/// Adds the times of another value. The times of a single value stay as they are, so that a wrong order of them is
+/// reported.
 void _AddTimes(const _Times& own, _Times* times)
 {
     if (times->empty()) {
@@ -60,7 +61,7 @@ void _AddTimes(const _Times& own, _Times* times)
     }
 }
 
-/// An array of changes per second; empty where there is none. Tells where the length of a second is a guess.
+/// An array of changes per second; empty if there is none. Warns if the length of a second is a guess.
 VtValue _ReadRates(const HdOocPTPrimSource& source, const TfToken& name)
 {
     const auto& tokens = *HdOocPTSceneTokens;
@@ -89,7 +90,7 @@ HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& 
     if (!container) {
         return shutter;
     }
-    // Front ends do not agree on the names.
+    // Front ends use different names.
     for (const auto& [open, close] : { std::pair(tokens.shutterOpen, tokens.shutterClose),
              std::pair(tokens.shutterOpenAttribute, tokens.shutterCloseAttribute) }) {
         HdOocPTConvert(HdOocPTRead(container, { open }), &shutter.open);
@@ -175,7 +176,7 @@ HdOocPTPointsMotionState HdOocPTReadPointsMotion(const HdOocPTPrimSource& source
     for (const HdSampledDataSource::Time time : times) {
         const auto at = [&](const HdSampledDataSourceHandle& array, HdOocPTArrayRole role) {
             std::string reason;
-            // What cannot be used is told where the arrays of the frame itself are read.
+            // Unusable arrays are reported when the arrays of the frame itself are read.
             return HdOocPTNormalizeArray(array ? array->GetValue(time) : VtValue(), role, &reason);
         };
         std::array<VtValue, 3> values { at(points, HdOocPTArrayRole::Vectors3),
@@ -229,7 +230,7 @@ HdOocPTInstancerMotionState HdOocPTReadInstancerMotion(const HdOocPTPrimSource& 
         for (size_t i = 0; i < arrays.size(); ++i) {
             std::string reason;
             const VtValue value = sources[i] ? sources[i]->GetValue(time) : VtValue();
-            // What cannot be used is told where the arrays of the frame itself are read.
+            // Unusable arrays are reported when the arrays of the frame itself are read.
             values[i] = HdOocPTNormalizeArray(value, arrays[i].second, &reason);
             if (values[i].GetArraySize() == 0) {
                 values[i] = VtValue();

@@ -13,12 +13,12 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-/// How an identifier of the registry ends that was made for a MaterialX document.
+/// The suffix of the registry's identifiers that were made for a MaterialX document.
 const std::string _end = "><mtlx>";
-/// What comes before the file in the words about a node.
+/// The text before the file in the registry's description of a node.
 const std::string _before = "implementation URI: '";
 
-/// The definition's name in `number<name><mtlx>`; empty where it is none.
+/// The definition's name in `number<name><mtlx>`; empty for other identifiers.
 std::string _NameIn(const std::string& identifier)
 {
     const size_t begin = identifier.find('<');
@@ -30,7 +30,7 @@ std::string _NameIn(const std::string& identifier)
     return identifier.substr(begin + 1, identifier.size() - _end.size() - begin - 1);
 }
 
-/// The file that the registry read a node from; empty where it does not say it.
+/// The file that the registry read a node from; empty if it is not known.
 std::string _FileOf(const TfToken& identifier)
 {
     const SdrShaderNode* const found
@@ -38,7 +38,7 @@ std::string _FileOf(const TfToken& identifier)
     if (!found) {
         return {};
     }
-    // The accessors are inline, and where their members lie differs from version to version.
+    // The accessors are inline, and the offsets of their members differ from version to version.
     const std::string words = found->SdrShaderNode::GetInfoString();
     const size_t at = words.rfind(_before);
     if (at == std::string::npos || words.empty() || words.back() != '\'') {

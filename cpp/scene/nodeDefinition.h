@@ -9,18 +9,18 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// What defines a node of a material network.
+/// The definition of a node of a material network.
 struct HdOocPTNodeDefinition
 {
-    /// Its identifier, or that of a MaterialX definition in `file`; empty where the host knows none.
+    /// Its identifier, or that of a MaterialX definition in `file`; empty if the host knows none.
     TfToken name;
     /// An SdfAssetPath to the MaterialX document that has the definition, or empty: then the host's libraries have it.
     VtValue file;
 };
 
-/// Reads a node. Documents of MaterialX with definitions of their own come as `info:mtlx:sourceAsset`: front ends that
-/// pass on what is authored have it in the node's `nodeTypeInfo`; others ask OpenUSD's registry of shaders, and name
-/// the node by what that gave, `number<definition><mtlx>`. Any thread.
+/// Reads the definition of a node. Documents of MaterialX with definitions of their own come as
+/// `info:mtlx:sourceAsset`: front ends that pass on what is authored have it in the node's `nodeTypeInfo`; others ask
+/// OpenUSD's registry of shaders, and name the node by its result, `number<definition><mtlx>`. Any thread.
 HdOocPTNodeDefinition HdOocPTFindNodeDefinition(const HdContainerDataSourceHandle& node);
 
 PXR_NAMESPACE_CLOSE_SCOPE

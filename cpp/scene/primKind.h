@@ -7,10 +7,10 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// What OocPT does with a prim type.
+/// The treatment of a prim type by OocPT.
 enum class HdOocPTPrimKind
 {
-    /// Nothing: a group, a camera…
+    /// Not rendered: a group, a camera…
     Other,
     /// A mesh, curves, points, a solid of revolution.
     Mesh,
@@ -20,7 +20,7 @@ enum class HdOocPTPrimKind
     Light,
     Material,
     RenderSettings,
-    /// It would be seen in the picture, but there is no code for it yet.
+    /// A visible prim that is not supported yet.
     Unsupported,
 };
 

@@ -23,20 +23,21 @@ struct PrimDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// One prim while it is being read: where it is, what it holds, what has to be read again.
+/// One prim while it is being read: its place in the scene, its data, and the parts to read again.
 struct HdOocPTPrimSource
 {
     SdfPath path;
     HdContainerDataSourceHandle container;
     uint32_t dirtyBits;
-    /// Null where nobody needs to know.
+    /// Null if nobody needs the warnings.
     HdOocPTWarnings* warnings;
     HdOocPTShutter shutter {};
-    /// Purposes of material bindings, the one that counts most first; null: those that the delegate asks for.
+    /// Purposes of material bindings, the most important one first; null: those that the delegate requests.
     const TfTokenVector* bindingPurposes = nullptr;
 };
 
-/// What every prim has, as last read. Kept between commits, so that an edit reads only what it dirtied.
+/// The state that every prim has, when it was last read. Kept between commits, so that an edit reads only what it
+/// dirtied.
 struct HdOocPTPrimState
 {
     GfMatrix4d transform { 1.0 };
@@ -47,20 +48,19 @@ struct HdOocPTPrimState
     std::vector<std::pair<SdfPath, SdfPath>> instancedBy;
 };
 
-/// Reads the dirty parts.
+/// Reads the dirty parts of the common state.
 void HdOocPTReadPrim(const HdOocPTPrimSource& source, HdOocPTPrimState* state);
 
-/// The state as it goes to Rust.
+/// Writes the state into a description for Rust.
 void HdOocPTFillPrim(const SdfPath& path, const HdOocPTPrimState& state, oocpt::PrimDesc* desc);
 
-/// Reads an array and brings it into a usable form; warns and gives an empty value when it has a type of no use for the
-/// role.
+/// Reads an array and converts it to a usable form; warns and returns an empty value if its type does not fit the role.
 VtValue HdOocPTReadArray(const HdOocPTPrimSource& source, std::initializer_list<TfToken> names, HdOocPTArrayRole role);
 
 /// The collections that the prim is in, of those that lights and shadows are linked to; sorted.
 TfTokenVector HdOocPTReadCategories(const HdContainerDataSourceHandle& container);
 
-/// The names that a container of categories has as members, sorted; none where it is null.
+/// The names of the members of a container of categories, sorted; empty if it is null.
 TfTokenVector HdOocPTCategoriesOf(const HdContainerDataSourceHandle& categories);
 
 /// The name under which Rust knows a purpose: "default", "render", "proxy", "guide".

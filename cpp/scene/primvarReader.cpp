@@ -12,7 +12,7 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-/// Reads an array of the primvar, given how to complain: by the source's warnings or not at all.
+/// Reads an array of the primvar; `warnings` is null if unusable values are to be dropped silently.
 VtValue _ReadValues(const HdOocPTPrimSource& source, const TfToken& name, const TfToken& part, HdOocPTArrayRole role)
 {
     const auto& tokens = *HdOocPTSceneTokens;

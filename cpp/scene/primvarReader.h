@@ -19,7 +19,7 @@ struct PrimvarDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// A primvar as last read; empty values mean absent. The arrays share their data with the scene.
+/// The state of a primvar when it was last read; empty values mean absent. The arrays share their data with the scene.
 struct HdOocPTPrimvarState
 {
     TfToken interpolation;
@@ -30,14 +30,14 @@ struct HdOocPTPrimvarState
 /// Primvars by name, sorted by it.
 using HdOocPTNamedPrimvars = std::vector<std::pair<TfToken, HdOocPTPrimvarState>>;
 
-/// Reads one primvar; warns when its values are of no use for the role.
+/// Reads one primvar; warns if its values do not fit the role.
 HdOocPTPrimvarState HdOocPTReadPrimvar(const HdOocPTPrimSource& source, const TfToken& name, HdOocPTArrayRole role);
 
-/// Reads all primvars but `except`, for shaders to ask for by name. What no shader can read (text, matrices) is left
-/// out without a word: scenes are full of it.
+/// Reads all primvars but `except`, for shaders to read by name. Values that no shader can read (text, matrices) are
+/// dropped without a warning: scenes are full of them.
 HdOocPTNamedPrimvars HdOocPTReadOtherPrimvars(const HdOocPTPrimSource& source, std::initializer_list<TfToken> except);
 
-/// A primvar as it goes to Rust.
+/// Describes a primvar for Rust.
 oocpt::PrimvarDesc HdOocPTDescribePrimvar(const HdOocPTPrimvarState& primvar);
 rust::Vec<oocpt::NamedPrimvarDesc> HdOocPTDescribePrimvars(const HdOocPTNamedPrimvars& primvars);
 

@@ -34,8 +34,8 @@ private:
     const TfToken _token;
 };
 
-/// Arguments of the implicit surface scene index: make a mesh of every kind of shape but solids of revolution, which
-/// scene/shapeReader.h reads.
+/// Arguments of the implicit surface scene index: it makes a mesh of every kind of shape but solids of revolution,
+/// which scene/shapeReader.h reads.
 class _OtherShapesToMesh final : public HdContainerDataSource
 {
 public:

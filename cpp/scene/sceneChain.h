@@ -7,9 +7,9 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// The host's scene with what OocPT cannot take as it is resolved by Hydra's own filters: cubes, planes, NURBS patches
-/// and tetrahedral meshes become meshes, NURBS curves become basis curves; primvars that ext computations produce
-/// (UsdSkel) become plain primvars.
+/// Chains Hydra's own filters behind the host's scene, for what OocPT does not take directly: cubes, planes, NURBS
+/// patches and tetrahedral meshes become meshes, NURBS curves become basis curves; primvars that ext computations
+/// produce (UsdSkel) become plain primvars.
 HdSceneIndexBaseRefPtr HdOocPTChainSceneIndices(const HdSceneIndexBaseRefPtr& terminal);
 
 PXR_NAMESPACE_CLOSE_SCOPE

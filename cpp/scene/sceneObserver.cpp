@@ -24,7 +24,7 @@ std::vector<_Row> _MakeTable()
         { HdDataSourceLocator(tokens.mesh), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.displayStyle, tokens.refineLevel), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.basisCurves), HdOocPTDirtyTopology },
-        // Hydra's filters, which make meshes and basis curves of these, pass on what the scene said.
+        // Hydra's filters, which make meshes and basis curves of these, pass on the locators of the original prim.
         { HdDataSourceLocator(tokens.nurbsPatch), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.nurbsCurves), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.tetMesh), HdOocPTDirtyTopology },
@@ -50,7 +50,7 @@ std::vector<_Row> _MakeTable()
         { HdDataSourceLocator(tokens.primvars, tokens.cameraVisibility), HdOocPTDirtyLight },
         { HdDataSourceLocator(tokens.materialBindings), HdOocPTDirtyMaterialBinding },
         { HdDataSourceLocator(tokens.geomSubset), HdOocPTDirtySubsets },
-        // How the new front end of 25.08 says that the faces of a subset have changed.
+        // The new front end of 25.08 uses this locator when the faces of a subset have changed.
         { HdDataSourceLocator(tokens.indices), HdOocPTDirtySubsets },
         { HdDataSourceLocator(tokens.collections), HdOocPTDirtyLinks },
         { HdDataSourceLocator(tokens.categories), HdOocPTDirtyCategories },
@@ -60,7 +60,7 @@ std::vector<_Row> _MakeTable()
     };
 }
 
-/// Whether a locator touches primvars that no row of the table names.
+/// Returns true if a locator touches primvars that no row of the table names.
 bool _TouchesOtherPrimvars(const HdDataSourceLocator& locator, const std::vector<_Row>& table)
 {
     const TfToken& primvars = HdOocPTSceneTokens->primvars;

@@ -16,7 +16,7 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// Which parts of a prim have to be read again.
+/// The parts of a prim that have to be read again.
 enum HdOocPTDirtyBits : uint32_t
 {
     HdOocPTDirtyTransform = 1u << 0,
@@ -35,7 +35,7 @@ enum HdOocPTDirtyBits : uint32_t
     /// Any primvar that has no bit of its own above.
     HdOocPTDirtyPrimvars = 1u << 13,
     HdOocPTDirtyMaterialBinding = 1u << 14,
-    /// The subsets of a mesh: which there are, their faces and bindings.
+    /// The subsets of a mesh: their number, faces and bindings.
     HdOocPTDirtySubsets = 1u << 15,
     HdOocPTDirtyCategories = 1u << 16,
     HdOocPTDirtyNetwork = 1u << 17,
@@ -44,25 +44,25 @@ enum HdOocPTDirtyBits : uint32_t
     HdOocPTDirtyAll = (1u << 19) - 1,
 };
 
-/// What happened to one prim since the last take.
+/// The changes of one prim since the last take.
 struct HdOocPTPrimChange
 {
     uint32_t dirtyBits = 0;
-    /// The prim was added (or added again, perhaps with another type) and not removed since.
+    /// True if the prim was added (or added again, perhaps with another type) and not removed since.
     bool added = false;
     /// Its type, if added.
     TfToken type;
 };
 
-/// What happened to the scene since the last take. Removals come first: whatever was added below a removed path
-/// afterwards is among the changes.
+/// The changes of the scene since the last take. Removals come first: prims added below a removed path afterwards are
+/// among the changes.
 struct HdOocPTSceneChanges
 {
     std::vector<SdfPath> removed;
     SdfPathTable<HdOocPTPrimChange> changes;
 };
 
-/// Listens to the scene index and remembers what was touched. Reads nothing: notices arrive while the scene is being
+/// Listens to the scene index and records what was touched. Reads nothing: notices arrive while the scene is being
 /// built.
 ///
 /// Threads: any; one at a time per call, guarded by a mutex.
@@ -74,10 +74,10 @@ public:
     void PrimsDirtied(const HdSceneIndexBase& sender, const DirtiedPrimEntries& entries) override;
     void PrimsRenamed(const HdSceneIndexBase& sender, const RenamedPrimEntries& entries) override;
 
-    /// Notes everything that is below a path as added.
+    /// Records everything below a path as added.
     void AddSubtree(const HdSceneIndexBase& scene, const SdfPath& root);
 
-    /// Hands out what was noted since the last call.
+    /// Returns the changes recorded since the last call.
     HdOocPTSceneChanges Take();
 
     bool IsEmpty() const;

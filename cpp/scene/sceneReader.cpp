@@ -30,11 +30,11 @@ struct HdOocPTSceneReader::_Record
     /// Set for meshes and instancers, according to kind.
     std::unique_ptr<HdOocPTMeshState> mesh;
     std::unique_ptr<HdOocPTInstancerState> instancer;
-    /// A mesh that is a light, too.
+    /// True if the mesh is also a light.
     bool isMeshLight = false;
 };
 
-/// A prim to read, and what came out.
+/// A prim to read, and the results.
 struct HdOocPTSceneReader::_Job
 {
     SdfPath path;
@@ -42,19 +42,18 @@ struct HdOocPTSceneReader::_Job
     _RecordPtr record;
     std::optional<oocpt::MeshDesc> mesh;
     std::optional<oocpt::InstancerDesc> instancer;
-    /// Of a mesh: beside it.
+    /// The light of a mesh that is also a light.
     std::optional<oocpt::LightDesc> light;
-    /// The mesh is no light any more.
+    /// True if the mesh is not a light any more.
     bool losesLight = false;
     std::optional<oocpt::MaterialDesc> material;
-    /// It could not be read.
+    /// True if the prim could not be read.
     bool isBroken = false;
 };
 
 namespace {
 
-/// Whether the renderer, for which a path is text and "below" means after a slash, counts the path as below its
-/// ancestors.
+/// Returns true if the renderer, which compares paths as text with slashes, takes the path as below its ancestors.
 bool _IsPlain(const SdfPath& path)
 {
     return path.IsPrimPath() && !path.ContainsPrimVariantSelection();
@@ -96,7 +95,7 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
     _ReadPurposes(&dirty, warnings);
     std::vector<_Job> jobs = _MakeJobs(dirty, warnings);
     _RunJobs(&jobs, primIdOf, warnings);
-    // What lies below a prim that is left out goes with it in the renderer, and there once more, from the kept state.
+    // Prims below a prim that is left out are removed with it in the renderer, and are added again from the kept state.
     _DirtyBits below;
     for (const _Job& job : jobs) {
         if (job.isBroken) {
@@ -135,7 +134,7 @@ void HdOocPTSceneReader::_TakeRemovals(const std::vector<SdfPath>& removed, oocp
     for (const SdfPath& root : removed) {
         const auto known = _records.find(root);
         if (known != _records.end() && known->second && known->second->kind == HdOocPTPrimKind::GeomSubset) {
-            // Only the mesh above knows of it. If that goes, too, nothing is left to be read again.
+            // Only the mesh above uses the subset. If that is removed, too, nothing has to be read again.
             (*dirty)[root.GetParentPath()] |= HdOocPTDirtySubsets;
             _records.erase(root);
             continue;
@@ -189,7 +188,7 @@ void HdOocPTSceneReader::_TakeChanges(
             const auto known = _records.find(path);
             const bool isKnown = known != _records.end() && known->second;
             if (isKnown && known->second->type != change.type) {
-                // The renderer removes whole subtrees: what only lost its parent goes there once more.
+                // The renderer removes whole subtrees: prims that only lost their parent are added again.
                 _RemoveAlone(path, edits, &dirty);
             }
             if (kind == HdOocPTPrimKind::Other) {
@@ -222,7 +221,7 @@ void HdOocPTSceneReader::_ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings
     for (const auto& [path, bits] : *dirty) {
         const auto known = _records.find(path);
         const bool isLight = known != _records.end() && known->second && known->second->kind == HdOocPTPrimKind::Light;
-        // Of a light of a scene delegate, a change of its collection is a change of the light.
+        // For a light of a scene delegate, a change of its collection counts as a change of the light.
         if (isLight && (bits & (HdOocPTDirtyLinks | HdOocPTDirtyLight))) {
             lights.push_back({ path, {} });
         }
@@ -297,7 +296,7 @@ std::vector<HdOocPTSceneReader::_Job> HdOocPTSceneReader::_MakeJobs(const _Dirty
         }
         const _RecordPtr& record = known->second;
         if (record->kind == HdOocPTPrimKind::RenderSettings) {
-            // Read as a whole, below.
+            // It is read as a whole, below.
             continue;
         }
         if (record->kind == HdOocPTPrimKind::Unsupported) {
@@ -320,8 +319,8 @@ void HdOocPTSceneReader::_RunJobs(
         try {
             _ReadJob(&job, primIdOf, warnings);
         } catch (const std::exception& error) {
-            // Hydra's scene indices convert NURBS and tetrahedral meshes when they are read, and throw where memory is
-            // short. One bad prim must not end the render: drop what was read of it, and its kept state.
+            // Hydra's scene indices convert NURBS and tetrahedral meshes when they are read, and throw if memory is
+            // short. One bad prim must not end the render: its results and its kept state are dropped.
             warnings->Add(job.path, std::string("it could not be read (") + error.what() + "); left out");
             job = _Job { job.path, 0, job.record, {}, {}, {}, false, {}, true };
             job.record->mesh.reset();

@@ -28,10 +28,10 @@ struct SceneEdits;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// Turns what happened to a scene index into edits for the renderer.
+/// Turns the changes of a scene index into edits for the renderer.
 ///
 /// Keeps the last state of every mesh and instancer, whose arrays share their data with the scene, so that an edit
-/// reads only what it dirtied. Which edits come out, and in which order, does not depend on threads.
+/// reads only what it dirtied. The edits and their order do not depend on threads.
 ///
 /// Threads: one at a time; Read() itself reads prims in parallel.
 class HdOocPTSceneReader
@@ -39,26 +39,26 @@ class HdOocPTSceneReader
 public:
     using PrimIdLookup = std::function<int32_t(const SdfPath&)>;
 
-    /// Listens to the scene from now on; what is there already counts as added.
+    /// Listens to the scene from now on; existing prims count as added.
     explicit HdOocPTSceneReader(const HdSceneIndexBaseRefPtr& scene);
     ~HdOocPTSceneReader();
     HdOocPTSceneReader(const HdOocPTSceneReader&) = delete;
     HdOocPTSceneReader& operator=(const HdOocPTSceneReader&) = delete;
 
-    /// Whether Read() has anything to do.
+    /// Returns true if Read() has anything to do.
     bool HasChanges() const { return !_observer.IsEmpty() || _isShutterNew; }
 
-    /// Sets the camera whose shutter counts; empty: the one that the scene names. What may move is read again if the
-    /// shutter is another one than before.
+    /// Sets the camera whose shutter counts; empty means the one that the scene names. Prims that may move are read
+    /// again if the shutter differs from the previous one.
     void SetCamera(const SdfPath& camera, HdOocPTWarnings* warnings);
 
-    /// Forgets all motion, or takes it up again.
+    /// Forgets all motion, or reads it again.
     void SetMotionBlur(bool isOn, HdOocPTWarnings* warnings);
 
-    /// Whether something can move: the shutter is open, and motion blur is not turned off.
+    /// Returns true if something can move: the shutter is open, and motion blur is not turned off.
     bool IsShutterOpen() const { return _shutter.IsOpen(); }
 
-    /// Whether the active render settings turn motion blur off, as of the last Read().
+    /// Returns true if the active render settings turn motion blur off, as of the last Read().
     bool IsMotionDisabled() const { return _isMotionDisabled; }
 
     /// Reads what changed since the last call.
@@ -67,28 +67,28 @@ public:
     /// The settings of the active render settings prim, as of the last Read().
     const HdOocPTSettingMap& GetSettings() const { return _settings; }
 
-    /// The lens of a camera prim, as it is now; none if the active render settings turn it off.
+    /// The current lens of a camera prim; none if the active render settings turn it off.
     HdOocPTLens GetLens(const SdfPath& camera) const
     {
         return _isLensDisabled ? HdOocPTLens {} : HdOocPTReadLens(*_scene, camera);
     }
 
-    /// Says if the render settings want other purposes than the host shows, and something is of one of them.
+    /// Warns if the render settings include other purposes than the host shows, and some prim has one of them.
     void CheckPurposes(const TfTokenVector& renderTags, HdOocPTWarnings* warnings);
 
-    /// See HdOocPTReadExposureScale().
+    /// The exposure scale of a camera prim, see HdOocPTReadExposureScale().
     float GetExposureScale(const SdfPath& camera, HdOocPTWarnings* warnings) const
     {
         return HdOocPTReadExposureScale(*_scene, camera, warnings);
     }
 
-    /// The clipping planes of a camera prim, as they are now.
+    /// The current clipping planes of a camera prim.
     std::vector<GfVec4d> GetClippingPlanes(const SdfPath& camera, HdOocPTWarnings* warnings) const
     {
         return HdOocPTReadClippingPlanes(*_scene, camera, warnings);
     }
 
-    /// How a camera prim moves about the shutter, as it is now; nothing if its transform is not `viewToWorld`.
+    /// The current motion of a camera prim over the shutter interval; empty if its transform is not `viewToWorld`.
     HdOocPTTransformSamples GetCameraMotion(const SdfPath& camera, const GfMatrix4d& viewToWorld) const;
 
 private:
@@ -96,21 +96,21 @@ private:
     struct _Job;
     using _RecordPtr = std::shared_ptr<_Record>;
 
-    /// What has to be read again, in the order in which it goes to the renderer.
+    /// The parts to read again, in the order in which prims are sent to the renderer.
     using _DirtyBits = std::map<SdfPath, uint32_t>;
 
     void _TakeRemovals(const std::vector<SdfPath>& removed, oocpt::SceneEdits* edits, _DirtyBits* dirty);
     void _TakeChanges(const HdOocPTSceneChanges& changes, oocpt::SceneEdits* edits, _DirtyBits* dirty);
     void _ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings);
-    /// Prims of these kinds have to be read again.
+    /// Marks prims of these kinds to be read again.
     void _Mark(std::initializer_list<HdOocPTPrimKind> kinds, uint32_t bits, _DirtyBits* dirty) const;
-    /// Reads what the active render settings say of purposes and colours.
+    /// Reads the purposes and colours of the active render settings.
     void _ReadPurposes(_DirtyBits* dirty, HdOocPTWarnings* warnings);
     std::vector<_Job> _MakeJobs(const _DirtyBits& dirty, HdOocPTWarnings* warnings);
     void _RemoveAlone(const SdfPath& path, oocpt::SceneEdits* edits, _DirtyBits* dirty);
-    /// Adds what is below a prim.
+    /// Adds the prims below a prim.
     void _AddBelow(const SdfPath& path, _DirtyBits* dirty);
-    /// Reads prims, side by side; one that cannot be read is left out, with a warning.
+    /// Reads prims in parallel; one that cannot be read is left out, with a warning.
     void _RunJobs(std::vector<_Job>* jobs, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const;
     void _ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const;
     void _ReadSettings();
@@ -118,7 +118,7 @@ private:
 
     const HdSceneIndexBaseRefPtr _scene;
     HdOocPTSceneObserver _observer;
-    /// Every prim that OocPT has to do with; entries without record are mere ancestors.
+    /// Every prim that OocPT handles; entries without a record are mere ancestors.
     SdfPathTable<_RecordPtr> _records;
     HdOocPTLinks _links;
     std::set<SdfPath> _settingsPrims;

@@ -20,7 +20,7 @@ bool _IsActive(const HdSceneIndexBase& scene, const HdSceneIndexPrim& prim, cons
     if (const HdContainerDataSourceHandle globals = HdOocPTFindContainer(root.dataSource, { tokens.sceneGlobals })) {
         return HdOocPTRead(globals, { tokens.activeRenderSettingsPrim }).GetWithDefault<SdfPath>() == path;
     }
-    // Asked only where there are no globals: UsdImaging's scene delegate answers this name with an error.
+    // This is asked only if there are no globals: UsdImaging's scene delegate reports an error for this name.
     bool active = false;
     HdOocPTConvert(HdOocPTRead(prim.dataSource, { tokens.renderSettings, tokens.active }), &active);
     return active;
@@ -52,7 +52,7 @@ HdOocPTSettingMap HdOocPTReadRenderSettings(const HdSceneIndexBase& scene, const
 
 namespace {
 
-// UsdImaging's scene delegate answers names that it does not have with an error.
+// UsdImaging's scene delegate reports an error for names that it does not have.
 bool _Has(const HdContainerDataSourceHandle& container, const TfToken& name)
 {
     const TfTokenVector names = container ? container->GetNames() : TfTokenVector();
@@ -66,7 +66,7 @@ HdContainerDataSourceHandle _FindActive(const HdSceneIndexBase& scene, const Sdf
                                         : nullptr;
 }
 
-/// Whether one of the switches is on, of the settings or of all products.
+/// Returns true if one of the switches is on, of the settings or of all products.
 bool _IsAnySet(const HdContainerDataSourceHandle& settings, const TfTokenVector& switches)
 {
     const auto& tokens = *HdOocPTSceneTokens;
@@ -85,7 +85,7 @@ bool _IsAnySet(const HdContainerDataSourceHandle& settings, const TfTokenVector&
     const HdVectorDataSourceHandle products
         = HdVectorDataSource::Cast(HdOocPTFind(settings, { tokens.renderProducts }));
     const size_t count = products ? products->GetNumElements() : 0;
-    // There is one picture here: it is without if all that are wanted are.
+    // There is one picture here: the effect is off if all wanted products turn it off.
     size_t without = 0;
     for (size_t i = 0; i < count; ++i) {
         without += isSet(HdContainerDataSource::Cast(products->GetElement(i))) ? 1 : 0;
@@ -167,7 +167,7 @@ std::set<TfToken> HdOocPTFindDisputedPurposes(const HdOocPTPurposes& purposes, c
     }
     const std::set<TfToken> included(purposes.included->begin(), purposes.included->end());
     for (const TfToken& purpose : { tokens.defaultPurpose, tokens.render, tokens.proxy, tokens.guide }) {
-        // No tags are all.
+        // An empty list of tags means all.
         const bool isShown = shown.empty() || shown.count(purpose) > 0;
         if (isShown != (included.count(purpose) > 0)) {
             disputed.insert(purpose);

@@ -19,25 +19,26 @@ PXR_NAMESPACE_OPEN_SCOPE
 using HdOocPTSettingMap = std::map<TfToken, VtValue>;
 
 /// The namespaced settings of a render settings prim. Empty unless the prim is the one that the scene's globals name as
-/// active; where a host has no globals, unless the prim calls itself active.
+/// active; for a host without globals, unless the prim itself says that it is active.
 HdOocPTSettingMap HdOocPTReadRenderSettings(const HdSceneIndexBase& scene, const SdfPath& path);
 
-/// Whether a render settings prim, if it is the active one, turns motion blur off: disableMotionBlur, or
+/// Returns true if a render settings prim is the active one and turns motion blur off: disableMotionBlur, or
 /// instantaneousShutter, of itself or of all its products.
 bool HdOocPTReadsMotionDisabled(const HdSceneIndexBase& scene, const SdfPath& path);
 
-/// Whether it turns the lens off: disableDepthOfField, of itself or of all its products.
+/// Returns true if a render settings prim is the active one and turns the lens off: disableDepthOfField, of itself or
+/// of all its products.
 bool HdOocPTReadsLensDisabled(const HdSceneIndexBase& scene, const SdfPath& path);
 
-/// What the active render settings prim says of purposes and colours.
+/// The purposes and colours of the active render settings prim.
 struct HdOocPTPurposes
 {
     /// The prim; empty if none is active.
     SdfPath settings;
     std::optional<TfTokenVector> included;
-    /// Purposes of material bindings, the one that counts most first.
+    /// Purposes of material bindings, the most important one first.
     std::optional<TfTokenVector> bindings;
-    /// The front end hands over one binding a prim.
+    /// True if the front end provides one binding a prim.
     bool isNamedByDelegate = false;
     TfToken colorSpace;
 
@@ -48,10 +49,10 @@ struct HdOocPTPurposes
     }
 };
 
-/// Of the active one of these render settings prims.
+/// Reads the purposes of the active one of these render settings prims.
 HdOocPTPurposes HdOocPTReadPurposes(const HdSceneIndexBase& scene, const std::set<SdfPath>& prims);
 
-/// Says what of them is not used.
+/// Warns of those that are not used.
 void HdOocPTWarnOfPurposes(const HdOocPTPurposes& purposes, HdOocPTWarnings* warnings);
 
 /// The purposes that the settings include and the render tags of the host do not, or the other way round.

@@ -21,7 +21,7 @@ TfToken _Token(const VtValue& value, const TfToken& fallback)
     return token.IsEmpty() ? fallback : token;
 }
 
-/// Most faces of the meshes that legacy front ends make of solids: large meshes are not asked what they were.
+/// Most faces of the meshes that legacy front ends make of solids: larger meshes are not tested for it.
 constexpr size_t _mostFacesOfSolid = 1024;
 
 /// The parameters of a solid: data sources of the scene index, or properties of a USD prim.
@@ -49,7 +49,8 @@ public:
         return fallback;
     }
 
-    /// Null for properties: UsdImaging does not say how they change while the shutter is open.
+    /// The data source of a parameter; null for properties: UsdImaging does not tell how they change while the shutter
+    /// is open.
     HdSampledDataSourceHandle Find(const TfToken& name) const
     {
         return _container ? HdSampledDataSource::Cast(_container->Get(name)) : nullptr;
@@ -60,7 +61,8 @@ private:
     const HdOocPTUsdProperties _properties;
 };
 
-/// Adds part of the shutter, radii at the lower and the upper end, height. What is not said is the schema's default.
+/// Adds fraction of the shutter interval, radii at the lower and the upper end, height. Missing parameters have the
+/// schema's defaults.
 void _AddSize(const TfToken& type, const _Parameters& parameters, double part, HdSampledDataSource::Time time,
     std::vector<double>* sizes)
 {

@@ -17,7 +17,7 @@ struct ShapeDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// What the points of a prim are, as last read.
+/// The points of a prim and their meaning, when they were last read.
 struct HdOocPTShapeState
 {
     enum class Kind
@@ -25,39 +25,39 @@ struct HdOocPTShapeState
         Mesh,
         Curves,
         Points,
-        /// None: a solid of revolution, which Rust gives some.
+        /// A solid of revolution, without points of its own; Rust generates some.
         Solid
     };
     Kind kind = Kind::Mesh;
-    /// Of curves: linear or cubic, and how points make them.
+    /// The type of curves: linear or cubic, and their basis.
     TfToken type;
     TfToken basis;
     TfToken wrap;
     VtValue counts;
     VtValue indices;
-    /// Of a solid, four numbers each: part of the shutter, radii at the lower and the upper end, height. First what it
-    /// is at the frame's own time.
+    /// The size of a solid, four numbers each: fraction of the shutter interval, radii at the lower and the upper end,
+    /// height. The first entry is for the frame's own time.
     std::vector<double> sizes;
-    /// Of a solid: 0 x, 1 y, 2 z.
+    /// The axis of a solid: 0 x, 1 y, 2 z.
     uint8_t axis = 2;
-    /// Of a solid: half balls end it.
+    /// True if half balls end the solid.
     bool isRound = false;
 };
 
-/// True for spheres, capsules, cylinders and cones.
+/// Returns true for spheres, capsules, cylinders and cones.
 bool HdOocPTIsSolid(const TfToken& primType);
 
-/// The type of the solid that UsdImaging's scene delegate made a mesh with these faces of; empty where it is a mesh in
-/// USD, too, or where nobody knows.
+/// The type of the solid from which UsdImaging's scene delegate made a mesh with these faces; empty if it is a mesh in
+/// USD, too, or if that is not known.
 TfToken HdOocPTFindSolid(const HdOocPTPrimSource& source, const VtValue& faceVertexCounts);
 
-/// Reads what the points of curves, points or a solid are.
+/// Reads the points of curves, points or a solid.
 void HdOocPTReadShape(const TfToken& primType, const HdOocPTPrimSource& source, HdOocPTShapeState* state);
 
-/// The place of a token in a list, which is how variants are named to Rust.
+/// The index of a token in a list, which is how variants are passed to Rust.
 uint8_t HdOocPTPlaceOf(const TfToken& name, std::initializer_list<TfToken> names, uint8_t fallback);
 
-/// The shape as it goes to Rust.
+/// Describes the shape for Rust.
 oocpt::ShapeDesc HdOocPTDescribeShape(const HdOocPTShapeState& state);
 
 PXR_NAMESPACE_CLOSE_SCOPE

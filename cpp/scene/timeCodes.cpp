@@ -16,13 +16,13 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-/// What UsdStage answers where nobody says it.
+/// The value of UsdStage if none is authored.
 constexpr double _fallbackRate = 24.0;
 
-/// So that seconds of shutters stay finite.
+/// The least rate, so that seconds of shutters stay finite.
 constexpr double _leastRate = 1e-30;
 
-/// 0 until somebody says it.
+/// The rate that a command line has set; 0 if none has.
 std::atomic<double> _toldRate { 0.0 };
 
 /// A layer that may be the root of the stage.
@@ -30,14 +30,14 @@ struct _Candidate
 {
     SdfLayerHandle layer;
     double rate = _fallbackRate;
-    /// It says its rate itself.
+    /// True if the layer itself authors a rate.
     bool isAuthored = false;
 };
 using _Candidates = std::vector<_Candidate>;
 
 _Candidate _MakeCandidate(const SdfLayerHandle& layer)
 {
-    // As UsdStage has it: the rate of frames stands in for that of time codes.
+    // As in UsdStage, the rate of frames stands in for that of time codes.
     if (layer->HasTimeCodesPerSecond()) {
         return { layer, layer->GetTimeCodesPerSecond(), true };
     }
@@ -52,7 +52,7 @@ bool _Agree(const _Candidates& all)
     return std::all_of(all.begin(), all.end(), [&](const _Candidate& one) { return one.rate == all.front().rate; });
 }
 
-/// The layer and all that are sublayers of it, of any depth.
+/// The layer and all its sublayers, of any depth.
 std::set<SdfLayerHandle> _LayerStack(const SdfLayerHandle& root)
 {
     std::set<SdfLayerHandle> stack { root };
@@ -74,7 +74,7 @@ std::set<SdfLayerHandle> _LayerStack(const SdfLayerHandle& root)
     return stack;
 }
 
-/// Keeps those that a test accepts, unless it accepts none.
+/// Keeps the layers that a test accepts, unless it accepts none.
 template <typename Test>
 void _Prefer(_Candidates* all, const Test& test)
 {
@@ -96,8 +96,8 @@ void _PreferThoseWithPrim(_Candidates* all, const SdfPath& path)
     }
 }
 
-/// Leaves out what others of them refer to: sublayers first, which costs nothing, then all kinds of arcs, which reads
-/// through every layer.
+/// Drops the layers that others of them refer to: first by sublayers, which costs nothing, then by all kinds of arcs,
+/// which reads through every layer.
 void _PreferRoots(_Candidates* all, bool withArcs)
 {
     std::set<SdfLayerHandle> parts;
@@ -121,7 +121,7 @@ void _PreferRoots(_Candidates* all, bool withArcs)
     _Prefer(all, [&](const _Candidate& one) { return parts.count(one.layer) == 0; });
 }
 
-/// Says in one line what the layers disagree in.
+/// Describes in one line how the layers disagree.
 std::string _Disagreement(const _Candidates& all)
 {
     std::set<std::string> said;
@@ -135,7 +135,7 @@ std::string _Disagreement(const _Candidates& all)
     return text;
 }
 
-/// The rate by the layers that are loaded.
+/// Finds the rate from the loaded layers.
 HdOocPTTimeCodes _FindByLayers(const SdfPath& camera)
 {
     _Candidates all;
@@ -149,7 +149,7 @@ HdOocPTTimeCodes _FindByLayers(const SdfPath& camera)
     if (!isAnyAuthored) {
         return {};
     }
-    // Session layers and what an application keeps for itself.
+    // These are session layers and an application's own layers.
     _Prefer(&all, [](const _Candidate& one) { return one.isAuthored || !one.layer->IsAnonymous(); });
     if (!_Agree(all)) {
         _PreferRoots(&all, false);
@@ -185,7 +185,8 @@ HdOocPTTimeCodes HdOocPTFindTimeCodes(const HdSceneIndexBase& scene, const SdfPa
     const HdContainerDataSourceHandle globals = HdOocPTFindContainer(root.dataSource, { tokens.sceneGlobals });
     HdOocPTTimeCodes found;
     const bool isSaid = HdOocPTConvert(HdOocPTRead(globals, { tokens.timeCodesPerSecond }), &found.perSecond);
-    // Hydra's own scene index of globals says the fallback where nobody told it. Ranges of time come from stages alone.
+    // Hydra's own scene index of globals returns the fallback if no rate was set. Ranges of time come from stages
+    // alone.
     const bool isKnown = isSaid && (found.perSecond != _fallbackRate || globals->Get(tokens.startTimeCode));
     if (!isKnown) {
         found.perSecond = _toldRate;

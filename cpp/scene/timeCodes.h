@@ -10,11 +10,11 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// How many time codes of the stage make a second. Shutters and samples are in time codes, velocities are per second.
+/// The number of time codes of the stage per second. Shutters and samples are in time codes, velocities are per second.
 struct HdOocPTTimeCodes
 {
     double perSecond = 24.0;
-    /// Why `perSecond` is a guess; empty where it is known.
+    /// The reason why `perSecond` is a guess; empty if it is known.
     std::string doubt;
 
     bool operator==(const HdOocPTTimeCodes& other) const
@@ -23,13 +23,13 @@ struct HdOocPTTimeCodes
     }
 };
 
-/// The rate of the stage that the scene comes from: what the scene's globals say (scene-index front end); else what a
-/// command line of ours has said (HdOocPTSetTimeCodesPerSecond); else that of the layers that are loaded, which is all
-/// that the legacy front end leaves, whose scene delegate keeps its stage for itself. Layers that are part of others
-/// do not count, nor do those that lack the camera where others have it. The host's thread.
+/// Finds the rate of the scene's stage: from the scene's globals (scene-index front end); otherwise the one that a
+/// command line of ours has set (HdOocPTSetTimeCodesPerSecond); otherwise that of the layers that are loaded, the only
+/// source with the legacy front end, whose scene delegate does not give access to its stage. Layers that are part of
+/// others do not count, nor do those that lack the camera if others have it. The host's thread.
 HdOocPTTimeCodes HdOocPTFindTimeCodes(const HdSceneIndexBase& scene, const SdfPath& camera);
 
-/// What a command line of ours knows of the one stage of its process. Any thread.
+/// Sets the rate of the one stage of a command line's process. Any thread.
 void HdOocPTSetTimeCodesPerSecond(double rate);
 
 PXR_NAMESPACE_CLOSE_SCOPE

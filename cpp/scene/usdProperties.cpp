@@ -15,7 +15,7 @@ namespace {
 
 bool _IsUsdImaging(const HdSceneDelegate& delegate)
 {
-    // UsdImaging is no library of the shim's, so its class is known by name alone.
+    // UsdImaging is not linked to the shim, so its class is known by name alone.
     return std::strstr(typeid(delegate).name(), "18UsdImagingDelegate") != nullptr;
 }
 

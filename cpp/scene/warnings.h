@@ -12,17 +12,17 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// What the scene reader has to complain about. Each line is posted once in the life of the object.
+/// The warnings of the scene reader. Each line is posted once in the life of the object.
 ///
 /// Threads: Add() from any thread; Post() on the host's thread, never while another one adds.
 class HdOocPTWarnings
 {
 public:
-    /// Notes "path: text".
+    /// Adds the line "path: text".
     void Add(const SdfPath& path, const std::string& text);
 
-    /// Posts the new lines as TF_WARN, sorted, so that their order does not depend on threads. Where many prims say the
-    /// like, one line does for all.
+    /// Posts the new lines as TF_WARN, sorted, so that their order does not depend on threads. If many prims have the
+    /// same text, one line stands for all.
     void Post();
 
 private:

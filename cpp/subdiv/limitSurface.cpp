@@ -26,17 +26,17 @@ namespace Bfr = OpenSubdiv::Bfr;
 namespace Far = OpenSubdiv::Far;
 namespace Sdc = OpenSubdiv::Sdc;
 
-/// Levels of refinement around extraordinary vertices and semi-sharp features before a patch stands in for the limit:
+/// Levels of refinement around extraordinary vertices and semi-sharp features before a patch replaces the limit:
 /// OpenSubdiv's own choice for sharp ones, one more for smooth ones.
 constexpr int _smoothLevel = 3;
 constexpr int _sharpLevel = 6;
-/// Normals with a larger cosine are one normal.
+/// Normals with a larger cosine are merged.
 constexpr double _sameNormal = 1.0 - 1e-4;
-/// Values that differ by less than this share of their size are one value.
+/// Values that differ by less than this share of their size are merged.
 constexpr float _sameValue = 1e-4F;
 constexpr int32_t _none = SiteTable::none;
 
-/// OpenSubdiv reports errors to one function for the whole process; they come back as failures of the calls, too.
+/// OpenSubdiv reports errors to one function for the whole process; the calls also fail, so it can ignore them.
 void _Ignore(Far::ErrorType, const char*) { }
 
 void _Silence()
@@ -68,7 +68,7 @@ struct _Patch
 bool _AreSame(const float* a, const float* b, size_t count)
 {
     for (size_t k = 0; k < count; ++k) {
-        // NaN is like nothing, and gets a vertex of its own.
+        // NaN equals nothing, and gets a vertex of its own.
         if (!(std::abs(a[k] - b[k]) <= _sameValue * (1.0F + std::abs(a[k])))) {
             return false;
         }
@@ -76,7 +76,7 @@ bool _AreSame(const float* a, const float* b, size_t count)
     return true;
 }
 
-/// Places on the outlines of faces, those that they share counted for each.
+/// Number of sites on the outlines of faces, those that faces share counted for each.
 size_t _CountSites(const Far::TopologyLevel& level, const Cut& cut)
 {
     size_t count = 0;
@@ -234,8 +234,8 @@ private:
         }
     }
 
-    /// The vertex of the next coordinate, which lies at a place that faces share: one that is there already, if its
-    /// normal and values are the same, else a new one with the position of the first.
+    /// Adds the vertex of the next coordinate, at a site that faces share: an existing one if its normal and values are
+    /// the same, otherwise a new one with the position of the first.
     void _AddAt(int32_t site)
     {
         _EvaluateNext();
@@ -248,7 +248,7 @@ private:
         if (vertex == _none) {
             vertex = _Push(
                 first == _none ? _at.position : _facets->positionData.data() + 3 * static_cast<size_t>(first), site);
-            // The first one stays at the head: its position is everybody's.
+            // The first vertex stays at the head: all others have its position.
             if (first == _none) {
                 head = vertex;
             } else {
@@ -272,12 +272,12 @@ private:
         if (hasNormal != (square > 0.0) || (hasNormal && cosine < _sameNormal)) {
             return false;
         }
-        // Vertex and varying values are those of the place; only face-varying ones can differ.
+        // Vertex and varying values belong to the site; only face-varying ones can differ.
         return _AreSame(
             _facets->faceVaryingData.data() + vertex * _channelWidth, _at.faceVarying.data(), _channelWidth);
     }
 
-    /// A new vertex at `position`, at a place that faces share or `_none`, with the normal and values of `_at`.
+    /// Adds a vertex at `position`, at a site that faces share or `_none`, with the normal and values of `_at`.
     int32_t _Push(const float* position, int32_t site)
     {
         const float copy[3] = { position[0], position[1], position[2] };
@@ -315,10 +315,10 @@ private:
     std::vector<_Patch<float>> _channels;
 
     SiteTable _sites;
-    /// The next vertex of the same place.
+    /// The next vertex of the same site.
     std::vector<int32_t> _next;
 
-    // Of the face under way.
+    // Rates of the current face.
     std::vector<int> _faceRates;
     std::vector<double> _coords;
     std::vector<int32_t> _vertices;
@@ -399,7 +399,7 @@ void LimitSurface::expected_facets(rust::Slice<const int32_t> rates, rust::Slice
             total = 2 * std::max(rate(0), rate(2)) * std::max(rate(1), rate(3));
             continue;
         }
-        // A triangle of Loop's scheme, or as many quads as there are corners, of half the rate.
+        // A face gives a triangle of Loop's scheme, or as many quads as there are corners, of half the rate.
         uint64_t largest = 0;
         for (int k = 0; k < edges.size(); ++k) {
             largest = std::max(largest, rate(k));

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Limit surfaces of subdivision meshes, through OpenSubdiv's Bfr. Called from the crate `oocpt-subdiv` only.
 //
-// Everything that the crate passes has been checked by it. Any thread; objects are not changed once made. Errors are
-// exceptions, which cxx turns into results.
+// The crate has checked everything that it passes. Any thread; objects are immutable. Errors are exceptions, which cxx
+// turns into results.
 #pragma once
 
 #include "rust/cxx.h"
@@ -23,8 +23,8 @@ struct Rules;
 struct Topology;
 struct Values;
 
-/// Triangles on some faces of a limit surface. A vertex has a position, a normal (zero where the surface has none) and
-/// values; where normals or values differ from face to face, several vertices have the same position.
+/// Triangles on some faces of a limit surface. A vertex has a position, a normal (zero if the surface has none there)
+/// and values; where normals or values differ from face to face, several vertices have the same position.
 class Facets
 {
 public:
@@ -45,7 +45,7 @@ public:
     std::vector<int32_t> triangleData;
     /// Control face of each triangle.
     std::vector<int32_t> faceData;
-    /// For each vertex the place that faces share: a control vertex or a place of an edge; -1 inside of faces.
+    /// For each vertex the site that faces share: a control vertex or a place of an edge; -1 inside of faces.
     std::vector<int32_t> siteData;
 
 private:
@@ -63,12 +63,12 @@ public:
     LimitSurface(const Rules& rules, const Topology& topology);
 
     rust::Slice<const int32_t> edges() const { return { _edges.data(), _edges.size() }; }
-    /// Triangles that rates give in each face, more or less.
+    /// Estimates the number of triangles that rates give in each face.
     void expected_facets(rust::Slice<const int32_t> rates, rust::Slice<uint64_t> facets) const;
     std::unique_ptr<Facets> tessellate(const Cut& cut, const Values& values) const;
 
 private:
-    /// What it finds out about faces with irregular neighbours serves all threads.
+    /// The cache of irregular neighbourhoods, shared by all threads.
     using _Cache = OpenSubdiv::Bfr::SurfaceFactoryCacheThreaded<std::shared_mutex, std::shared_lock<std::shared_mutex>,
         std::unique_lock<std::shared_mutex>>;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which vertex lies first at a place. Used by one thread.
+// A table of the first vertex at each site. Used by one thread.
 #pragma once
 
 #include <cstddef>
@@ -8,14 +8,14 @@
 
 namespace oocpt::subdiv {
 
-/// The first vertex of each place that some faces share.
+/// The first vertex of each site that faces share.
 class SiteTable
 {
 public:
     /// No vertex, no place.
     static constexpr int32_t none = -1;
 
-    /// For at most so many places.
+    /// Makes a table of at most so many sites.
     explicit SiteTable(size_t count)
     {
         size_t size = 16;
@@ -25,7 +25,7 @@ public:
         _slots.assign(size, { none, none });
     }
 
-    /// The vertex of a place; `none` where there is none yet.
+    /// The vertex of a site; `none` if there is none yet.
     int32_t& operator[](int32_t site)
     {
         const size_t mask = _slots.size() - 1;

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// oocpt-texture-file: what `oocpt bench texture-files` needs of OpenImageIO and the `oocpt` program has not got: it
-/// writes a texture file of
-/// noise, row by row, and reads files whole, to be compared with. A program of its own: nobody else's memory is in its
-/// peak.
+/// oocpt-texture-file: the part of `oocpt bench texture-files` that needs OpenImageIO, which the `oocpt` program does
+/// not link: it writes a texture file of noise, row by row, and reads files whole, for comparison. It is a program of
+/// its own so that its peak memory is its own.
 ///
-///     oocpt-texture-file write SIZE SEED FILE      the name's end says which kind: .jpg .png .tif .exr
+///     oocpt-texture-file write SIZE SEED FILE      the extension selects the format: .jpg .png .tif .exr
 ///     oocpt-texture-file read THREADS FILE...      each file once, a file per thread; 0 = as many threads as cores
 ///
 /// It prints one JSON object. Exit status: 0 done, 1 failed (the message is on stderr), 2 bad arguments.
@@ -28,9 +27,9 @@
 namespace {
 
 constexpr int maxSize = 65536;
-/// Rows that are handed over at once, so that writers may compress on several threads.
+/// Rows that are written at once, so that writers may compress on several threads.
 constexpr int band = 64;
-/// Of one image, decoded.
+/// Most bytes of one decoded image.
 constexpr std::size_t maxBytes = std::size_t { 16 } << 30;
 
 using Clock = std::chrono::steady_clock;
@@ -45,9 +44,8 @@ bool EndsWith(const std::string& name, const std::string& end)
     return name.size() >= end.size() && name.compare(name.size() - end.size(), end.size(), end) == 0;
 }
 
-/// How artists' programs save: JPEG at quality 92, TIFF with deflate, half EXR with zip. PNG is packed as fast as zlib
-/// can, which hardly
-/// changes how long it takes to unpack.
+/// The options with which artists' programs save: JPEG at quality 92, TIFF with deflate, half EXR with zip. PNG is
+/// compressed as fast as zlib can, which hardly changes how long it takes to unpack.
 OIIO::ImageSpec SpecOf(const std::string& file, int size)
 {
     OIIO::ImageSpec spec(size, size, 3, OIIO::TypeDesc::UINT8);
@@ -100,7 +98,7 @@ void Write(int size, std::uint32_t seed, const std::string& file)
     std::printf("{\"seconds\": %.6f}\n", SecondsSince(start));
 }
 
-/// Reads a file whole, in its own format, as OpenImageIO does when left alone.
+/// Reads a file whole, in its own format, with OpenImageIO's defaults.
 void ReadOne(const std::string& file)
 {
     const std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(file);
@@ -112,7 +110,7 @@ void ReadOne(const std::string& file)
     if (bytes == 0 || bytes > maxBytes) {
         throw std::runtime_error(file + ": it is too large");
     }
-    // Not zeroed: that would be a pass over the memory that is none of decoding.
+    // The memory is not zeroed: that pass over it would not be part of decoding.
     const std::unique_ptr<char[]> pixels(new char[bytes]);
     if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::UNKNOWN, pixels.get())) {
         throw std::runtime_error(file + ": " + input->geterror());

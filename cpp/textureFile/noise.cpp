@@ -18,7 +18,7 @@ std::uint32_t Hash(std::uint32_t value)
     return value ^ (value >> 16);
 }
 
-/// -1 to 1.
+/// A random number from -1 to 1.
 float Random(int x, int y, std::uint32_t seed)
 {
     const std::uint32_t hash = Hash(static_cast<std::uint32_t>(x) + Hash(static_cast<std::uint32_t>(y) + Hash(seed)));

@@ -5,13 +5,12 @@
 #include <cstdint>
 #include <vector>
 
-/// A picture that compresses about as a photograph does: octaves of value noise, some color, and noise of each pixel
-/// by itself. A pure
-/// function of size and seed: texels in any order would be the same, rows are made one after the other.
+/// A picture that compresses about as a photograph does: octaves of value noise, some color, and noise of each pixel by
+/// itself. A pure function of size and seed: texels in any order would be the same, rows are made one after the other.
 class Noise
 {
 public:
-    /// Of `size` x `size` pixels, at least 4.
+    /// Noise of `size` x `size` pixels, at least 4.
     Noise(int size, std::uint32_t seed);
 
     /// Row `y` from the top as red, green, blue of each pixel, 0 to 1, encoded as sRGB pictures are.
@@ -31,7 +30,7 @@ private:
 
     const int _size;
     const std::uint32_t _seed;
-    /// Of brightness, and of the two axes of color.
+    /// Octaves of brightness, and of the two axes of color.
     std::vector<_Octave> _brightness;
     std::vector<_Octave> _color[2];
     std::vector<float> _lattice;

@@ -87,7 +87,7 @@ fn build() -> Result<(), String> {
     fs::write(out.join("modules.rs"), modules(&passes)).map_err(|error| format!("modules.rs: {error}"))
 }
 
-/// A pass, what it reads, and the names of the structs that it has in memory.
+/// A pass, its uses, and the names of its structs in memory.
 struct CompiledPass {
     name: String,
     uses: uses::ModuleUses,
@@ -110,7 +110,7 @@ fn compile(
     Ok(CompiledPass { name, uses, structs })
 }
 
-/// What `work` makes of each of `sources`, in their order, as many at a time as there are processors.
+/// The results of `work` for each of `sources`, in their order, computed on all processors.
 fn in_parallel<T: Send>(sources: &[PathBuf], work: impl Fn(&Path) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
     let worker = || {
@@ -151,7 +151,8 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {
     Ok(())
 }
 
-/// `shaders/wavefront/NAME.comp` is NAME; a pass of another folder has the folder's name before its own.
+/// The name of a pass: `shaders/wavefront/NAME.comp` is NAME; a pass of another folder has the folder's name before its
+/// own.
 fn pass_name(source: &Path) -> Result<String, String> {
     let part = |path: Option<&std::ffi::OsStr>| path.and_then(|name| name.to_str()).map(str::to_owned);
     let stem = part(source.file_stem()).ok_or_else(|| format!("{}: odd name", source.display()))?;
@@ -235,7 +236,7 @@ fn sobol() -> String {
     )
 }
 
-/// Runs a tool; what it printed is the error.
+/// Runs a tool; its output is the error.
 fn run(mut command: Command, debian_package: &str) -> Result<(), String> {
     let program = command.get_program().to_string_lossy().into_owned();
     let output = command.output().map_err(|error| {
@@ -262,7 +263,7 @@ fn layouts() -> Vec<check::HostLayout> {
     abi::LAYOUTS.iter().map(layout).collect()
 }
 
-/// Rust source with the words of every pass; those of `shaders/check` apart, for tests.
+/// Rust source with the words of every pass; those of `shaders/check` are apart, for tests.
 fn modules(modules: &[(String, uses::ModuleUses)]) -> String {
     let (checks, passes): (Vec<_>, Vec<_>) = modules.iter().partition(|(name, _)| name.starts_with("check_"));
     let mut text = String::new();

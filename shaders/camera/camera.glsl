@@ -9,24 +9,24 @@
 #include "geometry/motion.glsl"
 #include "wavefront/progress.glsl"
 
-// From the origin of image point (0, 0) to that of p; zero for a perspective camera.
+// The shift from the origin of image point (0, 0) to that of p; zero for a perspective camera.
 vec3 camera_shift(vec2 p) {
     return p.x * FRAME.ray_o_x + p.y * FRAME.ray_o_y;
 }
 
-// Not normalised: one unit along the view axis.
+// Not normalised: the direction advances one unit along the view axis.
 vec3 camera_direction(vec2 p) {
     return FRAME.ray_d + p.x * FRAME.ray_d_x + p.y * FRAME.ray_d_y;
 }
 
-// The same of a camera that moves, at a time of the shutter; and where its rays begin.
+// Shift and direction of a moving camera at a time of the shutter, and the origin of its rays.
 struct MovedCamera {
     Double3 o;
     vec3 shift;
     vec3 d;
 };
 
-// The frame of a camera that moves, and where its origin is.
+// The frame of a moving camera at `time`; `place` is its origin.
 Motion camera_frame(uint key_count, float time, out Double3 place) {
     const uint64_t keys = FRAME.camera_motion + 96ul;
     uint at = 0u;
@@ -58,8 +58,8 @@ MovedCamera camera_at(vec2 p, vec2 lens, float time) {
 // Nothing of the scene is farther from the camera (rust/core/src/scene/validate.rs).
 const float FARTHEST = 1.0e18;
 
-// From where to where the camera's planes let it see along a ray, in units of a direction that goes one unit along the
-// view axis; y <= x: nowhere. `lens`: as for camera_at.
+// The interval in which the camera's planes let it see along a ray, in units of a direction that goes one unit along
+// the view axis; y <= x: nothing is seen. `lens`: as for camera_at.
 vec2 between_planes(vec2 p, vec2 lens) {
     vec2 seen = vec2(0.0, uintBitsToFloat(0x7f800000u));
     for (uint i = 0u; i < FRAME.clip_plane_count; ++i) {
@@ -84,9 +84,9 @@ vec2 between_planes(vec2 p, vec2 lens) {
     return seen;
 }
 
-// The first ray of a path. Planes move where it begins and ends, so that all that meets it knows nothing of them: the
-// new origin is on the ray but for what two floats round, and on no surface, so there is nothing to keep off from. A
-// ray that sees nothing ends at 0, not before: a walk counts on that.
+// Starts the first ray of a path. Planes move its origin and end, so that nothing else has to know about them: the new
+// origin is on the ray up to the rounding of two floats, and on no surface, so it needs no offset. A ray that sees
+// nothing ends at 0, not before: a walk relies on that.
 void start_ray_from(uint path, Double3 start, vec3 shift, vec3 d, vec2 p, vec2 lens) {
     if (HAS_TEXTURES) store_camera_cone(path, d);
     Double3 o = add(start, shift);
@@ -106,8 +106,8 @@ void start_ray(uint path, vec3 shift, vec3 d, vec2 p, vec2 lens) {
     start_ray_from(path, Double3(FRAME.ray_o, FRAME.ray_o_lo), shift, d, p, lens);
 }
 
-// The slot of a new path: its number in a wave. With streaming the slot number arg0 + thread of all that were ever
-// free: first every slot once, then those that ended paths have given back.
+// The slot of a new path: its number in a wave. With streaming, slots are taken in the order in which they became free:
+// first every slot once, then those that ended paths have given back; this is number arg0 + thread of them.
 uint new_slot(uint thread) {
     if (!HAS_STREAMING || (push.flags & PUSH_FRESH) != 0u) return push.arg0 + thread;
     return ConstUints(STREAMING.free_slots).v[(push.arg0 + thread) % STREAMING.slots];

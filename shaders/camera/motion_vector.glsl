@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far what a ray through a pixel centre met moves over the image while the shutter is open: the same point of the
-// surface, where it is and as the camera sees it when the shutter opens and when it closes. Both ends go through the
-// same operations, so what does not move is 0 to the bit.
+// The distance that the surface point behind a pixel centre moves over the image while the shutter is open, from its
+// positions as the camera sees them when the shutter opens and when it closes. Both ends go through the same
+// operations, so the motion of a resting point is 0 to the bit.
 #ifndef OOCPT_MOTION_VECTOR_GLSL
 #define OOCPT_MOTION_VECTOR_GLSL
 
 #include "camera/camera.glsl"
 #include "wavefront/path_surface.glsl"
 
-// Pixel, and distance along the view axis; false where the camera has no picture of it, as behind a lens.
+// Pixel, and distance along the view axis; false if the camera cannot project the point, for instance behind the lens.
 bool seen_at(Double3 position, float time, out vec3 seen) {
     vec4 v;
     if (HAS_CAMERA_MOTION) {
@@ -24,8 +24,8 @@ bool seen_at(Double3 position, float time, out vec3 seen) {
     return w > 0.0;
 }
 
-// The world's place of a point of the mesh of surface_chain at a time of the shutter. `kept`: what the point keeps on
-// an item that is no triangle (geometry/leaf.glsl).
+// The world position of a point of the mesh of surface_chain at a time of the shutter. `kept`: the coordinates that the
+// point keeps on an item that is not a triangle (geometry/leaf.glsl).
 Double3 placed_at(HitHeader hit, vec3 kept, float time) {
     surface_time = time;
     uint mesh, instance_id;

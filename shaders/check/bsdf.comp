@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// No pass: runs the BSDF for rust/render/tests/gpu/bsdf. One thread per item.
+// Test shader, not a pass of a render: runs the BSDF for rust/render/tests/gpu/bsdf. One thread per item.
 // A case is 64 floats: geometric normal, normal, wo, wi, u, packed Shading, sheen's colour and roughness, anisotropy,
-// film, diffuse roughness, hair (tints, absorption, variances, spreads, tilt, offset). What is written:
+// film, diffuse roughness, hair (tints, absorption, variances, spreads, tilt, offset). The modes write:
 //   CASES     28 floats per case: ok, wi, weight, pdf of its sample; evaluation there; diffuse, specular, pdf at the
-//             case's wi; chances of coat,
-//             specular, diffuse, multiple scattering, glass, its multiple scattering; what a smooth interface lets
-//             through; glass's alpha; chance of sheen
+//             case's wi; chances of coat, specular, diffuse, multiple scattering, glass, its multiple scattering;
+//             transmittance of a smooth interface; glass's alpha; chance of sheen
 //   SUMS      4 floats per case and part: sum of weights over POINTS points of a low-discrepancy sequence, count of
 //             samples
 //   SAMPLES   4 floats per thread, all of case 0: wi, pdf; pdf -1: none, 0: sharp

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// No pass: puts structs into memory that the passes read as vec4s, so that the build can check their layout.
+// Not a pass: puts structs into memory that the passes read as vec4s, so that the build can check their layout.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "abi/memory.glsl"

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// No pass of a render: probabilities and densities of lights as choosing them and as rays that meet them see them, for
-// tests. One thread per receiver: rays[i] holds its place (o) and its normal (d).
-// arg0 = 0: radiance[i].xy = sum over all lights of the probability of choosing it; probability of ending at a node
-// whose lights bring nothing. arg0 = 1: radiance[i] = (probability by choosing, the same by a ray to a point of the
-// light, 1 + the light's index, density by choosing over the one by the ray); zero when no light is chosen or its point
-// is on the other side. arg0 = 2, mesh lights: radiance[i] = (density by choosing a point, by a hit there, 1 + the
-// light's index, where the shadow ray ends over the distance); zero when none is chosen. Each thread has a time of its
-// own.
+// Test shader, not a pass of a render: compares the probabilities and densities of lights as choosing gives them and as
+// rays that meet them give them. One thread per receiver: rays[i] holds its position (o) and its normal (d). arg0 = 0:
+// radiance[i].xy = sum over all lights of the probability of choosing it; probability of ending at a node whose lights
+// contribute nothing. arg0 = 1: radiance[i] = (probability by choosing, the same by a ray to a point of the light, 1 +
+// the light's index, density by choosing over the one by the ray); zero if no light is chosen or its point is on the
+// other side. arg0 = 2, mesh lights: radiance[i] = (density by choosing a point, by a hit there, 1 + the light's index,
+// end of the shadow ray over the distance); zero if none is chosen. Each thread has a time of its own.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

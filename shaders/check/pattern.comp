@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// No pass of a render: runs operations of pattern programs for rust/render/tests/gpu/materials/patterns.rs. One thread
-// per case of 14 words: operation, immediate, a, b, c. Writes vec4 per case.
+// Test shader, not a pass of a render: runs operations of pattern programs for
+// rust/render/tests/gpu/materials/patterns.rs. One thread per case of 14 words: operation, immediate, a, b, c. Writes a
+// vec4 per case.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "abi/memory.glsl"
 #include "material/pattern_ops.glsl"
 
 layout(local_size_x = 64) in;
-// Cases, results, count.
+// Addresses of cases and results, and the number of cases.
 layout(push_constant, scalar) uniform PushBlock { uint64_t push[3]; };
 
 uint word(uint at) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The edges of a leaf's item, along which values by corner change: those of a triangle from its first corner, of
-// another kind what it says (geometry/leaf.glsl). Reads the mesh's items.
+// The edges of a leaf's item, along which values by corner change. Those of a triangle start at its first corner;
+// another kind defines its own (geometry/leaf.glsl). Reads the mesh's items.
 #ifndef OOCPT_EDGES_GLSL
 #define OOCPT_EDGES_GLSL
 

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The value that a primvar has for an instance: what instance_primvar
-// (surface_material.glsl) does. Before including, define INSTANCE_CHUNK as the chunk instance and INSTANCE_CHAIN as the
-// array of instance records from the chunk's down to the mesh's.
+// Implements instance_primvar (surface_material.glsl): the value that a primvar has for an instance. Before including,
+// define INSTANCE_CHUNK as the chunk instance and INSTANCE_CHAIN as the array of instance records from the chunk's down
+// to the mesh's.
 //
-// Each level holds the values of its own records, beside them, so they come and go with their chunk. The innermost
-// level that has a value wins; the mesh's own primvar, which wins over all of them, is for the caller to look for.
+// Each level holds the values of its own records, beside them, so they are loaded and evicted with their chunk. The
+// innermost level that has a value wins; the caller looks first for the mesh's own primvar, which wins over all of
+// them.
 #ifndef OOCPT_INSTANCE_PRIMVARS_GLSL
 #define OOCPT_INSTANCE_PRIMVARS_GLSL
 

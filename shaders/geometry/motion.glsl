@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Placements that move: the map of one at a time of the shutter, from keys of translation, rotation and symmetric
-// stretch (oocpt_core::scene::MotionKey). Translations and stretches are linear between keys, rotations go along the
-// arc (Shoemake 1985). Only products, sums and divisions, in one order: the same bits in every pass, which traversal
-// and the error bounds of surface.glsl count on. Without HAS_MOTION none of it is compiled in.
+// Moving placements: the map of one at a time of the shutter, from keys of translation, rotation and symmetric stretch
+// (oocpt_core::scene::MotionKey). Translations and stretches are linear between keys, rotations go along the arc
+// (Shoemake 1985). Only products, sums and divisions, in one order: the same bits in every pass, on which traversal and
+// the error bounds of surface.glsl rely. Without HAS_MOTION none of it is compiled in.
 //
-// The time of a path is a function of pixel, sample and seed, worked out anew wherever it is needed: nothing about it
-// is kept.
+// The time of a path is a function of pixel, sample and seed, computed anew wherever it is needed: it is not stored.
 #ifndef OOCPT_MOTION_GLSL
 #define OOCPT_MOTION_GLSL
 
 #include "math/affine.glsl"
 #include "math/sampler.glsl"
 
-// What GpuInstance::target holds besides flags.
+// The bits of GpuInstance::target that are no flags.
 const uint TARGET_NUMBER = HAS_MOTION ? ~(TARGET_ASSEMBLY | TARGET_MOVING) : ~TARGET_ASSEMBLY;
 
 // sample_4d(index, TIME_SET, seed).x: stratified over the samples of a pixel.
@@ -54,7 +53,7 @@ Motion between(GpuMotionKey a, GpuMotionKey b, float time) {
         weights = vec2(quadrant_sine((1.0 - f) * a.half_angle), quadrant_sine(f * a.half_angle));
     }
     const vec4 q = fma(vec4(weights.x), a.rotation, weights.y * b.rotation);
-    // Of any length.
+    // The quaternion may have any length.
     const vec4 s = q * (2.0 / fma(q.w, q.w, dot3(q.xyz, q.xyz)));
     m.turn[0] = vec3(1.0 - fma(q.y, s.y, q.z * s.z), fma(q.x, s.y, q.w * s.z), fma(q.x, s.z, -(q.w * s.y)));
     m.turn[1] = vec3(fma(q.x, s.y, -(q.w * s.z)), 1.0 - fma(q.x, s.x, q.z * s.z), fma(q.y, s.z, q.w * s.x));
@@ -94,7 +93,7 @@ Affine moving_map(uint64_t instances, uint record, float time) {
     return inverse_map(m, fma(vec3(m.part), b.translation - a.translation, a.translation));
 }
 
-// The map of a record, which is that of a moving one at the given time.
+// The map of a record, at the given time if the record moves.
 Affine placed_map(uint64_t instances, uint record, uint target, float time) {
     if (HAS_MOTION && (target & TARGET_MOVING) != 0u) return moving_map(instances, record, time);
     return instance_map(instances, record);

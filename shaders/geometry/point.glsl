@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ray against a ball: a point. It is the hull of two balls that are the same (geometry/round.glsl), which is what the
-// functions get: v0 and v1 are the centre, v2.x and v2.y the radius. But an item in memory is the centre and a word, 16
-// bytes, with radii elsewhere (geometry/pose.glsl), and leaves have up to eight. geometry/leaf.glsl says what the
-// functions are.
+// Ray against a ball: a point. It is the hull of two equal balls (geometry/round.glsl), and so the functions get it: v0
+// and v1 are the centre, v2.x and v2.y the radius. But an item in memory is the centre and a word, 16 bytes, with radii
+// elsewhere (geometry/pose.glsl), and leaves have up to eight. geometry/leaf.glsl specifies the functions.
 #ifndef OOCPT_POINT_GLSL
 #define OOCPT_POINT_GLSL
 
-// The operations of round_span, without what a second ball and a cone say.
+// The operations of round_span, without those for a second ball and a cone.
 bool point_span(const vec3 v0, const vec3 v2, const vec3 o, const vec3 d, out RoundHit hit, out float nearest) {
     const float dd = dot3(d, d);
     const vec3 from = o - v0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The triangles of a mesh at a time of the shutter: those of two keys, between which each vertex is linear in time
+// The triangles of a mesh at a time of the shutter, between two keys: each vertex is linear in time
 // (oocpt_core::mesh::MeshKeys). One order of operations: the same bits in traversal and wherever surfaces are made, so
 // that the test stays watertight and the error bounds of surface.glsl hold. Without HAS_DEFORMATION it is the array of
 // triangles.
@@ -11,7 +11,7 @@
 
 const bool HAS_TIME = HAS_MOTION || HAS_DEFORMATION;
 
-// With HAS_DEFORMATION: `later` is 0 for what does not move. With HAS_POINTS: `radii` is 0 for what has none.
+// With HAS_DEFORMATION, `later` is 0 if the mesh does not deform. With HAS_POINTS, `radii` is 0 if it has none.
 struct Pose {
     uint64_t triangles;
     uint64_t later;
@@ -44,7 +44,7 @@ Pose pose_of(uint mesh, float time) {
     return pose;
 }
 
-// With the word behind it, which is the same at all keys.
+// The corner with the word behind it, which is the same at all keys.
 vec4 posed_corner(Pose pose, uint corner) {
     vec4 v = ConstVec4s(pose.triangles).v[corner];
     if (HAS_DEFORMATION && pose.later != 0ul) {
@@ -64,7 +64,7 @@ float posed_radius(Pose pose, uint item) {
     return radius;
 }
 
-// The vertices of an item; gives the number of its face.
+// Loads the vertices of an item; returns the number of its face.
 uint posed_item(Pose pose, uint item, out vec3 v0, out vec3 v1, out vec3 v2) {
     if (HAS_POINTS && pose.radii != 0ul) {
         const vec4 center = posed_corner(pose, item);
@@ -86,7 +86,7 @@ uint item_subset(Pose pose, uint item) {
     return floatBitsToUint(ConstVec4s(pose.triangles).v[item * 3u + 1u].w) & SUBSET_MASK;
 }
 
-// The Ptex word of a triangle, and how many sides its authored face has. Points have none.
+// The Ptex word of a triangle, and the number of sides of its authored face. Points have none.
 uvec2 ptex_word(uint mesh, uint triangle) {
     if (HAS_POINTS && leaf_kind(Meshes(FRAME.meshes).v[mesh].flags) == LEAF_POINT) return uvec2(0u);
     ConstVec4s triangles = ConstVec4s(Meshes(FRAME.meshes).v[mesh].triangles);

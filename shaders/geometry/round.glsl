@@ -16,7 +16,7 @@
 #ifndef OOCPT_ROUND_GLSL
 #define OOCPT_ROUND_GLSL
 
-// Of round_hit: 32 operations that each may lose a unit.
+// Relative rounding error of round_hit: 32 operations that each may lose a unit.
 const float ROUND_ROUNDOFF = 32.0 * UNIT_ROUNDOFF;
 
 struct RoundHit {
@@ -37,7 +37,8 @@ void note_round(inout RoundHit hit, float t, float u) {
     }
 }
 
-// `c`: from the centre to the ray's origin; dd: |d|^2. What is left across the ray keeps its digits.
+// Extends the span of the ray by its part inside a ball. `c`: from the centre to the ray's origin; dd: |d|^2. Computing
+// with the part of c across the ray keeps its digits.
 void meet_ball(inout RoundHit hit, vec3 c, float radius, vec3 d, float dd, float u) {
     const float b = dot3(c, d) / dd;
     const vec3 across = c - b * d;
@@ -48,9 +49,9 @@ void meet_ball(inout RoundHit hit, vec3 c, float radius, vec3 d, float dd, float
     note_round(hit, -b + half_chord, u);
 }
 
-// Whether the ray's line is so far from the axis that it meets no hull with this radius at most: their distance squared
-// is above twice the radius's, and a little for what this and the test round. The test would find no hit, at four times
-// the cost. Where numbers underflow, overflow or are none the answer is no.
+// Returns true if the ray's line is so far from the axis that it meets no hull with this radius at most: their squared
+// distance is above twice the radius's square, plus a little for the rounding of this test and of the exact one, which
+// would find no hit at four times the cost. If numbers underflow, overflow or are not finite, the answer is false.
 bool passes_by(vec3 from, vec3 d, float dd, vec3 axis, float radius) {
     const vec3 across = cross(d, axis);
     const float apart = dot(from, across);
@@ -61,7 +62,7 @@ bool passes_by(vec3 from, vec3 d, float dd, vec3 axis, float radius) {
     return apart2 > 2.0 * radius2 * dot(across, across) + rounding && apart2 > 1.0e-30;
 }
 
-// Where the ray's line enters and leaves the hull, from `nearest` on the ray. NaN is no hit.
+// The distances at which the ray's line enters and leaves the hull, from `nearest` on the ray. NaN is no hit.
 bool round_span(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out RoundHit hit,
                 out float nearest) {
     hit = RoundHit(3.0e38, 0.0, -3.0e38, 0.0);
@@ -110,7 +111,7 @@ bool round_span(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const
     return hit.entry <= hit.exit;
 }
 
-// Where the ray enters the hull, or leaves it if the ray begins inside.
+// The distance at which the ray enters the hull, or leaves it if the ray begins inside.
 bool round_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv) {
     t = 0.0;
     uv = vec2(0.0);
@@ -138,7 +139,7 @@ float round_radius(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv) {
     return mix(v2.x, v2.y, uv.x);
 }
 
-// The ball that touches the surface there, and where the ray meets it.
+// The point where the ray meets the ball that touches the surface there.
 vec3 round_point(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv, const vec3 met, out vec3 normal) {
     const vec3 center = mix(v0, v1, uv.x);
     normal = normal_or(met - center, vec3(0.0, 0.0, 1.0));
@@ -156,7 +157,7 @@ float round_rounding(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 poi
     return ROUND_ROUNDOFF * (max(reach.x, max(reach.y, reach.z)) + max(v2.x, v2.y) + largest_of(v1 - v0));
 }
 
-// The axis, and one across, along which nothing changes.
+// The axis, and a direction across it, along which nothing changes.
 void round_edges(const vec3 v0, const vec3 v1, const vec3 v2, out vec3 e, out vec3 f) {
     e = v1 - v0;
     const float radius = max(v2.x, v2.y);
@@ -172,7 +173,7 @@ void round_edges(const vec3 v0, const vec3 v1, const vec3 v2, out vec3 e, out ve
     f = aside * (radius * inversesqrt(max(dot3(aside, aside), 1.0e-38)));
 }
 
-// The way out of the ball, in radii where these may change.
+// The offset from the ball's centre, in radii where these may change.
 vec3 round_keep(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv, const vec3 point) {
     vec3 kept = point - mix(v0, v1, uv.x);
     if (HAS_DEFORMATION) kept /= max(round_radius(v0, v1, v2, uv), 1.0e-30);

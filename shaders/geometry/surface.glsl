@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// A hit made into a surface point: position with an error bound, normals, albedo, ids; and what its material will need.
+// Makes a surface point from a hit: position with an error bound, normals, albedo, ids, and the inputs of its material.
 //
 // Self-intersection: a spawned ray is tested against the surface after its origin went through the same chain of maps
-// as here, so we run that chain forwards from the computed world position (two floats), into the chunk and on, carry a
-// bound on its rounding, and see how far from the triangle's plane it may land in the mesh's frame. The origin is moved
-// along the normal by just that much, again in two floats. No scene epsilon. (Ideas: Waechter and Binder, Ray Tracing
-// Gems ch. 6; NVIDIA 2023, "Solving Self-Intersection Artifacts in DirectX Raytracing".)
+// as here. So we run that chain forwards from the computed world position (two floats), into the chunk and on, carry a
+// bound on its rounding, and find how far from the triangle's plane it may land in the mesh's frame. The origin is
+// moved along the normal by just that much, again in two floats. There is no scene epsilon. (Ideas: Waechter and
+// Binder, Ray Tracing Gems ch. 6; NVIDIA 2023, "Solving Self-Intersection Artifacts in DirectX Raytracing".)
 #ifndef OOCPT_SURFACE_GLSL
 #define OOCPT_SURFACE_GLSL
 
@@ -32,7 +32,7 @@ GpuSurfaceMaterial surface_material; // with HAS_MATERIALS: set by make_surface
 uint surface_chain[MAX_LEVELS]; // instance records of the hit, the chunk's first: set before make_surface
 uint surface_chunk_instance;    // its chunk instance: set by make_surface
 float surface_time;             // of the path; with HAS_TIME only: set before make_surface
-// Whether anything asks what surfaces are made of; a pass says otherwise before it includes this.
+// True if the pass shades surfaces; a pass that does not defines it before it includes this.
 #ifndef SURFACES_ARE_SHADED
 #define SURFACES_ARE_SHADED true
 #endif
@@ -46,7 +46,7 @@ uint64_t chunk_records(uint chunk_instance) {
     return Chunks(FRAME.chunks).v[chunk].instances;
 }
 
-// The id of a record's placement, given that of what holds the record.
+// The id of a record's placement, given that of the placement that contains the record.
 uint placement_id(uint parent, uint64_t instances, uint record) {
     const uint count = Instances(instances).v[record].prototype_count & ~FLIPS_HANDEDNESS;
     return parent * count + Instances(instances).v[record].index_in_prototype;
@@ -101,9 +101,9 @@ vec3 forward_with_error(uint chunk_instance, vec3 p, inout vec3 error) {
     return p;
 }
 
-// The point p of a plane, moved in the plane to where the ray meets it, if that is farther than what the ray itself
-// rounds: barycentrics round by the triangle's size over its height, which for slivers, and for triangles much larger
-// than their distance, is a lot.
+// The point p of a plane, moved in the plane to the point where the ray meets it, if that is farther than the rounding
+// of the ray itself: barycentrics round by the triangle's size over its height, which for slivers, and for triangles
+// much larger than their distance, is a lot.
 Double3 on_ray(Double3 p, vec3 normal, Ray ray, float t) {
     const vec3 off = difference(p, add(Double3(ray.o, ray.o_lo), t * ray.d));
     const vec3 aside = off - dot3(off, normal) * normal;
@@ -112,14 +112,14 @@ Double3 on_ray(Double3 p, vec3 normal, Ray ray, float t) {
     return add(p, -aside);
 }
 
-// Where a ray is at distance t, in the frame of the mesh of surface_chain.
+// The point of a ray at distance t, in the frame of the mesh of surface_chain.
 vec3 met_by(Ray ray, float t, uint chunk_instance, ChunkMap world) {
     vec3 error;
     const vec3 in_chunk = chunk_with_error(world, add(Double3(ray.o, ray.o_lo), t * ray.d), error);
     return forward_with_error(chunk_instance, in_chunk, error);
 }
 
-// `ray` met it at distance `t`.
+// Makes the surface point that `ray` met at distance `t`.
 Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float t) {
     Surface s;
     uint mesh;
@@ -155,7 +155,7 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
     const vec3 in_chunk = chunk_with_error(world, s.position, error);
     const vec3 landed = forward_with_error(chunk_instance, in_chunk, error);
     error += 8.0 * UNIT_ROUNDOFF * max(abs(v0), max(abs(v1), abs(v2)));
-    // The triangle test rounds in proportion to what its normal and the way to a corner are summed from.
+    // The triangle test rounds in proportion to the terms of its normal and of the way to a corner.
     float test = 8.0 * UNIT_ROUNDOFF * dot3(size, abs(v0 - landed)) / max(sqrt(dot3(normal, normal)), 1.0e-30);
     float beside = abs(dot3(object_normal, landed - local));
     if (HAS_LEAF_KINDS && is_other) {

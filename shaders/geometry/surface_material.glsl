@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a material needs of its mesh at a hit: which material, texture coordinates, primvars, the direction in which u
-// grows. All of it is geometry: it is gathered while the chunk is there, and the textures may come later
-// (material.glsl).
+// The inputs that a material needs of its mesh at a hit: the material's number, texture coordinates, primvars, and the
+// direction in which u grows. All of it is geometry: it is gathered while the chunk is resident, and the textures may
+// be loaded later (material.glsl).
 #ifndef OOCPT_SURFACE_MATERIAL_GLSL
 #define OOCPT_SURFACE_MATERIAL_GLSL
 
@@ -12,7 +12,7 @@
 #include "texture/ptex.glsl"
 #include "geometry/edges.glsl"
 
-// With HAS_MESH_LIGHTS: where GpuSurfaceMaterial::flags keeps the mesh, up to MAX_LIGHT_MESH of the host.
+// With HAS_MESH_LIGHTS: the shift of the mesh in GpuSurfaceMaterial::flags, up to MAX_LIGHT_MESH of the host.
 const uint SURFACE_MESH_SHIFT = 8u;
 
 // The word of a prim's slot: NO_MATERIAL, or the number of a material with SLOT_PRESENCE.
@@ -38,8 +38,8 @@ uint find_primvar(uint mesh, uint name) {
     return NO_NAME;
 }
 
-// Value `index`, of `width` floats, of those at `values`: one is in all components, else what is missing is 0, and
-// alpha 1.
+// Value `index`, of `width` floats, of those at `values`: a single float fills all components, else missing ones are 0,
+// and alpha 1.
 vec4 primvar_at(uint64_t values, uint index, uint width) {
     const uint at = index * width;
     ConstFloats v = ConstFloats(values);
@@ -49,8 +49,8 @@ vec4 primvar_at(uint64_t values, uint index, uint width) {
     return vec4(v.v[at], v.v[at + 1u], v.v[at + 2u], v.v[at + 3u]);
 }
 
-// The value of a primvar that the mesh does not have at the instance that is looked at; false when no instancer has it.
-// Made by instance_primvars.glsl, which needs to know where the instance is.
+// The value that a primvar, which the mesh does not have, has at the current instance; false if no instancer has it.
+// Defined by instance_primvars.glsl, which needs to know the instance.
 bool instance_primvar(uint name, out vec4 value);
 
 // The values of a primvar at the corners of a triangle.
@@ -76,7 +76,7 @@ vec4 primvar_value(uint mesh, uint entry, uint triangle, vec3 weights) {
     return a * weights.x + b * weights.y + c * weights.z;
 }
 
-// Where a texture input looks, given the coordinates of its set.
+// The texture coordinates of an input, given those of its set.
 vec2 map_place(GpuInput i, vec2 st) {
     if (HAS_PTEX && (i.kind & INPUT_PTEX) != 0u) return st;
     return vec2(i.row_s.x * st.x + i.row_s.y * st.y + i.row_s.z, i.row_t.x * st.x + i.row_t.y * st.y + i.row_t.z);
@@ -138,7 +138,7 @@ bool edge_gradients(vec2 d, vec2 g, vec3 e, vec3 f, out vec3 u, out vec3 v, out 
     return area > 0.0;
 }
 
-// Those of the set of this name at its place st, in the mesh's frame; false where the mesh does not have it.
+// The gradients of the set of this name at its place st, in the mesh's frame; false if the mesh does not have it.
 bool set_gradients(uint mesh, uint name, uint triangle, vec2 st, vec3 e, vec3 f, out vec3 u, out vec3 v, out vec3 n) {
     if (HAS_PTEX && name == NAME_PTEX) {
         vec2 a, b, c;
@@ -152,9 +152,8 @@ bool set_gradients(uint mesh, uint name, uint triangle, vec2 st, vec3 e, vec3 f,
     return edge_gradients(b.xy - a.xy, c.xy - a.xy, e, f, u, v, n);
 }
 
-// Sets tangent, handedness and, for a ray along `d`, footprints. Gradients are covectors and go to the world as
-// normals do; with n normal to
-// the plane, dP/du is orthogonal to n and to the gradient of v.
+// Sets tangent, handedness and, for a ray along `d`, footprints. Gradients are covectors and go to the world as normals
+// do; with n normal to the plane, dP/du is orthogonal to n and to the gradient of v.
 void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, vec3 f, vec3 n, vec3 d, ChunkMap world,
                  Affine map) {
     Materials materials = Materials(FRAME.materials);
@@ -175,8 +174,8 @@ void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, v
     }
 }
 
-// Tangent and bitangent of the frame that a normal is told in, about a unit normal; 0 where the mesh has none, or then
-// any if `always`.
+// Tangent and bitangent of the frame in which a normal map is defined, about a unit normal; 0 if the mesh has none, or
+// then any frame if `always`.
 void normal_frame(GpuSurfaceMaterial m, vec3 normal, bool always, out vec3 x, out vec3 y) {
     x = normal_or(m.tangent - normal * dot3(normal, m.tangent), vec3(0.0));
     y = cross3(normal, x) * m.handedness;
@@ -193,7 +192,7 @@ vec2 octahedral(vec3 v) {
     return (1.0 - abs(p.yx)) * vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0);
 }
 
-// Sets the primvars that say how normals of the mesh's frame lie in the world (oocpt_materialx::uses::Uses), if the
+// Sets the primvars that tell how normals of the mesh's frame lie in the world (oocpt_materialx::uses::Uses), if the
 // material reads them.
 void add_object_frame(inout GpuSurfaceMaterial m, ChunkMap world, Affine map) {
     Materials materials = Materials(FRAME.materials);
@@ -212,9 +211,10 @@ void add_object_frame(inout GpuSurfaceMaterial m, ChunkMap world, Affine map) {
     }
 }
 
-// Of a material of hair: the tangent goes along the fibre and `handedness` is its radius in the world, 0 of what is no
-// tube. Ribbons know where they are across their width (oocpt_core::material::ACROSS_NAME): the tangent is across that.
-// `e`: an edge of the leaf; `radial`: from a tube's axis to its surface, both in the mesh's frame; `n`: in the world.
+// Sets tangent and radius for a hair material: the tangent goes along the fibre, and `handedness` is its radius in the
+// world, 0 if the leaf is not a tube. Ribbons have a primvar across their width (oocpt_core::material::ACROSS_NAME):
+// the tangent is perpendicular to its gradient. `e`: an edge of the leaf; `radial`: from a tube's axis to its surface,
+// both in the mesh's frame; `n`: in the world.
 void add_fibre(inout GpuSurfaceMaterial m, uint mesh, uint triangle, bool is_tube, vec3 e, vec3 f, vec3 radial, vec3 n,
                ChunkMap world, Affine map) {
     Materials materials = Materials(FRAME.materials);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The kind of leaf that rust/book/src/extending.md adds; compiled for tests alone. A box along the axes of the mesh's
-// frame, of which v0 and v1 are opposite corners, any two; values by corner are linear along x. geometry/leaf.glsl says
-// what the functions are.
+// frame, of which v0 and v1 are any two opposite corners; values by corner are linear along x. geometry/leaf.glsl
+// specifies the functions.
 #ifndef OOCPT_TOY_BOX_GLSL
 #define OOCPT_TOY_BOX_GLSL
 
-// How far along x from v0 to v1.
+// The position along x from v0 to v1, 0..1.
 float toy_box_share(const vec3 v0, const vec3 v1, const float x) {
     const float extent = v1.x - v0.x;
     return extent == 0.0 ? 0.0 : clamp((x - v0.x) / extent, 0.0, 1.0);
@@ -52,7 +52,7 @@ bool toy_box_exit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, con
     return entry > 0.0;
 }
 
-// The point of the face that is next to where the ray meets it.
+// The point of the nearest face to the point where the ray meets it.
 vec3 toy_box_point(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv, const vec3 met, out vec3 normal) {
     vec3 point = clamp(met, min(v0, v1), max(v0, v1));
     float least = 3.0e38;
@@ -81,18 +81,18 @@ float toy_box_beside(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv,
     return abs(dot3(side, abs(normal)) - dot3(point, normal));
 }
 
-// A difference, a quotient, and as much again for what comes of both.
+// The rounding of a difference and a quotient, and as much again for the operations that follow.
 float toy_box_rounding(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 point) {
     return 4.0 * UNIT_ROUNDOFF * (max(largest_of(v0), largest_of(v1)) + largest_of(point));
 }
 
-// Along x, and across.
+// An edge along x, and one across.
 void toy_box_edges(const vec3 v0, const vec3 v1, const vec3 v2, out vec3 e, out vec3 f) {
     e = vec3(v1.x - v0.x, 0.0, 0.0);
     f = vec3(0.0, v1.y - v0.y, v1.z - v0.z);
 }
 
-// Shares of the way from v0 to v1.
+// The position relative to v0 and v1, in each axis.
 vec3 toy_box_keep(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv, const vec3 point) {
     return (point - v0) / (v1 - v0);
 }

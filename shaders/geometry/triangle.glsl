@@ -7,7 +7,7 @@
 #ifndef OOCPT_TRIANGLE_GLSL
 #define OOCPT_TRIANGLE_GLSL
 
-// The plane across a ray: along two axes, sheared along the third, where the direction is largest.
+// The plane across a ray: along two axes, sheared along the third, in which the direction has its largest component.
 struct Shear {
     vec3 u;
     vec3 v;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a light shines in a direction: cone, focus, IES profile (UsdLuxShapingAPI), pictures.
+// The emission of a light by direction: cone, focus, IES profile (UsdLuxShapingAPI), pictures.
 #ifndef OOCPT_LIGHT_EMISSION_GLSL
 #define OOCPT_LIGHT_EMISSION_GLSL
 
@@ -75,7 +75,7 @@ float ies_candela(uint at, float theta, float phi) {
     return mix(a, b, dh);
 }
 
-// The share of its light that a shaped light sends along w (unit, of the frame it is given in, away from the light).
+// The factor by which a shaped light's emission is scaled along w (unit, in the light's frame, away from the light).
 vec3 shaped(uint index, vec3 w) {
     const GpuLightShaping s = Shapings(LIGHTING.shapings).v[index];
     const float cosine = clamp(dot3(w, s.axis), -1.0, 1.0);
@@ -88,7 +88,7 @@ vec3 shaped(uint index, vec3 w) {
     }
     if (s.focus > 0.0) share *= mix(s.focus_tint, vec3(1.0), pow(abs(cosine), s.focus));
     if (HAS_IES && s.ies != NO_INDEX) {
-        // UsdLux: a positive scale is about straight down, a negative one about straight up; 0 is none.
+        // UsdLux: a positive scale is about straight down, a negative one about straight up; 0 turns scaling off.
         float scaled = theta;
         if (s.angle_scale > 0.0) scaled = theta / s.angle_scale;
         if (s.angle_scale < 0.0) scaled = PI - (PI - theta) / -s.angle_scale;

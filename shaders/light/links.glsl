@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light linking: which prims a light shines on, and which ones shadow it.
+// Light linking: the prims that a light shines on, and the prims that shadow it.
 #ifndef OOCPT_LIGHT_LINKS_GLSL
 #define OOCPT_LIGHT_LINKS_GLSL
 
 #define LIGHTING LightingBlock(FRAME.lighting).l
 
-// Whether the prims of set `set` are in category `category`.
+// Returns true if the prims of set `set` are in category `category`.
 bool is_linked(uint category, uint set) {
     if (!HAS_LIGHT_LINKS || category == 0u) return true;
     const uint word = ConstUints(LIGHTING.link_bits).v[set * LIGHTING.link_words + category / 32u];
@@ -19,7 +19,7 @@ uint prim_link_set(int prim_id) {
     return index < LIGHTING.prim_count ? ConstUints(LIGHTING.prim_sets).v[index] : 0u;
 }
 
-// The prim id that the host knows: a prim below instances that are linked in other ways has several of its own.
+// The prim id that the host knows: a prim below instances with different links has several of its own.
 int shown_prim_id(int prim_id) {
     if (!HAS_LIGHT_LINKS) return prim_id;
     const uint index = uint(prim_id + 1);

@@ -47,8 +47,8 @@ float dome_density(uint index, vec3 w) {
     return cell.density / (2.0 * PI * PI * dome_sine(d.y));
 }
 
-// The entry of `count` from `first` that u falls on; u becomes the place in it. The result is right whatever the guide
-// says.
+// The entry of `count` from `first` that contains u; u becomes the position in it. The result does not depend on the
+// guide, which only makes it faster.
 uint invert_cdf(uint64_t cells, uint first, uint count, inout float u) {
     const uint step = min(uint(u * float(count)), count - 1u);
     uint low = Cdfs(cells).v[first + step].guide;
@@ -61,7 +61,7 @@ uint invert_cdf(uint64_t cells, uint first, uint count, inout float u) {
             high = middle - 1u;
         }
     }
-    // u * count has rounded across a step.
+    // The product u * count may have rounded across a step.
     while (low > 0u && Cdfs(cells).v[first + low].start > u) --low;
     const float begin = Cdfs(cells).v[first + low].start;
     const float end = low + 1u < count ? Cdfs(cells).v[first + low + 1u].start : 1.0;

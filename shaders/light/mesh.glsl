@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // Meshes that emit light, sampled as lights (Features::MESH_LIGHTS): a tree over their placements, below it one over
-// the faces of each mesh in the mesh's own frame, then a triangle by area times weight, then a point of it, uniform
+// the faces of each mesh in the mesh's own frame, then a triangle by area times weight, then a uniform point of it
 // (Pharr et al. 2023, 12.6.3).
 //
 // The density per solid angle of a point is a function of what a hit there knows: prim, instance, mesh, face, material
-// and normal. The tree of a mesh is walked with the receiver taken into its frame: which side of a plane it is on stays
-// the same there, so nothing that shines on the receiver is left out; nearness may be off under uneven scales, which
-// costs noise only. With M the placement's linear map and N the unit normal in the world, areas grow by |det M| / |M^T
-// N|.
-// All tables are always on the device: what is chosen does not depend on which chunks are there. Placements that are
-// not in the table are met by BSDF rays alone. One that moves is where it is at the time of the path, for choosing
-// faces and points, for densities and for hits; the tree over placements holds it at all times (book, design/motion).
-// With HAS_MESH_LIGHT_VALUES some emissions are no constants. What a point emits is worked out as at a hit there: a
-// primvar between its values at the corners, a texture through the very lookup and with the cone that a BSDF ray in
-// this direction would have, so that both strategies see one function. Weights are means over faces, made by the host
-// (see the book, design/lights); they only decide what is chosen.
-// With streaming the texture is looked up before the surface is shaded, as one more lookup of its own (resolve_lights).
-// Emission goes to both sides, as it does for rays that meet it.
+// and normal. The tree of a mesh is walked with the receiver transformed into its frame: the side of a plane on which
+// it lies is the same there, so nothing that shines on the receiver is left out; distances may be off under uneven
+// scales, which costs noise only. With M the placement's linear map and N the unit normal in the world, areas grow by
+// |det M| / |M^T N|. All tables are always on the device: the choice does not depend on which chunks are resident.
+// Placements that are not in the table are met by BSDF rays alone. A moving placement is used at its position at the
+// time of the path, for choosing faces and points, for densities and for hits; the tree over placements bounds it at
+// all times (book, design/motion). With HAS_MESH_LIGHT_VALUES some emissions are not constant. The emission of a point
+// is computed as at a hit there: a primvar between its values at the corners, a texture through the same lookup and
+// with the cone that a BSDF ray in this direction would have, so that both strategies see one function. Weights are
+// means over faces, computed by the host (see the book, design/lights); they only affect what is chosen. With streaming
+// the texture is looked up before the surface is shaded, as one more lookup of its own (resolve_lights). Emission goes
+// to both sides, as it does for rays that meet it.
 #ifndef OOCPT_LIGHT_MESH_GLSL
 #define OOCPT_LIGHT_MESH_GLSL
 
@@ -32,7 +31,7 @@ struct MeshLightPoint {
     vec3 normal;   // unit, either side
     uint light;
     uint face;
-    // With HAS_MESH_LIGHT_VALUES, where `emission` is not known yet:
+    // With HAS_MESH_LIGHT_VALUES, `emission` is not known yet, and these describe its lookup:
     uint material;
     uint triangle;
     uint subset;
@@ -40,7 +39,7 @@ struct MeshLightPoint {
     vec3 edges[2]; // to these corners, in the world
 };
 
-// Where it is at the time of the path.
+// Loads a mesh light as it is placed at the time of the path.
 GpuMeshLight load_mesh_light(uint index) {
     GpuMeshLight light = MeshLights(LIGHTING.mesh_lights).v[index];
     if (HAS_MOVING_MESH_LIGHTS) move_mesh_light(index, light);
@@ -51,17 +50,17 @@ GpuLightLeaf load_light_leaf(uint index) {
     return LightLeaves(LIGHTING.light_leaves).v[index];
 }
 
-// Share of the local lights among the lights with a place; negative when none of these brings anything.
+// Share of the local lights among the lights with a place; negative if no light with a place contributes.
 float mesh_light_first(Receiver r) {
     return HAS_LOCAL_LIGHTS ? first_share(load_light_node(LIGHTING.joint), r) : 0.0;
 }
 
-// What emission counts for in choosing: luminance, but not 0 for pure colours. `emission_weight` of the host.
+// The weight of an emission in choosing: luminance, but not 0 for pure colours. `emission_weight` of the host.
 float emission_weight(vec3 emission) {
     return max(dot(emission, vec3(0.2126, 0.7152, 0.0722)), 0.01 * (emission.x + emission.y + emission.z));
 }
 
-// The emission of a material, if it is one that lights are made of; else 0.
+// The emission of a material, if it is a constant that makes its mesh a light; else 0.
 vec3 constant_emission(uint material) {
     if (material == NO_MATERIAL) return vec3(0.0);
     Materials materials = Materials(FRAME.materials);
@@ -70,7 +69,7 @@ vec3 constant_emission(uint material) {
     return max(materials.v[material].inputs[INPUT_EMISSIVE_COLOR].value.xyz, 0.0);
 }
 
-// The receiver in a placement's frame. `origin` is its place, in full.
+// The receiver in a placement's frame. `origin` is its position in two floats.
 Receiver receiver_inside(GpuMeshLight light, Double3 origin, vec3 n) {
     const vec3 place = difference(origin, Double3(light.position, light.position_lo));
     const vec3 yz = cross3(light.y, light.z);
@@ -83,15 +82,14 @@ Receiver receiver_inside(GpuMeshLight light, Double3 origin, vec3 n) {
                     squared > 0.0 ? normal * inversesqrt(squared) : vec3(0.0));
 }
 
-// Density per area of the world, among the points of a leaf, of one whose triangle has weight `weight` and unit normal
-// `n`.
+// Density per world area of the points of a leaf's triangle with weight `weight` and unit normal `n`.
 float leaf_density(GpuMeshLight light, GpuLightLeaf leaf, float weight, vec3 n) {
     const float determinant = abs(dot3(light.x, cross3(light.y, light.z)));
     const vec3 covector = vec3(dot3(light.x, n), dot3(light.y, n), dot3(light.z, n));
     return weight / leaf.total * (sqrt(dot3(covector, covector)) / determinant);
 }
 
-// The triangle of a leaf that u in [0, 1) falls on.
+// The triangle of a leaf that u in [0, 1) selects.
 uint choose_triangle(GpuLightLeaf leaf, float u) {
     uint low = leaf.first;
     uint high = leaf.first + leaf.count - 1u;
@@ -106,8 +104,8 @@ uint choose_triangle(GpuLightLeaf leaf, float u) {
     return low;
 }
 
-// A point of some mesh light. `share`: probability of coming here. u.x and u.w choose the placement, u_mesh what is
-// below, u.yz the point.
+// Samples a point of a mesh light. `share`: probability of getting here. u.x and u.w choose the placement, u_mesh the
+// leaf and triangle below it, u.yz the point.
 bool sample_mesh_light(Receiver r, Double3 origin, vec4 u, vec4 u_mesh, float share, out MeshLightPoint point) {
     float chosen = share;
     if (!choose_mesh_leaf(0u, r, u.x, u.w, point.light, chosen)) return false;
@@ -146,17 +144,17 @@ bool sample_mesh_light(Receiver r, Double3 origin, vec4 u, vec4 u_mesh, float sh
     if (!(cosine > 0.0)) return false;
     point.density = chosen * leaf_density(light, leaf, weight, point.normal)
         * (point.distance * point.distance / cosine);
-    // The mesh is met up to `error` off its plane; grazing rays keep half of their way.
+    // The mesh is met up to `error` off its plane; grazing rays keep half of their length.
     const float off = light.error / cosine;
     point.reach = max(point.distance * SHADOW_END - off, 0.5 * point.distance);
     return point.density > 0.0;
 }
 
 #ifdef OOCPT_MATERIAL_GLSL
-// The cone of the surface that asks: its width there, and how it grows where it leaves with this density.
+// The ray cone of the receiving surface: its width there, and its growth for a ray of this density.
 uint ask_path;
 float ask_width;
-// The unit that the lookup waits for, as texture_lookup gives it.
+// The unit that the lookup waits for, as texture_lookup returns it.
 uint ask_missing;
 
 #include "light/program.glsl"
@@ -221,8 +219,8 @@ uint find_mesh_light(uint prim_id, uint instance_id, uint mesh) {
     return low;
 }
 
-// Density per solid angle with which a light would have been asked at the point of a mesh that a ray has met. `share`:
-// probability of asking a light with a place. `r` and `origin`: the receiver that the ray has left; n: unit normal
+// Density per solid angle with which a light would have been chosen at the point of a mesh that a ray has met. `share`:
+// probability of choosing a light with a place. `r` and `origin`: the receiver that the ray has left; n: unit normal
 // there, `facing`: cosine to the ray.
 float mesh_light_density(Receiver r, Double3 origin, float share, uint prim_id, uint instance_id, uint mesh, uint face,
                          uint material, vec3 n, float distance, float facing) {

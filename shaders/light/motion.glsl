@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lights that move: where one is at the time of a path. A shadow ray and a ray of the BSDF that meets the light ask at
-// the same time, so what each weighs against the other is the same light; light trees hold it at all times. Without
-// HAS_MOVING_LIGHTS and HAS_MOVING_MESH_LIGHTS none of it is compiled in.
+// Moving lights: their placement at the time of a path. A shadow ray and a BSDF ray that meets the light use the same
+// time, so both strategies weigh the same light; light trees bound it at all times. Without HAS_MOVING_LIGHTS and
+// HAS_MOVING_MESH_LIGHTS none of it is compiled in.
 #ifndef OOCPT_LIGHT_MOTION_GLSL
 #define OOCPT_LIGHT_MOTION_GLSL
 
@@ -15,7 +15,7 @@ void set_light_time(uint path) {
     if (HAS_MOVING_LIGHTS || HAS_MOVING_MESH_LIGHTS) light_time = path_time(path);
 }
 
-// The rotation and stretch that keys (the first, and how many) say, where they lead to, and the radiance.
+// Interpolates keys (the first, and how many): rotation and stretch, position, and radiance.
 void light_keys_at(uint64_t table, uvec2 keys, out Motion m, out Double3 place, out float radiance) {
     const uint last = keys.x + keys.y - 2u;
     uint at = keys.x;
@@ -28,7 +28,8 @@ void light_keys_at(uint64_t table, uvec2 keys, out Motion m, out Double3 place, 
     radiance = mix(a.radiance, b.radiance, m.part);
 }
 
-// The rotation and stretch of a light, where it is, and its radiance relative to its entry's; false where it rests.
+// The rotation and stretch of a light, its position, and its radiance relative to its entry's; false if it does not
+// move.
 bool light_frame(uint64_t places, uint index, out Motion m, out Double3 place, out float radiance) {
     const uvec2 keys = ConstUVec2s(places).v[index];
     light_moves = keys.y != 0u;
@@ -56,8 +57,8 @@ void move_local_light(uint index, inout GpuLocalLight light) {
     light.radiance *= radiance;
 }
 
-// A mesh light, from the innermost frame that moves outwards. The keys are those that traversal has, and give the same
-// rotations and stretches.
+// Moves a mesh light, from the innermost moving frame outwards. The keys are those that traversal has, and give the
+// same rotations and stretches.
 void move_mesh_light(uint index, inout GpuMeshLight light) {
     const uvec2 levels = ConstUVec2s(LIGHTING.mesh_motion).v[index];
     for (uint i = levels.y; i > 0u; --i) {
@@ -85,7 +86,7 @@ vec3 out_of_light_frame(vec3 w) {
     return combine_rows(light_turn[0], light_turn[1], light_turn[2], w);
 }
 
-// Before into_light_frame, of a light at infinity.
+// Must be called before into_light_frame for a light at infinity.
 void turn_infinite_light(uint index) {
     if (!HAS_MOVING_LIGHTS) return;
     Motion m;

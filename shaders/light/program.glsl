@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a point of a mesh light emits that a program works out (Features::MESH_LIGHT_PROGRAMS), worked out as at a hit
-// there: the program for the emission alone, with the coordinates, primvars and place of the point, and the direction
-// and the cone that a BSDF ray to it would have. A part of light/mesh.glsl.
+// The emission of a point of a mesh light that a program computes (Features::MESH_LIGHT_PROGRAMS), computed as at a hit
+// there: the program for the emission alone, with the coordinates, primvars and position of the point, and the
+// direction and the cone that a BSDF ray to it would have. A part of light/mesh.glsl.
 #ifndef OOCPT_LIGHT_PROGRAM_GLSL
 #define OOCPT_LIGHT_PROGRAM_GLSL
 
-// Of three rows from `row` on, for a point of these weights: as primvar_value.
+// Interpolates three rows from `row` on, for a point of these weights, as primvar_value does.
 vec4 between_corners(uint row, vec3 weights) {
     ConstVec4s rows = ConstVec4s(LIGHTING.light_corners);
     const vec4 a = rows.v[row];

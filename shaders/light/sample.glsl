@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light at surfaces, in general: one light for a shadow ray, and what a BSDF ray brings, weighted by the balance
-// heuristic.
+// Light at surfaces: one light for a shadow ray, and the contribution of a BSDF ray, weighted by the balance heuristic.
 //
 // Lights are in two groups: those with a place (local ones, and meshes that emit light: light/mesh.glsl), chosen by
-// light trees, and those at infinity, by fixed probabilities. Which group is asked is decided by what each may bring to
-// the receiver (local_share, decisions/0062). Each light is a strategy of its own against the BSDF's: a ray that meets
+// light trees, and those at infinity, with fixed probabilities. The group is chosen by what each may contribute to the
+// receiver (local_share, decisions/0062). Each light is a strategy of its own against the BSDF's: a ray that meets
 // several gets each with its own weight. A constant dome is sampled by the BSDF. Lights without shadows, or with
 // coloured or linked ones, are sampled by shadow rays only, and so are points, lines and single directions; a delta
-// lobe's rays (density 0) bring all that they meet.
-// Needs: Bsdf and its functions (bsdf.glsl or bsdf_lambert.glsl), wavefront.glsl.
+// lobe's rays (density 0) take all that they meet. Needs: Bsdf and its functions (bsdf.glsl or bsdf_lambert.glsl),
+// wavefront.glsl.
 #ifndef OOCPT_LIGHT_SAMPLE_GLSL
 #define OOCPT_LIGHT_SAMPLE_GLSL
 
@@ -28,7 +27,7 @@ const float SHADOW_END = 0.9999995;
 
 #include "light/mesh.glsl"
 
-// What is kept of a surface for the ray that leaves it: what the lights that the ray meets ask of it.
+// The data of a surface that the lights met by the ray leaving it need.
 struct PreviousVertex {
     Receiver receiver;
     uint link_set;
@@ -41,12 +40,12 @@ uint pack_normal(vec3 n) {
     const vec2 p = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
     const vec2 folded = (1.0 - abs(p.yx)) * vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0);
     const vec2 q = n.z < 0.0 ? folded : p;
-    // Never all ones in both halves: that means none.
+    // The bits are never all ones in both halves: that means none.
     const uvec2 bits = uvec2(clamp(q * 0.5 + 0.5, 0.0, 1.0) * 65534.0 + 0.5);
     return bits.x | bits.y << 16;
 }
 
-// A bit pattern gives one normal, always: what choosing a light and what weighing a ray sees is the same.
+// A bit pattern always gives the same normal, so that choosing a light and weighing a ray agree.
 vec3 unpack_normal(uint bits) {
     if (bits == NO_INDEX) return vec3(0.0);
     const vec2 q = vec2(bits & 0xffffu, bits >> 16) / 32767.0 - 1.0;
@@ -59,8 +58,7 @@ vec3 unpack_normal(uint bits) {
 
 const bool HAS_INFINITE_LIGHTS = HAS_DOME || HAS_DISTANT;
 
-// Whether any light asks something of the surface that a ray left: where it was, what it is linked to, what of it is
-// diffuse.
+// True if a light needs data of the surface that a ray left: its position, its links, its diffuse share.
 const bool HAS_PREVIOUS_VERTICES = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS || HAS_LIGHT_LINKS || HAS_LIGHT_LOBES;
 
 void store_previous_vertex(uint path, uint normal, uint link_set, vec3 diffuse) {
@@ -81,7 +79,7 @@ float ray_weight(float pdf, float other) {
     return pdf > 0.0 ? pdf / (pdf + other) : 1.0;
 }
 
-// Sum of the probabilities of the lights at infinity that shine on the prims of a set: shadow rays choose among these
+// Sum of the probabilities of the lights at infinity that shine on the prims of a set; shadow rays choose among these
 // alone.
 float linked_infinite(uint link_set) {
     if (!HAS_LIGHT_LINKS) return 1.0;
@@ -94,18 +92,18 @@ float linked_infinite(uint link_set) {
     return sum;
 }
 
-// Least share of the shadow rays that goes to each of two groups that may both bring something.
+// Least share of the shadow rays for each of two groups that may both contribute.
 const float LEAST_SHARE = 0.1;
 
-// Roughly the irradiance that lights at infinity give; `linked`: the share of them that shines here.
+// Rough irradiance by lights at infinity; `linked`: the share of them that shines here.
 float irradiance_from_infinity(float linked, Receiver r) {
     float distant = LIGHTING.distant_irradiance;
-    // What shines from below does not count, but suns all around would not cancel each other.
+    // Light from below does not count, but suns all around must not cancel each other.
     if (dot3(r.n, r.n) > 0.0) distant = max(dot3(r.n, LIGHTING.distant_axis), 0.05 * distant);
     return (LIGHTING.dome_irradiance + distant) * linked;
 }
 
-// Roughly the irradiance that lights with a place give; 0 where none comes.
+// Rough irradiance by lights with a place; 0 if none contributes.
 float irradiance_from_near(Receiver r) {
     float sum = 0.0;
     if (HAS_LOCAL_LIGHTS && LIGHTING.local_brightness > 0.0) {
@@ -117,9 +115,9 @@ float irradiance_from_near(Receiver r) {
     return sum;
 }
 
-// Share of the shadow rays that goes to lights with a place: by what these and those at infinity may bring to the
-// receiver, all of it where none at infinity is linked. A function of what a ray that leaves the receiver carries
-// along, for choosing and for weighing.
+// Share of the shadow rays that goes to lights with a place, by what these and those at infinity may contribute to the
+// receiver; 1 if none at infinity is linked. A function of what a ray that leaves the receiver carries along, so that
+// choosing and weighing agree.
 float local_share(float linked, Receiver r) {
     const float given = LIGHTING.local_share;
     if (HAS_LIGHT_LINKS && given > 0.0 && !(linked > 0.0)) return 1.0;
@@ -136,12 +134,12 @@ bool is_shadow_only(uint flags) {
            0u;
 }
 
-// The light's multipliers on what a BSDF ray carries.
+// The light's multipliers on the throughput of a BSDF ray.
 vec3 multiplied(float diffuse, float specular, vec3 share) {
     return specular + (diffuse - specular) * share;
 }
 
-// What the ray brings of one local light; 0 when it does not meet it before t_end.
+// The contribution of one local light to the ray; 0 if the ray does not meet it before t_end.
 vec3 local_along(uint index, float chosen, vec3 o_hi, vec3 o_lo, vec3 d, float t_end, bool camera,
                  PreviousVertex from) {
     const GpuLocalLight light = load_local_light(index);
@@ -162,7 +160,7 @@ vec3 local_along(uint index, float chosen, vec3 o_hi, vec3 o_lo, vec3 d, float t
     return radiance * multiplied(light.diffuse, light.specular, from.diffuse) * ray_weight(from.pdf, other);
 }
 
-// What the ray brings of the local lights that it meets before t_end. `met`: there is at least one that shines.
+// The contribution of the local lights that the ray meets before t_end. `met`: at least one of them shines.
 vec3 lights_along(Double3 origin, vec3 d, float t_end, bool camera, PreviousVertex from, out bool met) {
     vec3 sum = vec3(0.0);
     met = false;
@@ -225,8 +223,8 @@ GpuInfiniteLight load_infinite_light(uint index) {
     return InfiniteLights(LIGHTING.infinite_lights).v[index];
 }
 
-// Radiance of a light at infinity from direction w of its frame, without its single directions; `pdf` of sampling it,
-// without choosing.
+// Radiance of a light at infinity from direction w of its frame, without its single directions; `pdf`: density of
+// sampling it, without the probability of the choice.
 vec3 infinite_radiance(GpuInfiniteLight light, vec3 w, out float pdf) {
     pdf = 0.0;
     const uint kind = light_kind(light.flags);
@@ -242,7 +240,7 @@ vec3 infinite_radiance(GpuInfiniteLight light, vec3 w, out float pdf) {
     return light.radiance;
 }
 
-// What a ray that leaves the scene along d brings of the lights at infinity.
+// The contribution of the lights at infinity to a ray that leaves the scene along d.
 vec3 lights_at_infinity(vec3 d, PreviousVertex from) {
     vec3 sum = vec3(0.0);
     if (!HAS_INFINITE_LIGHTS) return sum;
@@ -268,7 +266,7 @@ vec3 lights_at_infinity(vec3 d, PreviousVertex from) {
     return sum;
 }
 
-// Domes that the camera sees.
+// Radiance of the domes that the camera sees.
 vec3 domes_behind(vec3 d) {
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < LIGHTING.infinite_count; ++i) {

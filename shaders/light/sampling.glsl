@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which light a shadow ray asks, where, and what it brings: see light/sample.glsl for the strategies that the densities
-// are weighed against.
+// Samples a light for a shadow ray: which one, which point, and its contribution. light/sample.glsl lists the
+// strategies that the densities are weighed against.
 #ifndef OOCPT_LIGHT_SAMPLING_GLSL
 #define OOCPT_LIGHT_SAMPLING_GLSL
 
 #include "material/dispersion.glsl"
 
-// A shadow ray to be: `contribution` leaves out the path's throughput; 0: nothing to trace. Until sample_light has
-// looked at the BSDF it leaves that out too, and the members below say how it comes in.
+// A candidate for a shadow ray. `contribution` leaves out the path's throughput; 0: nothing to trace. Until
+// finish_light_sample has evaluated the BSDF it leaves that out too, and the members below tell how it comes in.
 struct LightSample {
     vec3 direction;
     float distance;
@@ -32,9 +32,9 @@ LightSample no_light_sample() {
 // With HAS_SHADOW_REACH: a random number of the shadow ray's own, in [0, 1).
 float reach_u = 0.0;
 
-// Where the shadow ray of light `index` of those at `reaches` ends. At distance t a shadow is there with the share
-// ((d - t) / f)^gamma of its strength, at most 1: the probability that a ray of the length d - f u^(1 / gamma) gets as
-// far as t. What is met first decides alone, as the share is largest there.
+// The end of the shadow ray of light `index` of those at `reaches`. At distance t a shadow exists with the share ((d -
+// t) / f)^gamma of its strength, at most 1: the probability that a ray of the length d - f u^(1 / gamma) gets as far as
+// t. The first occluder decides alone, as the share is largest there.
 float shadow_end(uint64_t reaches, uint index, float end) {
     if (!HAS_SHADOW_REACH) return end;
     const vec4 reach = ConstVec4s(reaches).v[index];
@@ -42,14 +42,14 @@ float shadow_end(uint64_t reaches, uint index, float end) {
     return min(end, reach.x - faded);
 }
 
-// Share of the BSDF's value that is diffuse, by colour. Not asked for where every light has one multiplier for both.
+// Share of the BSDF's value that is diffuse, by colour. Not needed if every light has one multiplier for both.
 vec3 diffuse_share(vec3 diffuse, vec3 specular) {
     const vec3 all = diffuse + specular;
     return vec3(all.x > 0.0 ? diffuse.x / all.x : 0.0, all.y > 0.0 ? diffuse.y / all.y : 0.0,
                 all.z > 0.0 ? diffuse.z / all.z : 0.0);
 }
 
-// `share`: probability of asking a local light.
+// `share`: probability of choosing a local light.
 LightSample sample_local_light(Double3 origin, uint link_set, Receiver receiver, vec4 u, bool last, float share) {
     LightSample ls = no_light_sample();
     uint index;
@@ -85,7 +85,7 @@ LightSample sample_local_light(Double3 origin, uint link_set, Receiver receiver,
     return ls;
 }
 
-// The light at infinity that u in [0, 1) falls on, of those that shine on the set; `linked` is the sum of their
+// The light at infinity that u in [0, 1) selects among those that shine on the set; `linked` is the sum of their
 // probabilities.
 uint choose_infinite(float u, uint link_set, float linked) {
     if (HAS_LIGHT_LINKS) {
@@ -112,7 +112,7 @@ uint choose_infinite(float u, uint link_set, float linked) {
     return low;
 }
 
-// `share`: probability of asking a light at infinity.
+// `share`: probability of choosing a light at infinity.
 LightSample sample_infinite_light(const Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool last,
                                   float share) {
     LightSample ls = no_light_sample();
@@ -149,7 +149,7 @@ LightSample sample_infinite_light(const Bsdf bsdf, vec3 wo, uint link_set, float
     const bool is_map = HAS_DOME_TEXTURE && kind == LIGHT_DOME_MAP;
     const bool is_direction = HAS_DISTANT && !is_map && light.one_minus_cos <= 0.0;
     if (is_map) {
-        // Where no light is to be chosen the first number is free: the first two are the best spread.
+        // If no light has to be chosen the first number is free: the first two are the best distributed.
         ls.direction = sample_dome(light.map, LIGHTING.infinite_count == 1u ? u.xy : u.yz);
         ls.density *= dome_density(light.map, ls.direction);
         ls.contribution *= dome_color(light.map, ls.direction);
@@ -168,7 +168,7 @@ LightSample sample_infinite_light(const Bsdf bsdf, vec3 wo, uint link_set, float
 // The point that was chosen on a mesh light.
 MeshLightPoint mesh_point;
 
-// A mesh light.
+// Samples a mesh light.
 LightSample sample_near_mesh(Double3 origin, Receiver receiver, vec4 u, vec4 u_mesh, bool last, float share) {
     LightSample ls = no_light_sample();
     if (!sample_mesh_light(receiver, origin, u, u_mesh, share, mesh_point)) return ls;
@@ -181,7 +181,7 @@ LightSample sample_near_mesh(Double3 origin, Receiver receiver, vec4 u, vec4 u_m
     return ls;
 }
 
-// A light near by: a lamp or a mesh. `share`: probability of asking one.
+// Samples a light with a place: a lamp or a mesh. `share`: probability of choosing one.
 LightSample sample_near_light(Double3 origin, uint link_set, Receiver receiver, vec4 u, vec4 u_mesh, bool last,
                               float share) {
     if (!HAS_MESH_LIGHTS) return sample_local_light(origin, link_set, receiver, u, last, share);
@@ -195,8 +195,8 @@ LightSample sample_near_light(Double3 origin, uint link_set, Receiver receiver, 
     return sample_near_mesh(origin, receiver, u, u_mesh, last, share * (1.0 - first));
 }
 
-// One light for a shadow ray, with all but the BSDF, which finish_light_sample brings in. `last`: no ray follows that
-// could meet the lights, so shadow rays bring all of it. `u_mesh` counts with HAS_MESH_LIGHTS.
+// Samples one light for a shadow ray, without the BSDF, which finish_light_sample multiplies in. `last`: no ray follows
+// that could meet the lights, so shadow rays account for all of it. `u_mesh` counts with HAS_MESH_LIGHTS.
 LightSample sample_light(const Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u,
                          vec4 u_mesh, bool last) {
     const float linked = linked_infinite(link_set);
@@ -216,12 +216,12 @@ bool is_looked_up(LightSample ls) {
     return HAS_MESH_LIGHT_VALUES && ls.of_mesh;
 }
 
-// Whether finish_light_sample is to be called.
+// Returns true if finish_light_sample must be called.
 bool needs_bsdf(LightSample ls) {
     return !ls.whole && (max_component(ls.contribution) > 0.0 || is_looked_up(ls));
 }
 
-// Brings in the BSDF's value towards the light, its diffuse and its specular part, and its density there.
+// Multiplies in the BSDF's value towards the light, its diffuse and its specular part, and its density there.
 void finish_light_sample(inout LightSample ls, vec3 diffuse, vec3 specular, float density) {
     const bool alike = !HAS_LIGHT_LOBES || ls.diffuse == ls.specular;
     const vec3 f = alike ? (diffuse + specular) * ls.diffuse : diffuse * ls.diffuse + specular * ls.specular;
@@ -233,7 +233,7 @@ void finish_light_sample(inout LightSample ls, vec3 diffuse, vec3 specular, floa
     }
 }
 
-// The set of numbers that a path asks its lights with.
+// Samples a light with the random numbers of the path for this bounce.
 LightSample sample_one_light(uint path, uint bounce, const Bsdf bsdf, vec3 wo, Double3 origin, uint link_set,
                              uint packed_normal, bool last, float width) {
     const uvec2 pixel = pixel_position(path_pixel(path));
@@ -244,7 +244,7 @@ LightSample sample_one_light(uint path, uint bounce, const Bsdf bsdf, vec3 wo, D
     // Another scramble of the same set: mesh lights take more numbers than one has.
     vec4 u_mesh = vec4(0.0);
     if (HAS_MESH_LIGHTS) u_mesh = sample_4d(index, 2u + 2u * bounce, hash_u32(seed + 1u));
-    // Another one still.
+    // A third scramble of the same set.
     if (HAS_SHADOW_REACH) reach_u = sample_4d(index, 2u + 2u * bounce, hash_u32(seed + 2u)).x;
     set_light_time(path);
     ask_path = path;
@@ -253,8 +253,8 @@ LightSample sample_one_light(uint path, uint bounce, const Bsdf bsdf, vec3 wo, D
     return sample_light(bsdf, wo, origin, link_set, receiver, u_light, u_mesh, last);
 }
 
-// With streaming, after make_shading: looks up what the light emits that the surface will ls for, the lookup after
-// those of its material. `missing`: TEXTURE_DONE, or the unit that it waits for.
+// With streaming, after make_shading: looks up the emission of the light that the surface will sample, as the lookup
+// after those of its material. `missing`: TEXTURE_DONE, or the unit that it waits for.
 void resolve_ask(uint path, Surface surface, Shading shading, out uint missing) {
     missing = TEXTURE_DONE;
     const Ray ray = load_ray(ray_address(path));

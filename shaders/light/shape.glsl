@@ -63,7 +63,7 @@ bool round_hit(const vec3 o, const vec3 d, const vec3 across, out vec3 q, out fl
     return true;
 }
 
-// Of a density over the unit shape's area, at a point whose normal has this cosine with d.
+// Density per solid angle from a density over the unit shape's area, at a point whose normal has this cosine with d.
 float area_density(const float density, const float cosine, const float volume, const float t) {
     return density * t * t / (volume * cosine);
 }

@@ -11,13 +11,13 @@
 
 #include "traversal/box.glsl"
 
-// Where light is asked for: a place, and the normal above which it counts; 0: light from all sides does.
+// A receiver of light: a position, and the normal above which light counts; a normal of 0: light from all sides counts.
 struct Receiver {
     vec3 p;
     vec3 n;
 };
 
-// What importance allows for rounding before it says that no light comes.
+// The rounding that importance allows for before it takes a cone for invisible.
 const float CONE_SLACK = 1.0e-3;
 
 // cos(max(0, a - b)).
@@ -45,7 +45,7 @@ float cos_outwards(GpuLightNode node, uint i, float cos_w, float sin_b, float co
     return cos_minus(sin_x, cos_x, sin_b, cos_b);
 }
 
-// How much the lights of child `i` may bring to the receiver, up to a factor.
+// The most that the lights of child `i` may contribute to the receiver, up to a factor.
 float importance(GpuLightNode node, uint i, Receiver r) {
     if (!(node.power[i] > 0.0)) return 0.0;
     const vec3 center = 0.5 * node.min[i] + 0.5 * node.max[i];
@@ -80,7 +80,7 @@ float importance(GpuLightNode node, uint i, Receiver r) {
     return min(value, 1.0e36);
 }
 
-// Share of child 0; negative when neither child brings anything.
+// Share of child 0; negative if neither child contributes.
 float first_share(GpuLightNode node, Receiver r) {
     const float a = importance(node, 0u, r);
     const float b = importance(node, 1u, r);
@@ -98,8 +98,8 @@ GpuLightNode load_mesh_light_node(uint index) {
 // Levels that an estimate goes down.
 const uint ESTIMATE_DEPTH = 6u;
 
-// What the lights below a node may bring to the receiver in all, up to a factor: as importance, but where a child
-// matters most what is below it is asked, so that a light close by counts as close. 0: no light comes.
+// The most that the lights below a node may contribute to the receiver, up to a factor: as importance, but refined
+// below the child that matters most, so that a light close by counts as close. 0: no light contributes.
 float importance_below(uint root, bool of_meshes, Receiver r) {
     float sum = 0.0;
     uint at = root;
@@ -123,7 +123,7 @@ float importance_below(uint root, bool of_meshes, Receiver r) {
 // Levels after which the second random number takes over, so that none runs out of digits.
 const uint FIRST_DIGITS = 10u;
 
-// A local light, and its probability; false when none brings anything.
+// A local light, and its probability; false if none contributes.
 bool choose_local_light(Receiver r, float u, float spare, out uint light, out float probability) {
     probability = 1.0;
     light = 0u;
@@ -161,7 +161,7 @@ bool choose_mesh_leaf(uint root, Receiver r, float u, float spare, out uint leaf
     return false;
 }
 
-// What choose_mesh_leaf multiplies by on the way of `trail`; 0 where that way is never taken.
+// The factor of choose_mesh_leaf on the way of `trail`; 0 if that way is never taken.
 float mesh_leaf_probability(uint root, uvec2 trail, Receiver r, float probability) {
     uint at = root;
     for (uint level = 0u; level <= LIGHT_TREE_DEPTH; ++level) {

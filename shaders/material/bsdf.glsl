@@ -7,33 +7,32 @@
 //   sheen         bsdf/sheen.glsl, with SHEEN. Below it: min(U(wo), U(wi)) for coat and specular.
 //   coat          GGX, white, F0 from ior, times the amount `clearcoat`. Below it: min(U(wo), U(wi)) for the specular
 //                 lobe.
-//   specular      GGX with Schlick's Fresnel; F0 and F90 as UsdPreviewSurface 2.5 says. What single scattering loses
-//                 comes back as a broad lobe F_ms U1(wo) U1(wi) / (pi avg U1), U1 for F = 1 (Kulla and Conty 2017). U1
-//                 falls with the square of alpha / cosine, so this lobe is sampled with a density of 1 / (cosine +
-//                 alpha), not by the cosine.
-//                 A surface half metallic is a mixture of two: what goes below, (1 - metallic), went through the
-//                 dielectric's part.
+//   specular      GGX with Schlick's Fresnel; F0 and F90 are those of UsdPreviewSurface 2.5. The loss of single
+//                 scattering comes back as a broad lobe F_ms U1(wo) U1(wi) / (pi avg U1), U1 for F = 1 (Kulla and Conty
+//                 2017). U1 falls with the square of alpha / cosine, so this lobe is sampled with a density of
+//                 1 / (cosine + alpha), not by the cosine. A half metallic surface is a mixture of two: the light that
+//                 goes below, (1 - metallic), went through the dielectric's part.
 //   diffuse       with ROUGH_DIFFUSE bsdf/eon.glsl instead of a constant; without
 //                 color (1 - metallic) opacity U(wo) U(wi) / (pi avg U): reciprocal, and albedo color * U(wo) exactly.
 //
 // Anisotropic lobes (ANISOTROPY) keep the tables, which are those of isotropic ones: in a white furnace an albedo is
 // off by the difference, up to 0.11 above and, at grazing across the narrow axis, 0.4 below; over all azimuths 0.06.
-// Glass and what is scattered more than once is isotropic. A film (THIN_FILM, bsdf/film.glsl) replaces Schlick's
+// Glass and multiple scattering are isotropic. A film (THIN_FILM, bsdf/film.glsl) replaces Schlick's
 // Fresnel of single scattering, exactly and at any angle; the rest takes F0 from it.
 //
-// Each lobe is a file of bsdf/lobes and a row of rust/abi/src/lobes.rs; what they have in common is
-// bsdf/lobe.glsl. Here is what is worked out for all of them: frames, Fresnel, what the layers let through.
+// Each lobe is a file of bsdf/lobes and a row of rust/abi/src/lobes.rs; bsdf/lobe.glsl has their common interface. This
+// file computes what all of them use: frames, Fresnel, the transmittance of layers.
 //
-// A fibre (HAIR) is none of this: bsdf/hair.glsl.
+// A fibre (HAIR) has a BSDF of its own: bsdf/hair.glsl.
 //
 // Normals: directions that leave on the wrong side of the true surface (geometric normal g) are mirrored at it, in
-// density and evaluation alike, so no energy is lost or won (as lambert.glsl does). Only where the viewer is below the
-// shading normal's horizon the normal of the specular layers is bent to see him.
+// density and evaluation alike, so no energy is lost or won (as lambert.glsl does). Only if the viewer is below the
+// shading normal's horizon, the normal of the specular layers is bent towards him.
 //
 // Numbers: lobes of roughness < 0.01 (alpha < 1e-4) are sharp: at 0.01 f32 directions still give the density to 1e-4
 // (median) and 5e-3 (worst). Their albedos are the tables' first row, so sums are as exact as for rough ones.
-// F90 fades to 0 with F0 below 1e-3: what reflects nothing head on does not at grazing either, and F0 = 0 is plain
-// Lambert.
+// F90 fades to 0 with F0 below 1e-3: a surface that reflects nothing head on reflects nothing at grazing either, and
+// F0 = 0 is plain Lambert.
 #ifndef OOCPT_BSDF_GLSL
 #define OOCPT_BSDF_GLSL
 
@@ -147,7 +146,7 @@ Bsdf make_bsdf(const Shading s, vec3 wo) {
     return b;
 }
 
-// What the lobes share of a direction; `w`: it, or it mirrored at the surface.
+// The inputs that all lobes share for a direction; `w`: it, or it mirrored at the surface.
 LobeDirection lobe_direction(const Bsdf b, vec3 w, bool beyond) {
     LobeDirection d;
     d.w = w;
@@ -182,7 +181,7 @@ void bsdf_evaluate_lobes(const Bsdf b, vec3 wo, vec3 wi, out vec3 diffuse, out v
     if (!beyond && !(cosine > 0.0)) return;
     const vec3 mirrored = wi - 2.0 * cosine * b.g;
     const float side = HAS_ROUGH_TRANSMISSION && beyond ? -1.0 : 1.0;
-    // Two directions, one copy of the code: unrolled, it would be half of what a pass that shades is made of.
+    // Two directions share one copy of the code: unrolled, it would be half of the code of a pass that shades.
     vec3 w = wi;
     [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
         add_lobes(b, lobe_direction(b, w, beyond), diffuse, specular, pdf);
@@ -224,7 +223,7 @@ bool bsdf_choose(const Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, ou
     return true;
 }
 
-// Weight of a direction that bsdf_choose chose, by its value and density; false where that is no number.
+// Weight of a direction that bsdf_choose chose, by its value and density; false if that is not finite.
 bool bsdf_weigh(vec3 value, float pdf, out vec3 weight) {
     weight = vec3(0.0);
     if (!(pdf > 0.0 && pdf < 3.0e38)) return false;

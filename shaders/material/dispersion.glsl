@@ -4,11 +4,12 @@
 // Red, green and blue are the wavelengths 600, 546 and 450 nm, the middles of the bands of bsdf/film.glsl. The index of
 // each is Cauchy's n = a + b / l^2 (Born and Wolf, Principles of Optics, 2.3), from the given index n_d at 587.6 nm and
 // the Abbe number V = (n_d - 1) / (n_F - n_C), F and C at 486.1 and 656.3 nm, as OpenPBR 1.1 has it:
-//   n(l) = n_d + (n_d - 1) / V (1 / l^2 - 1 / l_d^2) / (1 / l_F^2 - 1 / l_C^2).
+//     n(l) = n_d + (n_d - 1) / V (1 / l^2 - 1 / l_d^2) / (1 / l_F^2 - 1 / l_C^2).
 //
-// A path that comes to such a surface goes on with one channel, chosen in proportion to what it carries, and what it
-// carries by the chance of that; all that it does there is that channel's. So a direction depends on one index, and no
-// channel's estimate is biased. That a path has one channel is told by what it carries: nothing is kept.
+// A path that reaches such a surface goes on with one channel, chosen in proportion to its throughput, which is divided
+// by the probability of the choice; everything the path does there is that channel's. So a direction depends on one
+// index, and no channel's estimate is biased. The throughput itself shows that a path has one channel: nothing else is
+// stored.
 #ifndef OOCPT_DISPERSION_GLSL
 #define OOCPT_DISPERSION_GLSL
 
@@ -28,7 +29,7 @@ float dispersed_ior(float ior, float dispersion, uint channel) {
     return max(ior + (ior - 1.0) * dispersion * bend, 1.0);
 }
 
-// The channel that u in [0, 1) falls on, by what a path carries, and what that is multiplied by.
+// The channel that u in [0, 1) selects in proportion to the throughput, and the factor for the throughput.
 uint choose_channel(vec3 carried, float u, out vec3 factor) {
     const vec3 part = max(carried, 0.0);
     const float sum = part.x + part.y + part.z;
@@ -36,13 +37,13 @@ uint choose_channel(vec3 carried, float u, out vec3 factor) {
     uint channel = at < part.x ? 0u : (at < part.x + part.y ? 1u : 2u);
     if (!(part[channel] > 0.0)) channel = part.x > 0.0 ? 0u : (part.y > 0.0 ? 1u : 2u); // rounding
     factor = vec3(0.0);
-    // Exactly 1 where there is no other.
+    // The factor is exactly 1 if there is no other channel.
     if (part[channel] > 0.0) factor[channel] = part[channel] == sum ? 1.0 : sum / part[channel];
     return channel;
 }
 
-// Makes a shading that is dispersive that of one channel, for a path that arrives with `carried`; gives what this is
-// multiplied by.
+// Makes a dispersive shading that of one channel, for a path that arrives with throughput `carried`; returns the factor
+// for the throughput.
 vec3 disperse(uint path, vec3 carried, inout Shading s) {
     if (!(s.dispersion > 0.0 && s.opacity < 1.0)) return vec3(1.0);
     const uvec2 pixel = pixel_position(path_pixel(path));

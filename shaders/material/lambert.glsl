@@ -3,10 +3,10 @@
 //
 // Directions are cosine distributed about the shading normal n; those that fall below the true surface (geometric
 // normal g) are mirrored at it. So the density of a direction w above the surface is
-//   p(w) = (max(0, n.w) + max(0, n.m(w))) / pi,  m(w) = w - 2 (g.w) g, it integrates to 1 over the hemisphere of g, and
-//                                                BSDF * cosine is albedo * p(w). With n = g it is plain Lambert; else
-//                                                it differs from the usual truncation only within the angle between n
-//                                                and g of the horizon, and a white surface stays white.
+//   p(w) = (max(0, n.w) + max(0, n.m(w))) / pi,  m(w) = w - 2 (g.w) g,
+// it integrates to 1 over the hemisphere of g, and BSDF * cosine is albedo * p(w). With n = g it is plain Lambert; else
+// it differs from the usual truncation only within the angle between n and g of the horizon, and a white surface stays
+// white.
 #ifndef OOCPT_LAMBERT_GLSL
 #define OOCPT_LAMBERT_GLSL
 

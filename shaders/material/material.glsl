@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A material at a hit: inputs worked out to what the BSDF takes. UsdPreviewSurface and OpenPBR; a surface without a
-// material is diffuse in its displayColor.
-// begin_lookups (texture.glsl) comes before; textures without images are black and opaque.
+// Evaluates a material at a hit: from its inputs to the parameters of the BSDF. UsdPreviewSurface and OpenPBR; a
+// surface without a material is diffuse in its displayColor. begin_lookups (texture.glsl) must be called before;
+// textures without images are black and opaque.
 #ifndef OOCPT_MATERIAL_GLSL
 #define OOCPT_MATERIAL_GLSL
 
@@ -11,21 +11,21 @@
 #define PATTERN_RANDOM
 #include "material/pattern.glsl"
 
-// Of a fibre inputs mean something else: oocpt_materialx::surface::Input says what.
+// Inputs with another meaning for a fibre: oocpt_materialx::surface::Input documents it.
 const uint HAIR_INPUTS = 1u << INPUT_DIFFUSE_COLOR | 1u << INPUT_SPECULAR_COLOR | 1u << INPUT_TRANSMISSION_COLOR |
                          1u << INPUT_IOR | 1u << INPUT_NORMAL | 1u << INPUT_ANISOTROPY | 1u << INPUT_THIN_FILM |
                          1u << INPUT_ABSORPTION;
 
-// Sets of random numbers: choices of a mixture at bounce 0, and so on.
+// Sets of random numbers: the choices of a mixture at bounce 0 use this one, later bounces the following ones.
 const uint MIXTURE_SET = (1u << 30) + 2u;
 
-// Where a texture input looks.
+// The coordinates at which a texture input is looked up.
 vec2 texture_place(GpuInput i, GpuSurfaceMaterial m) {
     const uint set = (i.kind >> INPUT_SET_SHIFT) & 3u;
     return map_place(i, set == INPUT_NO_SET ? vec2(0.0) : m.uv[set & 1u]);
 }
 
-// How wide the filter of a lookup at `place` is, in texels, for a ray's cone of width `cone` (world).
+// Width of the filter of a lookup at `place`, in texels, for a ray's cone of width `cone` (world).
 float texture_width(GpuInput i, GpuSurfaceMaterial m, vec2 place, float cone) {
     const uint set = (i.kind >> INPUT_SET_SHIFT) & 3u;
     if (set == INPUT_NO_SET) return 0.0;
@@ -37,20 +37,21 @@ vec4 pick_channel(GpuInput i, vec4 value) {
     return channel == 0u ? value : vec4(value[channel - 1u]);
 }
 
-// What a lookup gave, made the input's value; `found`: it is no fallback.
+// The value of an input from the texel of its lookup; `found`: the texel is not a fallback.
 vec4 finish_texture(GpuInput i, vec4 texel, bool found) {
     return pick_channel(i, found ? texel * i.value + i.bias : texel);
 }
 
-// The lookup before: several inputs often read one texture in one place, metallic and roughness for instance.
+// The result of the previous lookup: several inputs often read one texture in one place, metallic and roughness for
+// instance.
 uint last_texture;
 vec2 last_place;
 float last_width;
 vec4 last_texel;
 uint last_unit;
 
-// The value of an input. `missing`: the unit that a lookup waits for, as texture_lookup gives it; not touched where all
-// is there.
+// The value of an input. `missing`: the unit that a lookup waits for, as texture_lookup returns it; not changed if
+// nothing is missing.
 vec4 input_value(GpuSurfaceMaterial m, uint name, float cone, inout uint missing) {
     Materials materials = Materials(FRAME.materials);
     const uint kind = materials.v[m.material].inputs[name].kind & 3u;
@@ -76,7 +77,7 @@ vec4 input_value(GpuSurfaceMaterial m, uint name, float cone, inout uint missing
     return pick_channel(i, vec4(0.0, 0.0, 0.0, 1.0));
 }
 
-// An input of a fibre.
+// Sets an input of a fibre.
 void set_hair(inout Shading r, uint name, vec4 value) {
     if (name == INPUT_DIFFUSE_COLOR) r.hair.tint_r = value.xyz;
     if (name == INPUT_SPECULAR_COLOR) r.hair.tint_tt = value.xyz;
@@ -94,8 +95,8 @@ void set_hair(inout Shading r, uint name, vec4 value) {
     }
 }
 
-// Of mixtures (decisions/0046): four numbers in [0, 1) of a hit, stratified over the samples of its pixel. A path that
-// comes back to a hit has the same ones. Images through pixel centres have no chance in them.
+// Random numbers of mixtures (decisions/0046): four numbers in [0, 1) of a hit, stratified over the samples of its
+// pixel. A path that comes back to a hit has the same ones. Images through pixel centres make no random choice.
 vec4 mixture_numbers(uint path) {
     if ((push.flags & PUSH_AOVS) != 0u) return vec4(0.5);
     const uvec2 pixel = pixel_position(path_pixel(path));
@@ -103,8 +104,8 @@ vec4 mixture_numbers(uint path) {
     return sample_4d(path_sample(path), MIXTURE_SET + bounce, pixel_seed(pixel.x, pixel.y, path_seed(path)));
 }
 
-// The material of a path's hit, or what stands for one. `missing`: TEXTURE_DONE, or the unit that it waits for; the
-// result then means nothing.
+// The material of a path's hit, or a substitute if it has none. `missing`: TEXTURE_DONE, or the unit that it waits for;
+// the result is then meaningless.
 Shading make_shading(uint path, Surface s, out uint missing) {
     missing = TEXTURE_DONE;
     if (HAS_TEXTURES) begin_lookups(path);
@@ -163,7 +164,7 @@ Shading make_shading(uint path, Surface s, out uint missing) {
         wanted |= 1u << INPUT_NORMAL;
     }
     vec3 local = vec3(0.0, 0.0, 1.0);
-    // Many inputs, one copy of the code: unrolled, lookups would be most of what a pass that shades is made of.
+    // All inputs share one copy of the code: unrolled, lookups would be most of the code of a pass that shades.
     [[dont_unroll]] for (uint rest = wanted; rest != 0u; rest &= rest - 1u) {
         const uint name = uint(findLSB(rest));
         const vec4 whole = input_value(m, name, cone, missing);

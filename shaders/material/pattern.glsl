@@ -29,7 +29,7 @@ vec4 pattern_registers[PROGRAM_REGISTERS];
 vec4 pattern_random;
 #endif
 
-// Where a program is run.
+// The point at which a program is run.
 struct PatternPoint {
     vec3 position; // world
     vec3 normal;   // shading normal, world, unit
@@ -37,7 +37,7 @@ struct PatternPoint {
     float cone;    // width of the ray's cone
 };
 
-// Of GpuMaterial::program_sizes.
+// Decodes GpuMaterial::program_sizes.
 uint program_constants(uint sizes) {
     return sizes & 0xffu;
 }
@@ -50,7 +50,7 @@ uint program_instructions(uint sizes) {
     return sizes >> 16;
 }
 
-// What is behind a program.
+// The address behind a program.
 uint64_t program_end(uint64_t program, uint sizes) {
     const uint rows = program_constants(sizes) + 4u * program_lookups(sizes) + (program_instructions(sizes) + 1u) / 2u;
     return program + 16ul * uint64_t(rows);
@@ -65,7 +65,7 @@ vec4 pattern_operand(uint64_t program, uint operand) {
     return ConstVec4s(program).v[operand - PROGRAM_REGISTERS];
 }
 
-// GEOMETRY_*.
+// The value of a GEOMETRY_* constant.
 vec4 pattern_geometry(uint what, GpuSurfaceMaterial m, PatternPoint p) {
     if (what <= GEOMETRY_UV1) return vec4(m.uv[what & 1u], 0.0, 0.0);
     if (what <= GEOMETRY_PRIMVAR1) {
@@ -92,7 +92,7 @@ vec4 pattern_geometry(uint what, GpuSurfaceMaterial m, PatternPoint p) {
     return vec4(cross3(normal, tangent) * m.handedness, 0.0);
 }
 
-// A lookup of the program; `place` counts where it does not know its own.
+// A lookup of the program; `place` is used if the input has no coordinates of its own.
 vec4 pattern_texture(GpuInput i, vec2 place, bool is_placed, GpuSurfaceMaterial m, float cone, inout uint missing) {
     if (!HAS_TEXTURES) return vec4(0.0, 0.0, 0.0, 1.0);
     const uint set = (i.kind >> INPUT_SET_SHIFT) & 3u;

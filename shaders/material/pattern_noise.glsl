@@ -74,7 +74,7 @@ uvec3 lattice_cell(vec3 p) {
     return uvec3(ivec3(clamp(floor(p), vec3(-2147483648.0), vec3(2147483520.0))));
 }
 
-// How far it is in the cell.
+// The position in the cell, 0..1.
 vec3 lattice_part(vec3 p) {
     return mix(vec3(0.0), p - floor(p), lessThanEqual(abs(p), vec3(2147483520.0)));
 }
@@ -118,7 +118,7 @@ float between(float a, float b, float t) {
     return a * (1.0 - t) + b * t;
 }
 
-// Corners of a square, x first.
+// Interpolates the corners of a square, x first.
 float between(vec4 v, vec2 t) {
     return between(between(v.x, v.y, t.x), between(v.z, v.w, t.x), t.y);
 }
@@ -151,7 +151,7 @@ vec3 perlin_noise(vec3 p, bool solid, bool all_channels) {
     return result;
 }
 
-// Sum of octaves of it.
+// Sum of octaves of gradient noise.
 vec3 perlin_sum(vec3 p, bool solid, bool all_channels, uint octaves, float lacunarity, float diminish) {
     vec3 sum = vec3(0.0);
     float amplitude = 1.0;

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the operations of pattern programs give (rust/abi/src/pattern.rs, `PatternOp`). The twin is
-// rust/materialx/src/eval.rs: the same bits but for division, roots, logarithms, powers and arcs. Operands are normal
-// numbers or +0, as results are; of other ones results are finite, too.
+// The operations of pattern programs (rust/abi/src/pattern.rs, `PatternOp`). The twin is rust/materialx/src/eval.rs:
+// the same bits but for division, roots, logarithms, powers and arcs. Operands are normal numbers or +0, as results
+// are; results are finite for other operands, too.
 #ifndef OOCPT_PATTERN_OPS_GLSL
 #define OOCPT_PATTERN_OPS_GLSL
 
 #include "abi/abi.glsl"
 #include "material/pattern_noise.glsl"
 
-// +0 for what is not finite, below 2^-126, or -0. By its bits: what is not finite may not be compared.
+// Replaces numbers that are not finite, smaller than 2^-126, or -0 by +0. It tests the bits, because comparisons of
+// numbers that are not finite are not reliable.
 vec4 pattern_number(vec4 v) {
     const uvec4 exponent = floatBitsToUint(v) & 0x7f800000u;
     return mix(vec4(0.0), v, lessThan(exponent - 0x00800000u, uvec4(0x7f000000u)));
@@ -18,7 +19,7 @@ vec4 pattern_divide(vec4 a, vec4 b) {
     return mix(a / b, vec4(0.0), equal(b, vec4(0.0)));
 }
 
-// The quotient may be rounded to the other side of a whole number: the remainder then is put right.
+// The quotient may be rounded to the other side of a whole number; the remainder is corrected then.
 vec4 pattern_modulo(vec4 a, vec4 b) {
     vec4 rest = a - b * floor(a / b);
     rest = mix(rest, rest + b, lessThan(mix(rest, -rest, lessThan(b, vec4(0.0))), vec4(0.0)));
@@ -64,7 +65,7 @@ vec4 pattern_smoothstep(vec4 a, vec4 low, vec4 high) {
     return mix(mix(inside, vec4(0.0), lessThanEqual(a, low)), vec4(1.0), greaterThanEqual(a, high));
 }
 
-// Arcs of what is 0 or on an axis are exact.
+// Arcs of 0 or of a point on an axis are exact.
 vec4 pattern_atan2(vec4 y, vec4 x) {
     const vec4 zero = vec4(0.0);
     const bvec4 on_axis = equal(y, zero);
@@ -111,7 +112,7 @@ vec4 pattern_rgb_to_hsv(vec4 c) {
     return vec4(hue < 0.0 ? hue + 1.0 : hue, saturation, most, c.a);
 }
 
-// The inverse; colors of a saturation below 0.0001 are grey.
+// The inverse of pattern_rgb_to_hsv; colors of a saturation below 0.0001 are grey.
 vec4 pattern_hsv_to_rgb(vec4 c) {
     const float s = c.y;
     const float v = c.z;
@@ -233,7 +234,7 @@ vec4 pattern_component(uint op, vec4 a, vec4 b, vec4 c) {
     }
 }
 
-// What an operation gives; 0 for PATTERN_SURFACE and PATTERN_TEXTURE, which are the caller's.
+// The result of an operation; 0 for PATTERN_SURFACE and PATTERN_TEXTURE, which the caller evaluates.
 vec4 pattern_op(uint op, vec4 a, vec4 b, vec4 c, uint immediate) {
     vec4 result;
     switch (op) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// resolve_materials and resolve_lights: works out the material of each path of resolve_queue and, with RESOLVE_LIGHTS,
-// what the light emits that its surface will ask for. Includes wavefront, progress, path_surface, material before, and
-// shade with RESOLVE_LIGHTS.
+// resolve_materials and resolve_lights: evaluates the material of each path of resolve_queue and, with RESOLVE_LIGHTS,
+// the emission of the light that its surface will sample. Includes wavefront, progress, path_surface, material before,
+// and shade with RESOLVE_LIGHTS.
 #ifndef OOCPT_RESOLVE_GLSL
 #define OOCPT_RESOLVE_GLSL
 

@@ -1,25 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
-// What material evaluation hands to the BSDF: the inputs of UsdPreviewSurface and OpenPBR after textures, and the
-// normals.
+// The parameters that material evaluation passes to the BSDF: the inputs of UsdPreviewSurface and OpenPBR after
+// textures, and the normals.
 //
-// Guarantee of valid_shading: every number is finite and in its range, so bsdf.glsl need not ask again.
+// Guarantee of valid_shading: every number is finite and in its range, so bsdf.glsl need not test again.
 #ifndef OOCPT_SHADING_GLSL
 #define OOCPT_SHADING_GLSL
 
 const uint SHADING_SPECULAR_WORKFLOW = 1u; // specular_color is F0; else ior and metallic give F0
-// Opacity was asked for in traversal (opacityThreshold > 0 or opacityMode = presence): none here.
+// Opacity was tested in traversal (opacityThreshold > 0 or opacityMode = presence): it is not used here.
 const uint SHADING_PRESENCE = 2u;
 
 // coat_ior and transmission_color count; else the coat has the index of the base, and glass is clear.
 const uint SHADING_OPEN_PBR = 4u;
 
-// A sheet without an inside: what goes through goes straight on.
+// A sheet without an inside: transmitted light goes straight on.
 const uint SHADING_THIN_WALLED = 8u;
 
-// A fibre (bsdf/hair.glsl), and nothing else: of the rest of Shading normals, tangent, emission and ior count.
+// The surface is a fibre (bsdf/hair.glsl), and nothing else: of the rest of Shading normals, tangent, emission and ior
+// count.
 const uint SHADING_HAIR = 16u;
 
-// Directions may lead through a surface.
+// True if directions may lead through a surface.
 const bool HAS_BEYOND = HAS_TRANSMISSION || HAS_HAIR;
 
 struct HairShading {
@@ -58,7 +59,7 @@ struct Shading {
     HairShading hair;      // with SHADING_HAIR
 };
 
-// White, and what MaterialX says of the rest.
+// A white fibre, with MaterialX's defaults for all else.
 HairShading white_hair() {
     return HairShading(vec3(1.0), vec3(1.0), vec3(1.0), vec3(0.0), vec3(0.1, 0.05, 0.2), vec3(0.1, 0.05, 0.2), 0.0,
                        HAIR_BY_NORMAL);
@@ -66,7 +67,7 @@ HairShading white_hair() {
 
 const uint SHADING_VEC4S = 4u;
 
-// Of the two alphas of an anisotropic lobe.
+// Least ratio of the two alphas of an anisotropic lobe.
 const float LEAST_RATIO = 0.02;
 
 // The material of a surface that has none: diffuse and nothing else (specular F0 = 0).
@@ -107,7 +108,7 @@ HairShading valid_hair(HairShading h) {
     return h;
 }
 
-// Any numbers made into valid ones; normals are left alone.
+// Makes any numbers valid; normals are left alone.
 Shading valid_shading(Shading s) {
     s.diffuse_color = unit_range(s.diffuse_color);
     s.specular_color = unit_range(s.specular_color);

@@ -107,7 +107,7 @@ ChunkMap chunk_map(uint chunk_instance) {
     return ChunkMap(x.xyz, y.xyz, z.xyz, Double3(vec3(x.w, y.w, z.w), instances.v[chunk_instance].origin_lo));
 }
 
-// v made unit, of any length that is a number; else `fallback`.
+// v normalised, for any length that is a number; else `fallback`.
 vec3 normal_or(vec3 v, vec3 fallback) {
     const float largest = max(abs(v.x), max(abs(v.y), abs(v.z)));
     if (!(largest > 0.0 && largest < 3.0e38)) return fallback;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ray cones (Akenine-Moeller et al. 2021, "Improved Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1)): a
-// width at the origin of a path's ray, and its growth per unit of length. Only with textures. What a cone covers of a
-// slanted surface is in texture/footprint.glsl. Curvature of surfaces is left out.
+// width at the origin of a path's ray, and its growth per unit of length. Only with textures. texture/footprint.glsl
+// computes what a cone covers of a slanted surface. Curvature of surfaces is left out.
 #ifndef OOCPT_CONE_GLSL
 #define OOCPT_CONE_GLSL
 
@@ -9,16 +9,13 @@
 
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Cones { vec2 v[]; };
 
-// Share of a direction's density that a cone stands for: as if so many samples of a pixel went to the hemisphere, a
-// cone each.
+// Samples of a pixel that are assumed to share the hemisphere: a cone's solid angle is 1 / (CONE_SAMPLES * density).
 const float CONE_SAMPLES = 64.0;
 const float CONE_WIDEST = 0.5;
 
-// Width of a camera ray's cone, in pixels. The samples of a pixel are spread over it, and filter; a filter of a
-// pixel's width
-// for each of them blurs twice. By half the width the blur's error at 64 samples is about that of their noise without
-// a filter
-// (decisions/0018).
+// Width of a camera ray's cone, in pixels. The samples of a pixel are spread over it, and filter; a filter of a pixel's
+// width for each of them blurs twice. By half the width the blur's error at 64 samples is about that of their noise
+// without a filter (decisions/0018).
 const float CAMERA_CONE = 0.5;
 
 // The cone of a camera ray; `d` is the direction of length 1 along the view axis.
@@ -40,7 +37,7 @@ void begin_cone(uint path, float t) {
     Cones(FRAME.cones).v[path].x = cone_width(path, t);
 }
 
-// How the cone of a path grows after a direction that was chosen with density `pdf`; 0: by a mirror or a smooth
+// The growth of a path's cone after a direction that was sampled with density `pdf`; 0: by a mirror or a smooth
 // boundary, which leave the growth as it is.
 float next_spread(uint path, float pdf) {
     const float before = Cones(FRAME.cones).v[path].y;

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tiles of textures that lookups did not find, in core. A path that lacks one is traced again when the host has
-// brought it: a path is a function of its number, so it then is what it would have been. As long as a path of a wave is
-// incomplete, the film does not take the wave, and the waves that are recorded behind it do nothing. Includes wavefront
-// before.
+// Tiles of textures that lookups lacked, in core. A path that lacks one is traced again when the host has loaded it; as
+// a path is a function of its number, the result is the same as if the tile had been there. As long as a path of a wave
+// is incomplete, the wave is not added to the film, and the waves that are recorded behind it do nothing. Includes
+// wavefront before.
 #ifndef OOCPT_TEXTURE_FEEDBACK_GLSL
 #define OOCPT_TEXTURE_FEEDBACK_GLSL
 
 const bool HAS_TEXTURE_FEEDBACK = HAS_TEXTURES && !HAS_STREAMING;
 
-// Says that a path lacks tile `page` of the scene.
+// Records that a path lacks tile `page` of the scene.
 void request_tile(uint path, uint page) {
     if (FRAME.texture_feedback == 0ul) return;
     if ((push.flags & PUSH_AOVS) == 0u) Uints(TEXTURE_FEEDBACK.incomplete_paths).v[path] = 1u;
@@ -19,12 +19,12 @@ void request_tile(uint path, uint page) {
     if (at < TEXTURE_FEEDBACK.wanted_capacity) Uints(TEXTURE_FEEDBACK.wanted).v[at] = page;
 }
 
-// Whether the passes of this wave have nothing to do, because one before it is incomplete.
+// Returns true if the passes of this wave do nothing, because an earlier wave is incomplete.
 bool waits_for_tiles() {
     return HAS_TEXTURE_FEEDBACK && FRAME.texture_feedback != 0ul && TEXTURE_FEEDBACK.is_incomplete != 0u;
 }
 
-// Whether a path of a wave starts: all do, or, when it is traced again, those that lacked a tile.
+// Returns true if a path of a wave starts: all do, or, when it is traced again, those that lacked a tile.
 bool starts_path(uint path) {
     if (!HAS_TEXTURE_FEEDBACK || FRAME.texture_feedback == 0ul) return true;
     const bool starts = (push.flags & PUSH_RETRACE) == 0u || Uints(TEXTURE_FEEDBACK.incomplete_paths).v[path] != 0u;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a ray's cone covers of a texture: an ellipse, the affine image of the cone's circular cross section (Heckbert
-// 1989, 3.5). It is kept for a cone of width 1, in 8 bytes, and worked out from those in core as well, so the bits are
-// those of streaming. decisions/0018.
+// The footprint of a ray's cone in a texture: an ellipse, the affine image of the cone's circular cross section
+// (Heckbert 1989, 3.5). It is kept for a cone of width 1, in 8 bytes, and computed from those in core as well, so the
+// bits are those of streaming. decisions/0018.
 //
 // A lookup is filtered as wide as the ellipse's shorter axis. Along the longer one the samples of a pixel, which are
-// spread over the same ellipse, do the rest; so that a few of them do, no more than MOST_ANISOTROPY widths go to its
+// spread over the same ellipse, do the rest; so that a few of them suffice, at most MOST_ANISOTROPY widths go to its
 // length. The twin in f64 is rust/core/src/texture/footprint.rs.
 #ifndef OOCPT_FOOTPRINT_GLSL
 #define OOCPT_FOOTPRINT_GLSL
@@ -35,7 +35,7 @@ uvec2 pack_footprint(float length, vec2 direction, float ratio) {
     return uvec2(floatBitsToUint(length), (uint(steps) & 0xffffu) | share << 16);
 }
 
-// The axes, the longer one first, for a length of 1; `length` comes apart, since it may be anything.
+// The axes, the longer one first, for a length of 1; `length` is returned apart, since it may be any number.
 mat2 unpack_footprint(uvec2 footprint, out float length) {
     length = uintBitsToFloat(footprint.x);
     const float x = float(bitfieldExtract(int(footprint.y), 0, 16)) * (1.0 / 32767.0);
@@ -44,8 +44,8 @@ mat2 unpack_footprint(uvec2 footprint, out float length) {
     return mat2(along, vec2(-along.y, along.x) * uintBitsToFloat((footprint.y >> 16) << 14));
 }
 
-// Of a cone of width 1 along d (of any length) that cuts a plane with normal n (the same) on which a texture's
-// coordinates have gradients u and v. 0 where these are 0 or no numbers.
+// The footprint of a cone of width 1 along d (of any length) that cuts a plane with normal n (of any length) on which a
+// texture's coordinates have gradients u and v. 0 if these are 0 or not finite.
 uvec2 make_footprint(vec3 u, vec3 v, vec3 n, vec3 d) {
     // Points move along d onto the plane: gradients on the cross section are those on the plane less what is along n,
     // so that nothing is left along d. Their products are those of the rows of the map from the section, in any basis
@@ -72,8 +72,8 @@ uvec2 make_footprint(vec3 u, vec3 v, vec3 n, vec3 d) {
     return pack_footprint(min(largest * sqrt(most), LONGEST_FOOTPRINT), direction, sqrt(dot3(area, area)) / most);
 }
 
-// How wide a filter has to be, in texels of level 0, for a cone of width `cone`. `s` and `t`: the linear part of the
-// map from the coordinates to the texture's square; `size`: its texels. Never NaN.
+// Width of the filter, in texels of level 0, for a cone of width `cone`. `s` and `t`: the linear part of the map from
+// the coordinates to the texture's square; `size`: its texels. Never NaN.
 float footprint_width(uvec2 footprint, float cone, vec2 s, vec2 t, uvec2 size) {
     float length;
     const mat2 axes = unpack_footprint(footprint, length);

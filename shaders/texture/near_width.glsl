@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The width of a lookup in a mask (decisions/0058), in few instructions. It says which level of the mask answers, and
-// any level has the same coverage, so it need not be exact; but it has the same bits wherever it is asked.
+// The width of a lookup in a mask (decisions/0058), in few instructions. It selects the level of the mask, and any
+// level has the same coverage, so it need not be exact; but it has the same bits wherever it is computed.
 #ifndef OOCPT_NEAR_WIDTH_GLSL
 #define OOCPT_NEAR_WIDTH_GLSL
 
@@ -10,9 +10,9 @@ float fused_dot(vec2 a, vec2 b) {
     return fma(a.x, b.x, a.y * b.y);
 }
 
-// How wide a lookup is, in texels: what footprint_width says of make_footprint, but for rounding; 0 where it cannot be
-// told. e, f: edges of the triangle; at_e, at_f: what the place in the texture grows by along them, in texels; cone:
-// width of the ray's cone over the length of d.
+// Width of a lookup, in texels: footprint_width of make_footprint, but for rounding; 0 if it cannot be computed. e, f:
+// edges of the triangle; at_e, at_f: the growth of the place in the texture along them, in texels; cone: width of the
+// ray's cone over the length of d.
 //
 // The gradient g on the cone's cross section of a coordinate that grows by a along e and b along f has g.e = a, g.f = b
 // and g.d = 0, so it is (a (f x d) - b (e x d)) / (e . (f x d)). The ellipse's longer axis is the square root of the
@@ -33,7 +33,7 @@ float near_lookup_width(vec3 e, vec3 f, vec2 at_e, vec2 at_f, vec3 d, float cone
     const float shorter = abs(area) * sqrt(dd) / longer;
     const float least = longer / (MOST_ANISOTROPY * abs(across));
     const float width = cone * sqrt(dd) * (shorter > least ? shorter : least);
-    // Where squares of squares neither over- nor underflow, and nothing is NaN.
+    // True if squares of squares neither over- nor underflow, and nothing is NaN.
     const bool has_range = across * across > 1.0e-30 && a + c > 1.0e-16 && a + c < 1.0e17;
     return has_range && width < 1.0e9 ? width : 0.0;
 }

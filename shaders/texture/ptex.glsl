@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ptex (Burley and Lacewell 2008): where a point of a triangle lies in its face, and texels of faces. The numbering of
-// faces is in rust/core/src/mesh/ptex.rs, the order of texels in rust/core/src/texture/faces.rs.
+// Ptex (Burley and Lacewell 2008): the place of a point of a triangle in its face, and texels of faces. The numbering
+// of faces is in rust/core/src/mesh/ptex.rs, the order of texels in rust/core/src/texture/faces.rs.
 #ifndef OOCPT_PTEX_GLSL
 #define OOCPT_PTEX_GLSL
 
@@ -73,7 +73,7 @@ vec2 ptex_place(uvec2 word, vec3 weights) {
     return pack_ptex(face, a * weights.x + b * weights.y + c * weights.z);
 }
 
-// Those of a triangle at the packed place `st`.
+// The face and corners of a triangle at the packed place `st`, as ptex_corners returns them.
 void ptex_corners_at(uvec2 word, vec2 st, out vec2 a, out vec2 b, out vec2 c) {
     uint face;
     unpack_ptex(st, face);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lookups in Ptex textures. Reads: Ptex directories, page table, tiles. A part of texture.glsl; a lookup goes on as
-// those of images do.
+// Lookups in Ptex textures. Reads: Ptex directories, page table, tiles. A part of texture.glsl; a lookup can be
+// continued as those of images can.
 #ifndef OOCPT_TEXTURE_PTEX_GLSL
 #define OOCPT_TEXTURE_PTEX_GLSL
 

@@ -3,8 +3,7 @@
 // tiles and levels are numbered as in rust/core/src/texture/layout.rs.
 //
 // st: (0, 0) is the lower left corner of the image. `width`: of the filter, in texels of level 0
-// (texture/footprint.glsl). Between 2^l and
-// 2^(l+1) texels levels l and l + 1 are mixed linearly in it.
+// (texture/footprint.glsl). Between 2^l and 2^(l+1) texels levels l and l + 1 are mixed linearly in it.
 //
 // A lookup takes up to eight texels, one after the other, and keeps the mean of those it has (West 1979: mean += (x -
 // mean) * w / W), which for equal texels is that texel exactly. So it can stop at any texel whose tile is absent and go
@@ -19,15 +18,15 @@
 #include "texture/ptex.glsl"
 #include "texture/feedback.glsl"
 
-// What a lookup says in place of the number of a unit that it waits for.
+// The result of a finished lookup, in place of the number of a unit that it waits for.
 const uint TEXTURE_DONE = 0xffffffffu;
-// No image there, or none that could be read; the value is the fallback, to which no scale or bias applies. With
+// The image is missing or cannot be read; the value is the fallback, to which no scale or bias applies. With
 // TEXTURE_BORDER they do, and the lookup is done.
 const uint TEXTURE_FALLBACK = 0xfffffffeu;
 
 const uint TILE_TEXELS = TILE_SIDE * TILE_SIDE;
 
-// How far a lookup is: the mean of the texels so far, and how many of the eight it is done with.
+// The state of a lookup: the mean of the texels so far, and how many of the eight are done.
 struct TextureProgress {
     vec4 mean;
     uint taps;
@@ -131,8 +130,7 @@ int wrap_texel(int x, int size, uint wrap) {
     return m < size ? m : period - 1 - m;
 }
 
-// A coordinate brought near the image, by whole periods where there are any; exact, since what is small and negative
-// stays.
+// A coordinate brought near the image, by whole periods if there are any; exact, since small negative numbers stay.
 float near_image(float s, uint wrap) {
     if (!(abs(s) < 1.0e9)) return 0.0;
     if (s >= -1.0 && s <= 2.0) return s;
@@ -181,7 +179,7 @@ uint texture_part(uint texture, inout vec2 st, out bool exists) {
 
 #include "texture/ptex_lookup.glsl"
 
-// How wide the filter of a lookup at st is, in texels, for a cone of width `cone` that covers `footprint` of the
+// Width of the filter of a lookup at st, in texels, for a cone of width `cone` that covers `footprint` of the
 // coordinates before the map with rows s and t.
 float lookup_width(uint texture, vec2 st, uvec2 footprint, float cone, vec3 s, vec3 t) {
     bool exists;
@@ -191,8 +189,8 @@ float lookup_width(uint texture, vec2 st, uvec2 footprint, float cone, vec3 s, v
     return exists ? footprint_width(footprint, cone, s.xy, t.xy, size) : 0.0;
 }
 
-// Goes on with a lookup until it is done (TEXTURE_DONE, TEXTURE_FALLBACK; the value is progress.mean) or comes to an
-// absent tile: then the number of that tile among all tiles of the scene.
+// Continues a lookup until it is done (TEXTURE_DONE, TEXTURE_FALLBACK; the value is progress.mean) or needs an absent
+// tile: then returns the number of that tile among all tiles of the scene.
 uint continue_lookup(uint texture, vec2 st, float width, inout TextureProgress progress) {
     bool exists;
     const GpuTexture t = Textures(FRAME.textures).v[texture_part(texture, st, exists)];
@@ -257,9 +255,8 @@ uint continue_lookup(uint texture, vec2 st, float width, inout TextureProgress p
     return TEXTURE_DONE;
 }
 
-// In core: a whole lookup. Tiles that are absent are requested, the path is traced again when they are there, and goes
-// on for now
-// without them, so that it requests what lies behind, too.
+// In core: a whole lookup. Absent tiles are requested, and the path is traced again when they are there; it goes on for
+// now without them, so that it also requests the tiles that it needs later.
 const vec4 UNKNOWN_TEXEL = vec4(0.5);
 
 uint requested_lookup(uint path, uint texture, vec2 st, float width, inout TextureProgress progress) {
@@ -273,19 +270,19 @@ uint requested_lookup(uint path, uint texture, vec2 st, float width, inout Textu
 }
 
 // With streaming the lookups of a path's material are numbered in the order in which it makes them, and the value of
-// each is kept once it is done: a pass that works the material out again finds those, and goes on with the first that
-// is not done. So what is made of them is one code for core and streaming, and each tile that comes is progress,
-// whatever went meanwhile.
+// each is stored once it is done: a pass that evaluates the material again finds those, and goes on with the first that
+// is not done. So core and streaming share the code that uses them, and each tile that is loaded is progress, whichever
+// was evicted meanwhile.
 uint lookup_path;
 uint lookup_number;
 
-// Before the material of a path is worked out, in core too.
+// Must be called before the material of a path is evaluated, in core too.
 void begin_lookups(uint path) {
     lookup_path = path;
     lookup_number = 0u;
 }
 
-// Of the word that tells how far the lookups of a path are.
+// Bits of the word that stores the progress of a path's lookups.
 const uint LOOKUPS_TAPS_SHIFT = 8u;      // of the one under way
 const uint LOOKUPS_FALLBACK_SHIFT = 16u; // a bit for each that gave the fallback
 
@@ -295,7 +292,7 @@ uint noted_units[MOST_NOTED];
 uint noted_count;
 
 #ifdef NOTE_TILES
-// Notes a tile, unless it is there, is known, or is `but`.
+// Notes a tile, unless it is resident, noted already, or is `but`.
 void note_tile(uint page, uint but) {
     const uint unit = page + STREAMING.first_tile;
     bool known = unit == but || noted_count == MOST_NOTED || TexturePages(FRAME.texture_pages).v[page] != 0ul;
@@ -319,8 +316,8 @@ void note_ptex(GpuTexture t, vec2 st, float width, uint but) {
 }
 #endif
 
-// With NOTE_TILES: notes the tiles of a lookup that are absent, so that they come together and not one after the other.
-// A hint: the four texels of a level may lie in other tiles too.
+// With NOTE_TILES: notes the absent tiles of a lookup, so that they are loaded together and not one after the other. A
+// hint: the four texels of a level may lie in other tiles too.
 void note_tiles(uint texture, vec2 st, float width, uint but) {
 #ifdef NOTE_TILES
     bool exists;
@@ -379,7 +376,8 @@ vec4 kept_lookup(uint texture, vec2 st, float width, out uint missing_unit) {
 }
 
 // A whole lookup. `missing_unit` is TEXTURE_DONE, TEXTURE_FALLBACK, or with streaming the unit of the planner to wait
-// for (the value then means nothing). With streaming after begin_lookups, and always in the same order.
+// for (the value is then meaningless). With streaming it must follow begin_lookups, and lookups must always come in the
+// same order.
 vec4 texture_lookup(uint texture, vec2 st, float width, out uint missing_unit) {
     if (HAS_STREAMING) return kept_lookup(texture, st, width, missing_unit);
     TextureProgress progress = TextureProgress(UNKNOWN_TEXEL, 0u);

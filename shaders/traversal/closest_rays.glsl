@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What intersect_closest and settle_closest do with a ray before and after its walk: they differ in the queue, and in
-// what is asked of cutouts. Before including, as for rays.glsl, with ANY_HIT as 0.
+// The code of intersect_closest and settle_closest before and after a ray's walk: they differ in the queue, and in how
+// cutouts are looked up. Before including, define what rays.glsl needs, with ANY_HIT as 0.
 #ifndef OOCPT_CLOSEST_RAYS_GLSL
 #define OOCPT_CLOSEST_RAYS_GLSL
 
@@ -21,7 +21,7 @@ void load_hit(uint path) {
     for (uint level = 0u; level < MAX_LEVELS; ++level) found_chain[level] = load_hit_level(FRAME.hits, path, level);
 }
 
-// Whether there is none to find: the path ends.
+// Returns true if the path ends without a closest hit to find.
 bool is_path_ended(uint path) {
     return HAS_ROULETTE && (ray_flags(ray_address(path)) & RAY_ENDED) != 0u;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cutouts: what a lookup says about whether a surface is there.
+// Cutouts: decides from a lookup whether a surface is there.
 #ifndef OOCPT_CUTOUT_GLSL
 #define OOCPT_CUTOUT_GLSL
 
@@ -13,7 +13,8 @@ const uint QUESTION_PRESENT = 128u;  // the answer
 const uint QUESTION_LOOKUP_SHIFT = 8u; // of a program: which of its lookups, two bits
 const uint QUESTION_OF_PROGRAM = 1024u; // the answer is a texel for the program
 
-// `said` as continue_lookup gives it: neither scale nor bias apply to a fallback.
+// Returns true if the texel makes the surface opaque. `said` as continue_lookup returns it: neither scale nor bias
+// apply to a fallback.
 bool is_there(vec4 texel, uint said, float scale, float bias, uint flags, float limit) {
     const uint channel = (flags >> QUESTION_CHANNEL_SHIFT) & 3u;
     const float value = channel == 0u ? texel.x : channel == 1u ? texel.y : channel == 2u ? texel.z : texel.w;

@@ -2,20 +2,20 @@
 // Cutouts by programs: the program for a material's opacity alone, run at a candidate of a hit. A part of opacity.glsl;
 // only with CUTOUT_PROGRAMS.
 //
-// A program may compare what it looks up, so its lookups are of the finest level: what is filtered first is not there
-// in the share that is covered (decisions/0058).
+// A program may compare the values that it looks up, so its lookups are of the finest level: a value that is filtered
+// first gives another share of coverage (decisions/0058).
 //
 // In core lookups request their tiles as those of shading do. With streaming a program makes at most CUTOUT_LOOKUPS of
-// them; those that are done are kept with the question, so one tile at a time gets it on: the one under way is the
-// question, resolve_cutouts goes on with it, and the ray comes back and runs the program again with what is known.
+// them; the finished ones are stored with the question, so that each tile lets it go on: the lookup under way is the
+// question, resolve_cutouts continues it, and the ray comes back and runs the program again with the stored values.
 #ifndef OOCPT_CUTOUT_PROGRAM_GLSL
 #define OOCPT_CUTOUT_PROGRAM_GLSL
 
-// Lookups of the program under way: how many were made, how many are known from before.
+// Lookups of the program under way: the number made, and the number known from before.
 uint cutout_made;
 uint cutout_known;
 vec4 cutout_values[CUTOUT_LOOKUPS];
-// The one that waits: as in a question.
+// The lookup that waits, as in a question.
 DeferredAlphaTest cutout_wait;
 
 vec4 cutout_lookup(uint texture, vec2 st, float, out uint unit) {
@@ -44,13 +44,13 @@ vec4 cutout_lookup(uint texture, vec2 st, float, out uint unit) {
 #define PATTERN_LOOKUP cutout_lookup
 #include "material/pattern.glsl"
 
-// That of the candidate's record at a level.
+// The map of the candidate's record at a level.
 Affine candidate_record(uint level) {
     const uint target = Instances(level_instances[level]).v[chain[level]].target;
     return placed_map(level_instances[level], chain[level], target, walk.time);
 }
 
-// From the chunk's frame to the mesh's.
+// The map from the chunk's frame to the mesh's.
 Affine candidate_map() {
     Affine map = candidate_record(0u);
     if (HAS_NESTING) {
@@ -59,7 +59,7 @@ Affine candidate_map() {
     return map;
 }
 
-// What make_surface and gather_material say of a hit, of the candidate.
+// The inputs that make_surface and gather_material give for a hit, for the candidate.
 GpuSurfaceMaterial candidate_material(uint triangle, vec2 uv, float t, out PatternPoint p) {
     const vec3 world_o = ConstVec4s(walk.ray).v[0].xyz;
     p.view = ConstVec4s(walk.ray).v[1].xyz;
@@ -100,8 +100,8 @@ GpuSurfaceMaterial candidate_material(uint triangle, vec2 uv, float t, out Patte
     return m;
 }
 
-// Whether the program says that the surface is there; `id` as in is_cut_in, there above `limit` or, unless `chance`, at
-// it. Asks for a tile that is absent.
+// Returns true if the program makes the surface opaque: its opacity is above `limit` or, unless `chance`, equal to it.
+// `id` as in is_cut_in. Requests an absent tile.
 bool is_cut_in_by_program(Presence presence, uint triangle, vec2 uv, float t, uint id, bool chance, float limit) {
     PatternPoint point;
     const GpuSurfaceMaterial m = candidate_material(triangle, uv, t, point);

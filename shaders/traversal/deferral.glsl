@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Candidates that no mask knows (decisions/0058): a walk goes on as if they were not there, and keeps the nearest one.
-// If no other one may be the hit, settle_closest or settle_shadow looks that one up, without a walk; else they walk the
-// ray again. A part of traverse.glsl; only with DEFERRED_CUTOUTS.
+// Candidates that no mask decides (decisions/0058): a walk goes on as if they were not there, and keeps the nearest
+// one. If no other one may be the hit, settle_closest or settle_shadow looks that one up, without a walk; else they
+// walk the ray again. A part of traverse.glsl; only with DEFERRED_CUTOUTS.
 #ifndef OOCPT_DEFERRAL_GLSL
 #define OOCPT_DEFERRAL_GLSL
 
 #include "traversal/hit.glsl"
 
-// In FrameConstants::settle_queue above the number of a path: that its candidate is in FrameConstants::settle_hits, and
-// that the closest hit that is sure is in FrameConstants::hits.
+// Flag in FrameConstants::settle_queue above the number of a path: its candidate is in FrameConstants::settle_hits, and
+// the closest certain hit is in FrameConstants::hits.
 const uint SETTLE_KEPT = 1u << 31;
 const uint SETTLE_HIT = 1u << 30;
 const uint SETTLE_PATH = SETTLE_HIT - 1u;
@@ -19,7 +19,7 @@ void begin_unsure() {
     walk.next_unsure = LARGEST;
 }
 
-// The walk stands at a candidate that no mask knows.
+// Keeps the current candidate, which no mask decides.
 void keep_candidate(uint triangle, vec2 uv, float t) {
     walk.next_unsure = min(walk.next_unsure, max(walk.unsure, t));
     if (!(t < walk.unsure)) return;
@@ -31,7 +31,7 @@ void keep_candidate(uint triangle, vec2 uv, float t) {
     for (uint i = 0u; i < MAX_LEVELS; ++i) keep_word(4u + i, i <= level_index() ? chain[i] : 0u);
 }
 
-// Another thread has met a candidate that no mask knows: it is not kept, so the ray has to be walked again.
+// Another thread has met a candidate that no mask decides: it is not kept, so the ray has to be walked again.
 void merge_unsure(float t) {
     if (t == LARGEST) return;
     walk.next_unsure = min(walk.next_unsure, max(walk.unsure, t));
@@ -41,8 +41,8 @@ void merge_unsure(float t) {
     }
 }
 
-// Pushes the path of a walk that has ended, where `unsure`, to queue `of` of those to settle. `limit`: what is behind
-// matters no more. Call with as many threads active as possible.
+// Pushes the path of a walk that has ended, if `unsure`, to queue `of` of those to settle. `limit`: candidates behind
+// it do not matter. Call with as many threads active as possible.
 #define PUSH_UNSURE(of, unsure, limit)                                                                                 \
     do {                                                                                                               \
         uint to;                                                                                                       \
@@ -68,7 +68,7 @@ void store_unsure(uint of, uint to, float limit) {
 uint enter_chunk(uint reference);
 uint enter(uint record);
 
-// After begin_walk(): has the walk stand at the candidate that entry `at` of queue `of` depends on.
+// After begin_walk(): sets the walk to the candidate that entry `at` of queue `of` depends on.
 void stand_at_kept(uint of, uint at) {
     const HitHeader kept = load_hit_header(FRAME.settle_hits[of], at);
     enter_chunk(LEAF | kept.chunk_instance);

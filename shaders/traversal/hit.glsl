@@ -4,7 +4,7 @@
 #ifndef OOCPT_HIT_GLSL
 #define OOCPT_HIT_GLSL
 
-// In uvec4s.
+// Stride in uvec4s.
 const uint HIT_STRIDE = (5u + MAX_LEVELS + 3u) / 4u;
 
 struct HitHeader {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The items of a leaf against the ray of a walk (traverse.glsl, which includes this): which candidates there are, and
-// what becomes of one whose cutout has to be looked up.
+// The items of a leaf against the ray of a walk (traverse.glsl, which includes this): finds the candidates, and decides
+// what to do with one whose cutout has to be looked up.
 #ifndef OOCPT_ITEMS_GLSL
 #define OOCPT_ITEMS_GLSL
 
-// Of the points of a leaf those that the ray may meet, a bit for each: the others need no exact test. Twice the padding
-// is more than what either test rounds. Nothing depends on anything here, so all loads are under way at once.
+// Finds the points of a leaf that the ray may meet, a bit for each: the others need no exact test. Twice the padding is
+// more than the rounding of either test. Nothing depends on anything here, so all loads are under way at once.
 uint points_near(uint begin, uint end) {
     const uint all = (2u << (end - begin - 1u)) - 1u;
     const float dd = dot(walk.d, walk.d);
@@ -73,13 +73,13 @@ bool visit_triangles(uint begin, uint end) {
     return false;
 }
 
-// Looks the candidate's cutout up, which is much code: many threads of a subgroup do it together (rays.glsl). The rest
-// of the leaf comes next, or what the walk comes to then.
+// Looks the candidate's cutout up, which is much code: many threads of a subgroup do it together (rays.glsl). Continues
+// with the rest of the leaf, or with the next reference.
 uint answer_candidate() {
     const uint next = candidate.triangle + 1u;
     const uint rest = candidate.end - next;
     candidate.end = 0u;
-    // A helper may have handed in a closer hit since.
+    // A helper may have found a closer hit since.
     const bool counts = ANY_HIT == 1 || !SHARES || is_closest(candidate.t, candidate.triangle);
     bool is_there = counts && is_cut_in(candidate.triangle, candidate.uv, candidate.t, false);
     if (HAS_LEAF_KINDS && counts && !is_there && walk.other) {

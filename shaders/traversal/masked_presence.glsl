@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What masks say of a candidate (decisions/0058), in as few loads and instructions as it takes: most candidates need no
-// more. It says what is_cut_in would. A part of traverse.glsl; only with DEFERRED_CUTOUTS.
-// Reads: the walk, tables of the mesh and its material, masks. Writes nothing.
+// Evaluates the masks for a candidate (decisions/0058), in as few loads and instructions as possible: most candidates
+// need no more. The result is that of is_cut_in. A part of traverse.glsl; only with DEFERRED_CUTOUTS. Reads: the walk,
+// tables of the mesh and its material, masks. Writes nothing.
 #ifndef OOCPT_MASKED_PRESENCE_GLSL
 #define OOCPT_MASKED_PRESENCE_GLSL
 
@@ -9,9 +9,9 @@ const uint PRESENCE_UNKNOWN = 0u;
 const uint PRESENCE_NEVER = 1u;
 const uint PRESENCE_ALWAYS = 2u;
 
-// Whether the surface is there for this ray, as far as masks know. v0, v1, v2: corners of the triangle.
+// Decides whether the surface is there for this ray, as far as masks tell. v0, v1, v2: corners of the triangle.
 uint masked_presence(uint triangle, vec3 v0, vec3 v1, vec3 v2, vec2 uv, float t) {
-    // Most meshes have one set of coordinates: it is loaded before the material says which it wants.
+    // Most meshes have one set of coordinates: it is loaded before the material tells which set it uses.
     const uint64_t primvars = Meshes(FRAME.meshes).v[walk.mesh].primvars;
     GpuAttribute set = GpuAttribute(0ul, NO_NAME, 0u);
     if (Meshes(FRAME.meshes).v[walk.mesh].primvar_count > 0u) set = Attributes(primvars).v[0];

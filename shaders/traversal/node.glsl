@@ -21,7 +21,7 @@ const float MISSED = LARGEST;
 
 struct Node {
     vec3 scale; // distance along the ray from one plane of the grid to the next
-    // Distance to the planes of number 0: of those where the ray comes in, this side of the box by its padding.
+    // Distance to the planes of number 0 where the ray enters, reduced by the box's padding.
     vec3 near_from;
     vec3 far_from;
     uvec3 near; // planes where the ray comes in, a byte to a child
@@ -43,8 +43,8 @@ uvec4 mesh_children(uint counts, uint first, uint first_triangle) {
     return children;
 }
 
-// The points of leaves that say which bundles they have, one each. All bundles are full but the first one, which has
-// what is left of `count` points.
+// Turns references to leaves that name a bundle of points each into references to its points. All bundles are full but
+// the first one, which has the rest of `count` points.
 uvec4 bundle_members(uvec4 children, uint count) {
     const uint missing = -count & (POINT_BUNDLE - 1u);
     for (uint i = 0u; i < 4u; ++i) {
@@ -76,7 +76,7 @@ Node load_node(uint64_t nodes, uint reference, bool in_mesh, vec3 o, vec3 recipr
     return node;
 }
 
-// Where the ray enters the box of child `i`, or MISSED.
+// The distance at which the ray enters the box of child `i`, or MISSED.
 float hit_child(Node node, uint i, float limit) {
     const vec3 a = fma(vec3((node.near >> (8u * i)) & 255u), node.scale, node.near_from);
     const vec3 b = fma(vec3((node.far >> (8u * i)) & 255u), node.scale, node.far_from);

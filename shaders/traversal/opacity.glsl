@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a surface that a walk meets is there: by displayOpacity, or by its material's cutouts and presence. A part of
-// traverse.glsl: reads the walk (`walk`, `chain`) and the scene; with streaming, asks for tiles that are absent.
+// Decides whether a surface that a walk meets is there: by displayOpacity, or by its material's cutouts and presence. A
+// part of traverse.glsl: reads the walk (`walk`, `chain`) and the scene; with streaming, requests absent tiles.
 #ifndef OOCPT_OPACITY_GLSL
 #define OOCPT_OPACITY_GLSL
 
-// What the walk is in, in a mesh.
+// The item that the walk is in, in a mesh.
 Item visited_item() {
     return Item(walk.chunk_entry, walk.chunk_instance, walk.record_entry, walk.mesh);
 }
 
 #include "traversal/cutout_program.glsl"
 
-// Items that are no triangles are closed: a ray that goes through their first surface comes to the second one, of which
-// is asked by itself. Without opacity and cutouts none of it is compiled in.
+// Items that are not triangles are closed: a ray that passes their first surface meets the second one, whose opacity is
+// tested by itself. Without opacity and cutouts none of it is compiled in.
 
 // The number of a surface of an item, of whose opacity a hash decides. All pieces of a curve have the same: where they
 // overlap at a joint, a ray meets one surface and not two.
@@ -33,16 +33,16 @@ float opacity_number(uint triangle, bool is_second) {
     return float(hash_u32(hash_combine(walk.seed, number)) >> 8) * 5.9604644775390625e-8;
 }
 
-// Whether this ray meets a surface of which so many parts of 255 are there. Rays of AOVs have no random numbers: they
-// meet what is there at all by chance, and what is there for the most part where a threshold cuts.
+// Returns true if this ray meets a surface of which `coverage` parts of 255 are there. Rays of AOVs have no random
+// numbers: by chance, they meet every surface with any coverage; by a threshold, one with at least half.
 bool is_covered(uint coverage, bool is_chance, uint triangle, bool is_second) {
     if (coverage == 0u || coverage >= 255u) return coverage != 0u;
     if ((push.flags & PUSH_AOVS) != 0u) return is_chance || coverage >= 128u;
     return opacity_number(triangle, is_second) * 255.0 < float(coverage);
 }
 
-// The second surface of an item whose first one, at distance `first`, is not there. Not before that one: so it is as
-// far behind the entries of boxes.
+// Finds the second surface of an item whose first one, at distance `first`, is not there. It is never before the first
+// one, so it is as far behind the entries of boxes.
 bool meets_second(uint triangle, float first, out float t, out vec2 uv) {
     vec3 v0, v1, v2;
     posed_item(walk.pose, triangle, v0, v1, v2);
@@ -55,14 +55,14 @@ bool meets_second(uint triangle, float first, out float t, out vec2 uv) {
 #endif
 }
 
-// Whether the surface is there for this ray.
+// Returns true if the surface is there for this ray.
 bool is_opaque(uint triangle, vec2 uv, bool is_second) {
     Meshes meshes = Meshes(FRAME.meshes);
     const uint flags = meshes.v[walk.mesh].flags;
     const bool of_mesh = (flags & MESH_HAS_OPACITIES) != 0u;
     if (!of_mesh && !HAS_INSTANCE_OPACITY) return true;
     if (HAS_MATERIALS) {
-        // displayOpacity is for surfaces without a material.
+        // displayOpacity applies to surfaces without a material.
         const uint subset = item_subset(walk.pose, triangle);
         if (material_slot(Instances(walk.instances).v[chain[level_index()]].prim_id, subset) != NO_MATERIAL) {
             return true;
@@ -84,11 +84,11 @@ bool is_opaque(uint triangle, vec2 uv, bool is_second) {
     return float(hash_u32(hash_combine(h, number)) >> 8) * 5.9604644775390625e-8 < opacity;
 }
 
-// Whether the material says that the surface is there for this ray. With streaming, where a tile of its texture is
-// absent, the ray leaves the surface out, asks, and puts the item on the list of pending ones. Of such an item only the
-// nearest cutout without an answer is asked about; resolve_cutouts answers, without the chunk and the mesh; the ray
-// comes back with the answer when these are there. All nearer ones of the item are not there, or the ray would have met
-// them. So each tile or unit that comes, by itself, gets it on.
+// Returns true if the material makes the surface opaque for this ray. With streaming, if a tile of its texture is
+// absent, the ray skips the surface, requests the tile, and puts the item on the list of pending ones. Of such an item
+// only the nearest undecided cutout becomes a question; resolve_cutouts answers it, without the chunk and the mesh; the
+// ray comes back with the answer when these are resident. All nearer ones of the item are not there, or the ray would
+// have met them. So each tile or unit that is loaded, by itself, is progress for the ray.
 bool is_cut_in(uint triangle, vec2 uv, float t, bool is_second) {
     uint above = walk.chunk_instance;
     for (uint i = 0u; i <= level_index(); ++i) above = hash_combine(above, chain[i]);

@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// How much of a cutout is there around a place, without its texture (decisions/0058). Only with OPACITY_MASKS. Made by
-// rust/core/src/texture/opacity_mask.rs, which has the layout.
-// Reads: the mask of a material. Writes nothing.
+// The coverage of a cutout around a place, without its texture (decisions/0058). Only with OPACITY_MASKS. Made by
+// rust/core/src/texture/opacity_mask.rs, which documents the layout. Reads: the mask of a material. Writes nothing.
 #ifndef OOCPT_OPACITY_MASK_GLSL
 #define OOCPT_OPACITY_MASK_GLSL
 
 #include "texture/near_width.glsl"
 #include "texture/texture.glsl"
 
-// In place of a share in 255 parts: the finest level of the texture says it.
+// In place of a coverage in 255 parts: the finest level of the texture has to decide.
 const uint COVERAGE_UNKNOWN = 256u;
-// In place of a coordinate: around a picture that is not continued.
+// In place of a coordinate: outside of a picture that is not continued.
 const float AROUND_IMAGE = -1.0;
 
-// A coordinate in the image, or AROUND_IMAGE. `narrow`: set where the edge of the image goes on.
+// A coordinate in the image, or AROUND_IMAGE. `narrow`: set if the edge of the image is continued.
 float inside_image(float s, uint wrap, inout bool narrow) {
     s = near_image(s, wrap);
     if (s >= 0.0 && s <= 1.0) return s;
@@ -24,7 +23,7 @@ float inside_image(float s, uint wrap, inout bool narrow) {
     return clamp(s, 0.0, 1.0);
 }
 
-// How much is there at st, for a lookup as wide as `width` texels. `head`: the first two words of the mask.
+// The coverage at st, for a lookup as wide as `width` texels. `head`: the first two words of the mask.
 uint coverage_in_mask(uint64_t mask, uvec2 head, vec2 st, float width) {
     const uint level = (head.y >> 8) & 31u;
     bool narrow = width < uintBitsToFloat((127u + max(level, 1u)) << 23);
@@ -37,8 +36,8 @@ uint coverage_in_mask(uint64_t mask, uvec2 head, vec2 st, float width) {
     return narrow && coverage - 1u < 254u ? COVERAGE_UNKNOWN : coverage;
 }
 
-// How much is there at a hit, uv, of a triangle with edges e and f, whose corners have coordinates a, b and c, for a
-// ray along d with a cone as wide as `cone` times the length of d.
+// The coverage at a hit, uv, of a triangle with edges e and f, whose corners have coordinates a, b and c, for a ray
+// along d with a cone as wide as `cone` times the length of d.
 uint coverage_at(GpuCutout cutout, vec2 a, vec2 b, vec2 c, vec2 uv, vec3 e, vec3 f, vec3 d, float cone) {
     const vec2 st = a * (1.0 - uv.x - uv.y) + b * uv.x + c * uv.y;
     vec2 place = vec2(cutout.row_s.x * st.x + cutout.row_s.y * st.y + cutout.row_s.z,

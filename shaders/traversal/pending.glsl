@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Streaming only: the items that a ray has come to and could not visit. An item is a chunk instance whose chunk is
-// absent (mesh = NO_MESH), or, in one whose chunk is there, all records of one mesh that the ray enters at one
+// Streaming only: the items that a ray has reached and could not visit. An item is a chunk instance whose chunk is
+// absent (mesh = NO_MESH), or, in one whose chunk is resident, all records of one mesh that the ray enters at one
 // distance: the mesh is absent, or a tile that decides about a cutout of it. Tables change between submissions only, so
-// these records are all there or all absent, and no path through nested levels has to be kept. The ray keeps the items
-// with the smallest keys (entry distance and number of the chunk instance, entry distance of the record, mesh), in
-// order, and knows whether there were others. A walk goes on to the end with everything that is resident; a ray that
-// comes back visits those of the list that are resident now, then, if there were others, everything behind the last
+// these records are all resident or all absent, and no path through nested levels has to be stored. The ray keeps the
+// items with the smallest keys (entry distance and number of the chunk instance, entry distance of the record, mesh),
+// in order, and a flag that there were others. A walk goes on to the end with everything that is resident; a ray that
+// comes back visits the items of the list that are resident now, then, if there were others, everything behind the last
 // one. So an item is done or not begun; visiting one twice changes nothing.
 #ifndef OOCPT_PENDING_GLSL
 #define OOCPT_PENDING_GLSL
@@ -44,17 +44,17 @@ Item chunk_item(float entry, uint chunk_instance) {
     return Item(entry, chunk_instance, 0.0, NO_MESH);
 }
 
-// Cutouts: the nearest one, in the item with the smallest key, that cannot be answered because a tile is absent (unit =
+// Cutouts: the nearest one, in the item with the smallest key, that cannot be decided because a tile is absent (unit =
 // OWN_UNIT: there is none), and the answer that the ray came back with.
 DeferredAlphaTest question;
 Item question_item;
 DeferredAlphaTest answer;
 Item answer_item;
 
-// With CUTOUT_PROGRAMS: what the finished lookups of the question's program gave.
+// With CUTOUT_PROGRAMS: the values of the finished lookups of the question's program.
 vec4 question_values[CUTOUT_LOOKUPS - 1u];
 
-// Asks about something in an item, unless something before it was asked already: then false.
+// Stores a question about an item; returns false if there is one about something before it.
 bool ask(Item item, DeferredAlphaTest q) {
     if (question.unit != OWN_UNIT) {
         if (is_same(item, question_item)) {
@@ -82,7 +82,7 @@ Item listed_item(uint path, uint i) {
                 PendingLists(PENDING_LISTS).v[path].record_entry[i], PendingLists(PENDING_LISTS).v[path].mesh[i]);
 }
 
-// Where what the finished lookups of a path's question gave is kept: behind all questions.
+// The address of the values of the finished lookups of a path's question: behind all questions.
 uint64_t question_values_address(uint64_t questions, uint path) {
     const uint64_t at = uint64_t(STREAMING.slots) * 64ul + uint64_t(path) * uint64_t(16u * (CUTOUT_LOOKUPS - 1u));
     return questions + at;
@@ -104,7 +104,8 @@ void remember(Item item) {
     if (at < MAX_PENDING) pending[at] = item;
 }
 
-// Drops what is entered behind `limit`. Where other items may begin before it, the last one stays: it says which.
+// Drops the items that are entered behind `limit`. If other items may begin before it, the last one stays, because it
+// marks their beginning.
 void forget_behind(float limit) {
     if (pending_count == 0u || pending[pending_count - 1u].entry > limit) pending_more = false;
     uint kept = 0u;
@@ -117,7 +118,7 @@ void forget_behind(float limit) {
     pending_count = kept;
 }
 
-// Whether what is asked is about the first of the list: then it is kept.
+// Returns true if the question is about the first item of the list: then it is kept.
 bool keeps_question() {
     return HAS_CUTOUTS && question.unit != OWN_UNIT && is_same(question_item, pending[0]);
 }
@@ -143,14 +144,14 @@ uint pending_flags() {
     return waiting == 0u ? 0u : waiting | (keeps_question() ? RAY_ASKED : 0u);
 }
 
-// Whether a chunk instance is not behind that of the last of `count` items of the list in memory.
+// Returns true if a chunk instance is not behind that of the last of `count` items of the list in memory.
 bool in_list_before(uint path, uint count, float entry, uint chunk_instance) {
     return !key_before(PendingLists(PENDING_LISTS).v[path].entry[count - 1u],
                        PendingLists(PENDING_LISTS).v[path].chunk_instance[count - 1u], entry, chunk_instance);
 }
 
-// Whether records of a chunk instance of which items are listed are still to be visited: those of an item that is among
-// the `count` ones, and with `more` what is behind the last.
+// Returns true if records of a chunk instance with listed items are still to be visited: those of an item that is among
+// the `count` ones, and with `more` everything behind the last.
 bool is_due(uint path, uint count, bool more, Item item) {
     bool due = more && is_before(listed_item(path, count - 1u), item);
     for (uint i = 0u; i < count; ++i) due = due || is_same(listed_item(path, i), item);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cutouts: whether a material makes a surface be there or not, asked in traversal at every candidate of a hit. Without
-// CUTOUTS none of it is compiled in; with it a surface whose material does not ask costs the look at its prim.
+// Cutouts: whether a material makes a surface opaque, tested in traversal at every candidate of a hit. Without CUTOUTS
+// none of it is compiled in; with it a surface whose material has no cutout costs one load of its prim.
 #ifndef OOCPT_TRAVERSAL_PRESENCE_GLSL
 #define OOCPT_TRAVERSAL_PRESENCE_GLSL
 
@@ -11,7 +11,7 @@
 
 const uint NO_TEXTURE = 0xffffffffu;
 
-// What to ask. Without a texture the opacity is `bias`.
+// The alpha test of a material. Without a texture the opacity is `bias`.
 struct Presence {
     bool is_asked;
     uint texture;
@@ -35,9 +35,9 @@ float ray_cone(uint path, float t) {
 #endif
 }
 
-// What the material of a triangle asks. `d`: where the ray goes, in the mesh's frame; `cone`: the width of its cone
-// there over the length of d. What is there is told at the finest level, however wide the ray is: only the probability
-// that a Ptex file has is filtered.
+// The alpha test of a triangle's material. `d`: the ray's direction, in the mesh's frame; `cone`: the width of its cone
+// there over the length of d. The test uses the finest level, however wide the ray is: only the probability that a Ptex
+// file stores is filtered.
 Presence presence_of(Pose pose, uint mesh, int prim_id, uint triangle, vec2 uv, float cone, vec3 d) {
     Presence p = Presence(false, NO_TEXTURE, NO_MATERIAL, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0, COVERAGE_UNKNOWN);
     const uint slot = material_slot(prim_id, item_subset(pose, triangle));

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Walks all rays of a queue so that few threads of a subgroup are idle (see the book, design/traversal): the subgroup
 // leaves the nodes when few of its threads are still among them, so that the others need not wait; and threads that
-// have ended their walk take rays that nobody has begun, once enough of them have (after Aila and Laine 2009,
-// "Understanding the Efficiency of Ray Traversal on GPUs"). Cutouts are looked up when many threads stand at one
-// (decisions/0058). Which thread walks a ray, and when, changes nothing of it.
+// have ended their walk take new rays, once enough of them have (after Aila and Laine 2009, "Understanding the
+// Efficiency of Ray Traversal on GPUs"). Cutouts are looked up when many threads wait for one (decisions/0058). Which
+// thread walks a ray, and when, does not change the result.
 //
-// Before including, define NEXT as the member of WavefrontCounters that says which ray of the queue is the first that
-// nobody has begun, and after it
-//   begin_ray(at): begin_walk() or no_walk() for entry `at` of the queue;
-//   end_ray(ended): stores what became of the ray if `ended`; called by all threads of a subgroup.
+// Before including, define NEXT as the member of WavefrontCounters that holds the first ray of the queue that nobody
+// has begun, and after it begin_ray(at): begin_walk() or no_walk() for entry `at` of the queue; end_ray(ended): stores
+// the result of the ray if `ended`; called by all threads of a subgroup.
 #ifndef OOCPT_RAYS_GLSL
 #define OOCPT_RAYS_GLSL
 
@@ -18,11 +17,11 @@
 
 // Fewer threads than these of a subgroup of 32 do not keep it among the nodes.
 const uint KEEP_DESCENDING = 12u;
-// Fewer than these do not keep it from taking new rays; but for so many visits of leaves and instances it goes on with
-// those that it has: short walks end together.
+// Fewer than these do not keep it from taking new rays; but for a number of visits of leaves and instances it goes on
+// with those that it has: short walks end together.
 const uint KEEP_WALKING = 26u;
 const uint PATIENCE = 16u;
-// So many that stand at a cutout look it up; fewer do when fewer than LEAST_OTHERS have anything else to do.
+// So many threads that wait at a cutout look it up; fewer do when fewer than LEAST_OTHERS have other work.
 const uint ASK_TOGETHER = 16u;
 const uint LEAST_OTHERS = 2u;
 
@@ -33,7 +32,7 @@ uint threads_that(bool are) {
     return subgroupBallotBitCount(subgroupBallot(are));
 }
 
-// Whether the threads that stand at a cutout look it up now.
+// Returns true if the threads that wait at a cutout look it up now.
 bool is_asking_time() {
     const uint asking = threads_that(reference == ASK);
     if (asking >= max(ASK_TOGETHER * gl_SubgroupSize / 32u, 1u)) return true;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Streaming only: what a walk does with items of its list and with absent meshes (traversal/pending.glsl). A part of
+// Streaming only: the treatment of listed items and absent meshes in a walk (traversal/pending.glsl). A part of
 // traverse.glsl: reads the walk, the pending list of its path and the tables of chunks and meshes; remembers items, and
 // adds to the counts of rays by mesh.
 #ifndef OOCPT_RESUME_GLSL
 #define OOCPT_RESUME_GLSL
 
-// The listed items of a chunk instance whose chunk is gone: what of it is done stays done.
+// Lists the items of a chunk instance again whose chunk was evicted: the finished ones stay finished.
 void remember_again(uint chunk_instance) {
     for (uint i = 0u; i < walk.listed; ++i) {
         const Item item = listed_item(walk.path, i);
@@ -13,7 +13,7 @@ void remember_again(uint chunk_instance) {
     }
 }
 
-// Whether a listed chunk instance was absent when the ray came to it: nothing of it is done.
+// Returns true if a listed chunk instance was absent when the ray reached it: none of it is done.
 bool is_listed_whole(uint chunk_instance) {
     bool whole = false;
     for (uint i = 0u; i < walk.listed; ++i) {
@@ -23,12 +23,12 @@ bool is_listed_whole(uint chunk_instance) {
     return whole;
 }
 
-// Of the records of a mesh that the walk comes to. Streaming only.
+// The item of the records of a mesh that the walk reaches. Streaming only.
 Item current_item(uint mesh) {
     return Item(walk.chunk_entry, walk.chunk_instance, walk.entry, mesh);
 }
 
-// Streaming: whether the walk passes by a record of a mesh: its item is done, or it is absent and remembered.
+// Streaming: returns true if the walk skips a record of a mesh: its item is done, or it is absent and remembered.
 bool skips_mesh(uint mesh) {
     const Item item = current_item(mesh);
     if (walk.filters && !is_due(walk.path, walk.listed, walk.resumed, item)) return true;
@@ -48,12 +48,12 @@ bool is_chunk_there(uint chunk_instance) {
     return Chunks(FRAME.chunks).v[chunk].nodes != 0ul;
 }
 
-// Puts what a ray that has waited is to visit on the stack; returns where to begin.
+// Puts the items that a ray which has waited is to visit on the stack; returns the first reference.
 uint begin_resumed(uint flags) {
     walk.listed = waiting_count(flags);
     walk.resumed = (flags & RAY_MORE) != 0u;
     Item item = listed_item(walk.path, walk.listed - 1u);
-    // What is behind the last item begins in its chunk: it waits until that one is there again.
+    // Everything behind the last item begins in its chunk: it waits until that one is resident again.
     if (walk.resumed && item.mesh != NO_MESH && !is_chunk_there(item.chunk_instance)) {
         walk.resumed = false;
         pending_more = true;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// What intersect_shadow and settle_shadow do with a ray before and after its walk: they differ in the queue, and in
-// what is asked of cutouts. Before including, as for rays.glsl, with ANY_HIT as 1.
+// The code of intersect_shadow and settle_shadow before and after a ray's walk: they differ in the queue, and in how
+// cutouts are looked up. Before including, define what rays.glsl needs, with ANY_HIT as 1.
 #ifndef OOCPT_SHADOW_RAYS_GLSL
 #define OOCPT_SHADOW_RAYS_GLSL
 
 #include "traversal/rays.glsl"
 #include "traversal/opacity_seed.glsl"
 
-// Whether roulette has ended it.
+// Returns true if roulette has ended the ray.
 bool is_ray_ended(uint path) {
     return HAS_ROULETTE && (ray_flags(shadow_ray_address(path)) & RAY_ENDED) != 0u;
 }
@@ -27,7 +27,7 @@ void begin_ray(uint at) {
     if (SETTLES == 1 && (entry & SETTLE_KEPT) != 0u) stand_at_kept(1u, at);
 }
 
-// What the light brings if nothing is in its way, or of a shadow the share that its colour tells.
+// Adds the light's contribution if nothing is in its way, or the share that its shadow colour lets through.
 void add_light(uint path) {
     const uint64_t ray = shadow_ray_address(path);
     const uint shadow_color = shadow_in_shadow(ray);

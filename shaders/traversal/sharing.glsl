@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shares the walks of a pass's last rays among the threads of a subgroup (see the book, design/traversal): else a pass
-// would end with a few threads that walk the longest rays alone. A thread that has nothing to do takes the farthest
-// subtree that another's stack holds, with all that the walk knows; the thread whose ray it is gets what was found. The
-// closest hit does not depend on the order of visits, so nothing changes of it. A part of rays.glsl. Not while
-// streaming, where a ray has a list of what it waits for; nor in subgroups of more than 32 threads.
+// Shares the walks of a pass's last rays among the threads of a subgroup (see the book, design/traversal): otherwise a
+// pass would end with a few threads that walk the longest rays alone. An idle thread takes the farthest subtree of
+// another's stack, with the state of its walk; the thread that owns the ray gets the hit. The closest hit does not
+// depend on the order of visits, so the result is the same. A part of rays.glsl. Not while streaming, where a ray has a
+// list of what it waits for; nor in subgroups of more than 32 threads.
 #ifndef OOCPT_SHARING_GLSL
 #define OOCPT_SHARING_GLSL
 
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 
-// The thread whose ray this one walks; itself where it helps none.
+// The thread whose ray this one walks; itself if it helps none.
 uint owner;
 // Level of the entries at the bottom of the stack.
 uint floor_level;
@@ -28,7 +28,7 @@ bool is_helper() {
     return owner != gl_SubgroupInvocationID;
 }
 
-// Whether other threads still walk parts of this thread's ray. Call with all threads of a subgroup.
+// Returns true if other threads still walk parts of this thread's ray. Call with all threads of a subgroup.
 bool is_helped() {
     const uint helped = subgroupOr(is_helper() ? 1u << owner : 0u);
     return (helped >> gl_SubgroupInvocationID & 1u) != 0u;
@@ -52,7 +52,7 @@ void merge(bool hit, Found other) {
             is_closer = differs ? is_closer : other_chain[i] < found_chain[i];
             differs = differs || other_chain[i] != found_chain[i];
         }
-        // A helper of the thread that walks a mesh may hand in first what that one had found in it until then.
+        // A helper of the thread that walks a mesh may report first what the other had found in it until then.
         if (!differs) is_closer = other.triangle < found.triangle;
     }
     if (!is_closer) return;
@@ -63,7 +63,7 @@ void merge(bool hit, Found other) {
 #endif
 }
 
-// Gives what helpers that are done have found to whom the rays belong. Call with all threads of a subgroup.
+// Merges the hits of helpers that are done into the threads that own the rays. Call with all threads of a subgroup.
 void hand_in() {
     uint handing = subgroupBallot(reference == DONE && is_helper()).x;
     while (handing != 0u) {
@@ -96,10 +96,10 @@ void hand_in() {
 #endif
 }
 
-// Whether there is a subtree to give, at the bottom of the stack.
+// Returns true if there is a subtree to give away, at the bottom of the stack.
 bool can_give() {
     if (reference == DONE) return false;
-    // Of a level that is given away nothing is left but the way back to it.
+    // Of a level that is given away, only the reference back to it is left.
     while (floor_level < walk.level && stack_floor + 1u < stack_top && bottom_reference() == RETURN) {
         drop_bottom();
         ++floor_level;
@@ -111,8 +111,7 @@ uint64_t shuffled(uint64_t value, uint from) {
     return packUint2x32(subgroupShuffle(unpackUint2x32(value), from));
 }
 
-// Has threads without anything to do take subtrees of others. `idle`: whether it has nothing to do. Call with all
-// threads of a subgroup.
+// Lets idle threads take subtrees of others. `idle`: this thread has no work. Call with all threads of a subgroup.
 void share_walks(bool idle) {
     const bool gives = can_give();
     const uvec4 givers = subgroupBallot(gives);

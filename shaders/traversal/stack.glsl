@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stack of a walk: references to nodes and leaves still to visit. When the closest hit is wanted, a reference keeps
-// its entry distance, so that what lies behind a hit found since is dropped unseen (3 % on an H200); for any hit it
-// does not pay, and is kept only when rays may have to wait, for the order of what they wait for.
+// The stack of a walk: references to nodes and leaves still to visit. If the closest hit is wanted, a reference keeps
+// its entry distance, so that nodes behind a hit found since are dropped without a visit (3 % on an H200); for any hit
+// it does not pay, and is kept only when rays may have to wait, for the order of the items that they wait for.
 #ifndef OOCPT_STACK_GLSL
 #define OOCPT_STACK_GLSL
 
@@ -10,7 +10,8 @@
 #ifndef SETTLES
 #define SETTLES 0
 #endif
-// Whether candidates that no mask knows are left out and the nearest is kept (deferral.glsl), or all are looked up.
+// True if candidates that no mask decides are skipped and the nearest is kept (deferral.glsl); otherwise all are looked
+// up.
 const bool DEFERS_CUTOUTS = HAS_DEFERRED_CUTOUTS && SETTLES == 0;
 const bool ASKS_CUTOUTS = HAS_CUTOUTS && !DEFERS_CUTOUTS;
 // Words of the kept candidate, above the stack: in registers they would be there all the time.
@@ -24,7 +25,7 @@ float stack_entry[ENTRIES];
 uvec2 stack[STACK_SIZE + KEPT_WORDS];
 #endif
 uint stack_top;
-// Where DONE stands: entries below were given to other threads (sharing.glsl).
+// The position of DONE: entries below were given to other threads (sharing.glsl).
 uint stack_floor;
 bool stack_overflow;
 
@@ -40,7 +41,7 @@ void clear_stack() {
     stack_overflow = false;
 }
 
-// Leaves the entry out, and remembers that, when the stack is full.
+// Pushes an entry. If the stack is full, drops it, and records that.
 void push_reference(uint reference, float entry) {
     if (stack_top >= STACK_SIZE) {
         stack_overflow = true;
@@ -54,7 +55,7 @@ void push_reference(uint reference, float entry) {
 #endif
 }
 
-// The next reference whose box is entered before `limit`, and where. RETURN and DONE are entered at 0.
+// The next reference whose box is entered before `limit`, and its entry distance. RETURN and DONE are entered at 0.
 uint pop_reference(float limit, out float entry) {
 #if ANY_HIT
     --stack_top;
@@ -86,7 +87,7 @@ uint kept_word(uint i) {
 #endif
 }
 
-// The entry above the floor: of a subtree that is visited last.
+// The entry above the floor, the root of the subtree that is visited last.
 uint bottom_reference() {
 #if ANY_HIT
     return stack[stack_floor + 1u];
@@ -103,7 +104,7 @@ float bottom_entry() {
 #endif
 }
 
-// Takes it off.
+// Removes the bottom entry.
 void drop_bottom() {
     ++stack_floor;
 #if ANY_HIT

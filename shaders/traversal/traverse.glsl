@@ -1,23 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// Walk of a ray through the top level, chunks, nested assemblies and meshes: one
-// stack, near child first. traversal/rays.glsl has the loop.
+// Walk of a ray through the top level, chunks, nested assemblies and meshes: one stack, near child first.
+// traversal/rays.glsl has the loop.
 //
-// Before including, define ANY_HIT as 1 to stop at the first hit, else 0; and SETTLES as 1 to look cutouts up where
-// DEFERRED_CUTOUTS leaves those out that no mask knows. A surface of opacity a is met with
-// probability a, decided by a hash of seed, instances and triangle; for AOVs (PUSH_AOVS) it is met if a > 0.
-// begin_walk(), then descend() and visit() until `reference` is DONE, then end_walk(): `found` is the closest hit
-// nearer than t_max if walk.hit; at equal distance the hit with the lower (chunk instance, records, triangle) wins, so
-// the result does not depend on the order of the walk. Reads the scene, writes nothing but a counter of rays that ran
-// out of stack or levels.
+// Before including, define ANY_HIT as 1 to stop at the first hit, else 0; and SETTLES as 1 to look up the cutouts that
+// DEFERRED_CUTOUTS skips because no mask decides them. A surface of opacity a is met with probability a, decided by a
+// hash of seed, instances and triangle; for AOVs (PUSH_AOVS) it is met if a > 0. begin_walk(), then descend() and
+// visit() until `reference` is DONE, then end_walk(): `found` is the closest hit nearer than t_max if walk.hit; at
+// equal distance the hit with the lower (chunk instance, records, triangle) wins, so the result does not depend on the
+// order of the walk. Reads the scene, writes nothing but a counter of rays that ran out of stack or levels.
 //
 // Frames: the top level is walked with the high part of the world origin, boxes padded for the low part; a chunk is
-// entered with the whole (math/double.glsl), and all below it with single floats. Distances are in units of the
-// world direction throughout. The world ray is read from memory when a walk comes back to the top level: registers are
-// dearer.
+// entered with both parts (math/double.glsl), and all below it with single floats. Distances are in units of the world
+// direction throughout. The world ray is read from memory when a walk comes back to the top level, because registers
+// cost more.
 //
-// Distance of a hit: what the triangle test says, but not before the ray has entered every box above it, up to
-// CULL_PAD. The two differ by rounding only; the rule makes "closest" the minimum of a number that does not depend on
-// what was visited before, since a box is left out only when everything in it is farther.
+// Distance of a hit: that of the triangle test, but not before the ray has entered every box above it, up to CULL_PAD.
+// The two differ by rounding only; the rule makes "closest" the minimum of a number that does not depend on what was
+// visited before, since a box is skipped only if everything in it is farther.
 #ifndef OOCPT_TRAVERSE_GLSL
 #define OOCPT_TRAVERSE_GLSL
 
@@ -42,7 +41,7 @@ struct Found {
     uint chunk_instance;
 };
 
-// Where the walk is: the ray in the frame of the current level or mesh, and the arrays there.
+// State of the walk: the ray in the frame of the current level or mesh, and the arrays there.
 struct Walk {
     vec3 o;
     vec3 d;
@@ -71,12 +70,12 @@ struct Walk {
     bool resumed; // everything behind the last item of the list is to be visited
     bool hit_before;
     bool hit;
-    // Distances of the nearest candidate that no mask knows, and of the next one; with DEFERS_CUTOUTS only.
+    // Distances of the nearest candidate that no mask decides, and of the next one; with DEFERS_CUTOUTS only.
     float unsure;
     float next_unsure;
 };
 
-// Whether the last walks of a pass are shared by threads (sharing.glsl). Any hit through one level of instances is
+// True if the last walks of a pass are shared by threads (sharing.glsl). Any hit through one level of instances is
 // found in few visits: helpers gain nothing there, and the pass with their code is slower (see the book,
 // design/traversal).
 #if ANY_HIT
@@ -94,7 +93,7 @@ uint chain[MAX_LEVELS];       // instance records from the chunk to here
 #define INSTANCE_CHAIN chain
 #include "geometry/instance_primvars.glsl"
 uint found_chain[MAX_LEVELS]; // those of the closest hit
-// Rays and arrays of the levels from the chunk's down, to come back to.
+// Rays and arrays of the levels from the chunk's down, for the way back.
 vec3 level_o[MAX_LEVELS];
 vec3 level_d[MAX_LEVELS];
 uint64_t level_nodes[MAX_LEVELS];
@@ -105,7 +104,7 @@ uint level_index() {
     return MAX_LEVELS == 1u ? 0u : walk.level - 1u;
 }
 
-// Whether the candidate (chain, triangle) comes before the closest hit in the order of ids.
+// Returns true if the candidate (chain, triangle) comes before the closest hit in the order of ids.
 bool precedes(uint triangle) {
     if (walk.chunk_instance != found.chunk_instance) return walk.chunk_instance < found.chunk_instance;
     for (uint i = 0u; i <= level_index(); ++i) {
@@ -114,7 +113,7 @@ bool precedes(uint triangle) {
     return triangle < found.triangle;
 }
 
-// Whether the candidate is closer than the closest hit so far.
+// Returns true if the candidate is closer than the closest hit so far.
 bool is_closest(float t, uint triangle) {
     const bool has_hit = walk.hit || (HAS_STREAMING && walk.hit_before);
     return t < found.t || (has_hit && t == found.t && precedes(triangle));
@@ -122,8 +121,8 @@ bool is_closest(float t, uint triangle) {
 
 #include "traversal/opacity.glsl"
 
-// The candidate of a hit that the walk stands at while `reference` is ASK: it is nearer than the closest hit, and
-// whether it is there has to be looked up. `end`: of its leaf's items.
+// The candidate that the walk waits at while `reference` is ASK: it is nearer than the closest hit, and its cutout has
+// to be looked up. `end`: of its leaf's items.
 struct Candidate {
     float t;
     vec2 uv;
@@ -137,7 +136,8 @@ uint pop() {
     return pop_reference(walk.limit, walk.entry);
 }
 
-// From a node to the nearest child that is hit; the others go to the stack, for the closest hit the farthest first.
+// Descends from a node to the nearest child that is hit; the others go to the stack, for the closest hit the farthest
+// first.
 uint descend(uint at) {
     const Node node = load_node(walk.nodes, at, walk.in_mesh, walk.o, walk.reciprocal, walk.pad);
     uvec4 children = node.children;
@@ -177,7 +177,7 @@ void accept(uint triangle, vec2 uv, float t) {
 #include "traversal/masked_presence.glsl"
 #include "traversal/items.glsl"
 
-// Makes (o, d) the ray of the walk, and remembers it and the arrays for coming back.
+// Makes (o, d) the ray of the walk, and saves it and the arrays for the way back.
 void begin_level(vec3 o, vec3 d, uint64_t nodes, uint64_t instances) {
     ++walk.level;
     walk.o = o;
@@ -194,8 +194,8 @@ void begin_level(vec3 o, vec3 d, uint64_t nodes, uint64_t instances) {
 
 #include "traversal/resume.glsl"
 
-// From the top level into a chunk; returns its root, or the next reference where it is absent or done or there is no
-// room.
+// Enters a chunk from the top level; returns its root, or the next reference if it is absent or done or the stack is
+// full.
 uint enter_chunk(uint reference) {
     const uint chunk_instance = reference & 0x0fffffffu;
     const uint chunk = ChunkInstances(FRAME.chunk_instances).v[chunk_instance].chunk;
@@ -231,7 +231,7 @@ uint enter_chunk(uint reference) {
     return 0u;
 }
 
-// Into the target of an instance record; returns its root, or the next reference where there is no room.
+// Enters the target of an instance record; returns its root, or the next reference if the stack is full.
 uint enter(uint record) {
     const uint target = Instances(walk.instances).v[record].target;
     const bool nested = HAS_NESTING && (target & TARGET_ASSEMBLY) != 0u;
@@ -268,7 +268,7 @@ uint enter(uint record) {
     return 0u;
 }
 
-// The world ray, at the top level.
+// Makes the world ray the ray of the walk, at the top level.
 void begin_top() {
     walk.o = ConstVec4s(walk.ray).v[0].xyz;
     walk.d = ConstVec4s(walk.ray).v[1].xyz;
@@ -277,7 +277,7 @@ void begin_top() {
     walk.nodes = FRAME.top_nodes;
 }
 
-// To the nodes of `walk.level`, which was entered before.
+// Returns to the nodes of `walk.level`, which was entered before.
 void come_back() {
     walk.in_mesh = false;
     walk.pad = 0.0;
@@ -293,13 +293,13 @@ void come_back() {
     walk.instances = level_instances[at];
 }
 
-// Back from a mesh to the level that it was entered from, or from an assembly or a chunk to the level above.
+// Leaves a mesh for the level that it was entered from, or an assembly or a chunk for the level above.
 void leave() {
     if (!walk.in_mesh) --walk.level;
     come_back();
 }
 
-// Enters or leaves or tests what is no inner node.
+// Visits a reference that is not an inner node: enters, leaves or tests it.
 uint visit(uint at) {
     const uint first = at & 0x0fffffffu;
     if (at == RETURN) {
@@ -312,7 +312,7 @@ uint visit(uint at) {
     return pop();
 }
 
-// In place of a walk: nothing was met, nothing is waited for.
+// Replaces a walk: nothing was met, nothing is waited for.
 void no_walk(uint path) {
     walk.path = path;
     walk.hit_before = false;
@@ -325,7 +325,7 @@ void no_walk(uint path) {
 }
 
 // Begins with the ray at `ray` (Ray or ShadowRay) in world space. With streaming, a ray that has waited goes on:
-// `found` and `found_chain` are its hit so far if its flags say so, else set to nothing.
+// `found` and `found_chain` are its hit so far if its flags say so, else they are cleared.
 void begin_walk(uint64_t ray, uint path, float t_max, uint seed, uint flags) {
     walk.hit_before = HAS_STREAMING && (flags & RAY_HIT) != 0u;
     if (!walk.hit_before) found = Found(t_max, vec2(0.0), 0u, 0u);

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adds the samples of a wave, or of a segment whose first place is arg0, to the
-// film, each pixel's in ascending order: one thread per pixel of it, at least min(path_count, width * height).
-// Adaptive: one thread per entry of it; and notes at powers of two what the samples so far say of their error. In core,
-// with textures: does nothing while a path of the wave lacks a tile. Reads: radiance, streaming: ended_radiance. Reads
-// and writes: film. Adaptive:
-// reads entries, writes estimates.
+// Adds the samples of a wave, or of a segment whose first place is arg0, to the film, each pixel's in ascending order:
+// one thread per pixel of it, at least min(path_count, width * height). Adaptive: one thread per entry of it; and
+// stores at powers of two the error estimated from the samples so far. In core, with textures: does nothing while a
+// path of the wave lacks a tile. Reads: radiance, streaming: ended_radiance. Reads and writes: film. Adaptive: reads
+// entries, writes estimates.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
@@ -48,7 +47,7 @@ void main() {
     const uint64_t ended = HAS_STREAMING ? STREAMING.ended_radiance : FRAME.radiance;
     for (uint path = thread; path < push.path_count; path += pixels) {
         vec4 value = ConstVec4s(ended).v[push.arg0 + path];
-        // Sums of what is finite, of a path's contributions or of a pixel's samples, may not be.
+        // Sums of finite contributions of a path, or of samples of a pixel, may overflow.
         if (!is_finite(value.rgb) || !is_finite(film.sum.rgb + value.rgb)) {
             note_nonfinite(position);
             value.rgb = vec3(0.0);
@@ -65,7 +64,7 @@ void main() {
         precise const vec3 square = deviation * (value.rgb - sum.rgb / float(film.samples)) - film.m2_compensation;
         precise const vec3 m2 = film.m2 + square;
         precise const vec3 lost = (m2 - film.m2) - square;
-        // Squares of radiances above 1e19 are no floats: from there on the variance is as large as a float can say.
+        // Squares of radiances above 1e19 overflow: from there on the variance is the largest float.
         const bvec3 fits = lessThan(m2, vec3(LARGEST));
         film.m2_compensation = mix(vec3(0.0), lost, fits);
         film.m2 = mix(vec3(LARGEST), m2, fits);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How many samples each pixel has so far, of both streams where there are two: one thread per pixel. Only where the
-// image is wanted.
-// Reads: film. Writes: the plane FrameConstants::aov.sample_count.
+// Writes the number of samples that each pixel has so far, of both streams if there are two: one thread per pixel. Only
+// if the image is requested. Reads: film. Writes: the plane FrameConstants::aov.sample_count.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

@@ -10,7 +10,7 @@ uint64_t pending_address(uint path, bool is_shadow) {
     return is_shadow ? STREAMING.shadow_pending : STREAMING.pending;
 }
 
-// Of the closest ray, or of the path's material, which waits only when that ray does not.
+// Length of the pending list of the closest ray, or of the path's material, which waits only when that ray does not.
 uint pending_length(uint path, bool is_shadow) {
     const uint64_t ray = is_shadow ? shadow_ray_address(path) : ray_address(path);
     return waiting_count(ray_flags(ray));
@@ -26,7 +26,7 @@ uint pending_chunk(uint64_t pending, uint path, uint i) {
     return ChunkInstances(FRAME.chunk_instances).v[instance].chunk;
 }
 
-// Its mesh: the whole chunk instance is meant where that is NO_MESH.
+// The mesh of entry i; NO_MESH means the whole chunk instance.
 uint pending_mesh(uint64_t pending, uint path, uint i) {
     return PendingLists(pending).v[path].mesh[i];
 }
@@ -35,7 +35,7 @@ uint64_t question_list(bool is_shadow) {
     return is_shadow ? STREAMING.shadow_questions : STREAMING.questions;
 }
 
-// Whether the ray has a question about the first of its list.
+// Returns true if the ray has a question about the first of its list.
 bool is_asked(uint path, bool is_shadow) {
     const uint64_t ray = is_shadow ? shadow_ray_address(path) : ray_address(path);
     return (ray_flags(ray) & RAY_ASKED) != 0u;
@@ -58,7 +58,7 @@ uint pending_tile(uint entry, uint path, uint i) {
     return Questions(question_list(is_shadow)).v[path].unit;
 }
 
-// What the i-th entry of a list waits for; of a chunk and a mesh the chunk, unless that is there.
+// The unit that the i-th entry of a list waits for; of a chunk and a mesh the chunk, unless that is resident.
 uint pending_unit(uint entry, uint path, uint i) {
     const uint tile = pending_tile(entry, path, i);
     if (tile != OWN_UNIT) return tile;
@@ -79,9 +79,9 @@ uint path_of_entry(uint entry) {
 
 const uint NOT_READY = 0xffffffffu;
 
-// Where a ray belongs among those that go on: its chunk, shadow rays behind all others, materials behind these. A
-// closest ray waits for the first of its units, a shadow ray for any, a material for the first. With cutouts a shadow
-// ray too waits for the first: its question is about that one.
+// The sort key of a ray that goes on: its chunk, shadow rays behind all others, materials behind these. A closest ray
+// waits for the first of its units, a shadow ray for any, a material for the first. With cutouts a shadow ray too waits
+// for the first: its question is about that one.
 uint ready_key(uint entry) {
     const bool is_shadow = (entry & SHADOW_BIT) != 0u;
     const uint path = path_of_entry(entry);
@@ -95,7 +95,7 @@ uint ready_key(uint entry) {
             if (!is_tile_resident(tile)) continue;
             return 2u * STREAMING.chunk_count + (tile - STREAMING.first_tile) % TILE_KEYS;
         }
-        // Not answered: resolve_cutouts is to go on with it.
+        // The question is not answered: resolve_cutouts will go on with it.
         if (tile != OWN_UNIT) continue;
         const uint64_t pending = pending_address(path, is_shadow);
         const uint chunk = pending_chunk(pending, path, i);

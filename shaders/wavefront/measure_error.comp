@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the film says about its own error: at most ERROR_GROUPS workgroups, each sums the pixels of its threads, which
-// are interleaved. The sums are taken in one order: same film, same bits. Reads: film. Writes: ErrorSums of each
-// workgroup, behind the film's pixels.
+// Estimates the film's own error: at most ERROR_GROUPS workgroups, each sums the pixels of its threads, which are
+// interleaved. The sums are taken in one order: same film, same bits. Reads: film. Writes: ErrorSums of each workgroup,
+// behind the film's pixels.
 //
-// A pixel's error is divided by the square of what the pixel is, which nobody knows. Its own mean would hide a firefly
-// (divided by itself, it is 1 at most); so the mean is drawn towards its neighbours' as far as it differs from it by no
-// more than its noise explains (positive-part James-Stein).
+// A pixel's error is divided by the square of the pixel's true value, which is unknown. Its own mean would hide a
+// firefly (divided by itself, it is 1 at most); so the mean is drawn towards its neighbours' as far as it differs from
+// it by no more than its noise explains (positive-part James-Stein).
 //
-// Adaptive: what is said of the change since half as many samples is said of half the difference of the two streams.
+// Adaptive: the change since half as many samples is replaced by half the difference of the two streams.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
@@ -46,7 +46,7 @@ float average(vec3 v) {
     return min(LARGEST, (v.x + v.y + v.z) * (1.0 / 3.0));
 }
 
-// Sum and sum of squares of the neighbours' means; how many there are.
+// Sum and sum of squares of the neighbours' means; returns their number.
 uint neighbours(ivec2 at, out vec3 sum, out vec3 squares) {
     sum = vec3(0.0);
     squares = vec3(0.0);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The surface that the closest ray of a path met: made from the hit or, with streaming, as record_surfaces left it.
-// With materials, `surface_material` is set along with it.
+// The surface that the closest ray of a path met: made from the hit or, with streaming, loaded as record_surfaces
+// stored it. With materials, `surface_material` is set along with it.
 #ifndef OOCPT_PATH_SURFACE_GLSL
 #define OOCPT_PATH_SURFACE_GLSL
 

@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Turns queue lengths into indirect arguments and empties the queues that the next passes fill: one thread.
-// arg0 = PREPARE_TRACE, round r: for intersect_closest of round r and intersect_shadow of what round r - 1 shaded.
-// arg0 = PREPARE_SHADE, round r: for shade_surface and shade_background of round r.
-// arg0 = PREPARE_DEMAND: for what reads the deferred rays, and for retire_paths.
-// arg0 = PREPARE_RESOLVE: for resolve_materials.
-// arg0 = PREPARE_SETTLE: for settle_closest and settle_shadow.
-// Reads and writes: WavefrontCounters. Totals of rays are counted here, those of AOVs left out.
+// Turns queue lengths into indirect arguments and empties the queues that the next passes fill: one thread. arg0 =
+// PREPARE_TRACE, round r: for intersect_closest of round r and intersect_shadow of what round r - 1 shaded. arg0 =
+// PREPARE_SHADE, round r: for shade_surface and shade_background of round r. arg0 = PREPARE_DEMAND: for what reads the
+// deferred rays, and for retire_paths. arg0 = PREPARE_RESOLVE: for resolve_materials. arg0 = PREPARE_SETTLE: for
+// settle_closest and settle_shadow. Reads and writes: WavefrontCounters. Totals of rays are counted here, those of AOVs
+// left out.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
 
-// Up to so many threads walk few rays, and so many one.
+// Few rays get more threads than rays: up to SPREAD_TO in all, and up to MOST_SPREAD for one ray.
 const uint SPREAD_TO = 1u << 17;
 const uint MOST_SPREAD = 4u;
 
@@ -30,7 +29,7 @@ IndirectArgs walkers(uint rays, uint most) {
     return indirect(min(rays * spread, most));
 }
 
-// Streaming: what the last traversals counted, into the totals.
+// Streaming: adds the counts of the last traversals to the totals.
 void add_totals() {
     COUNTERS.chunk_visits += uint64_t(COUNTERS.visits);
     COUNTERS.chunk_misses += uint64_t(COUNTERS.misses);

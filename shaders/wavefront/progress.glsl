@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Streaming only: how far the rays of each path are. A path is shaded when its closest ray and the shadow ray of the
-// bounce before are both finished, so that what is added to its radiance comes in one order; whichever of the two
-// finishes last pushes it.
+// Streaming only: the progress of each path's rays. A path is shaded when its closest ray and the shadow ray of the
+// bounce before are both finished, so that its radiance is summed in one order; whichever of the two finishes last
+// pushes it.
 #ifndef OOCPT_PROGRESS_GLSL
 #define OOCPT_PROGRESS_GLSL
 

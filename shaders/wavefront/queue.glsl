@@ -30,7 +30,7 @@ void add_each(uint64_t words, uint key, uint step, bool wanted) {
     }
 }
 
-// As add_each by 1; returns whether this thread made the number and found 0.
+// As add_each by 1; returns true if this thread made the number and found 0.
 bool add_to_nothing(uint64_t words, uint key, bool wanted) {
     if (!wanted) return false;
     const uint first = subgroupBroadcastFirst(key);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Streaming with cutouts only. Goes on with the lookups that rays asked about, as far as tiles of textures are there:
-// one thread per deferred ray, WavefrontCounters::deferred_args.
-// Reads: deferred, rays and shadow_rays (flags), textures and tiles. Reads and writes: questions.
+// one thread per deferred ray, WavefrontCounters::deferred_args. Reads: deferred, rays and shadow_rays (flags),
+// textures and tiles. Reads and writes: questions.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

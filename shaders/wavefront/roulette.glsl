@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Roulette on loads only: which waiting rays it is about, and what is known of their pixels.
+// Roulette on loads only: the waiting rays that take part, and the statistics of their pixels.
 // oocpt_core::residency::roulette decides.
 #ifndef OOCPT_ROULETTE_GLSL
 #define OOCPT_ROULETTE_GLSL
@@ -10,7 +10,7 @@
 
 const float ROULETTE_EPSILON = 1e-2; // as in measure_error
 
-// Whether an entry of the list of deferred rays waits for a chunk or mesh; if so for which first.
+// Returns true if an entry of the list of deferred rays waits for a chunk or mesh; `unit` is the first one.
 bool waits_for_geometry(uint entry, out uint unit) {
     unit = STREAMING.first_tile;
     if ((entry & MATERIAL_BIT) != 0u) return false;
@@ -18,7 +18,7 @@ bool waits_for_geometry(uint entry, out uint unit) {
     return unit < STREAMING.first_tile;
 }
 
-// Camera rays are not played with: their radiance has no weight, nor has alpha.
+// Returns true if the ray takes part. Camera rays do not: their radiance has no weight, nor has alpha.
 bool is_played(uint entry) {
     return (entry & SHADOW_BIT) != 0u || ray_bounce(ray_address(path_of_entry(entry))) != 0u;
 }
@@ -27,15 +27,15 @@ float average(vec3 v) {
     return (v.x + v.y + v.z) * (1.0 / 3.0);
 }
 
-// What the path of a place in the segments is a sample of.
+// Pixel and sample of the path of a place in the segments.
 struct Sample {
     uint pixel;  // with its stream, if there are some
     uint number;
     uint stride; // places from there to the next sample of the pixel, if it is under way too
 };
 
-// False where there was no path since the host zeroed the segments. One that has gone into the film already may be
-// found again.
+// False if there was no path since the host zeroed the segments. One that has gone into the film already may be found
+// again.
 bool sample_of_place(uint place, out Sample of_path) {
     const uint segment = place / STREAMING.segment_size;
     const uint i = place - segment * STREAMING.segment_size;

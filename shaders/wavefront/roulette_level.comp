@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Roulette on loads only. How bright paths are and how much they differ: mean radiance, second moment, and what
-// variance the means of pixels have. Of some pixels, all their samples that are found and have ended. One workgroup.
-// Reads: segments, ended_radiance. Reads and writes: RouletteStats.
+// Roulette on loads only. Measures the brightness of paths and its spread: mean radiance, second moment, and the
+// variance of the means of pixels. It takes some pixels, and all their samples that are found and have ended. One
+// workgroup. Reads: segments, ended_radiance. Reads and writes: RouletteStats.
 //
-// The error of a mean of scrambled Sobol points is not told by the variance of the points. The mean of the first half
-// of them differs from the mean of all by V(n / 2) - V(n), squared (measure_error); where V falls as n^-r that is V(n)
-// times 2^r - 1. Half of it is taken, r = 1.6: between r = 1 (no better than random points) and r = 2 (edges).
+// The error of a mean of scrambled Sobol points does not follow from the variance of the points. The mean of the first
+// half of them differs from the mean of all by V(n / 2) - V(n), squared (measure_error); if V falls as n^-r that is
+// V(n) times 2^r - 1. Half of it is taken, r = 1.6: between r = 1 (no better than random points) and r = 2 (edges).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Roulette on loads only. Adds up, unit by unit, the second moment of what the rays that wait for it first bring to a
-// pixel together, relative to the pixel, over the pixels: one thread per deferred ray,
+// Roulette on loads only. Adds up, unit by unit, the second moment of what the rays that wait for it first contribute
+// to a pixel together, relative to the pixel, over the pixels: one thread per deferred ray,
 // WavefrontCounters::deferred_args. Reads: deferred, rays, shadow_rays, paths, pending lists, segments, ended_radiance,
 // film, RouletteStats. Adds to: worth, worth_sums.
 //
-// All rays of a load end together, so m rays of a pixel that bring c each add m^2 c^2 to its variance. Each adds its
-// part to a sum of its unit and pixel, and to the unit by how much that grows the sum's square. Two sums that share
-// an element by their hash make too much of it, never too little.
+// All rays of a load end together, so m rays of a pixel that contribute c each add m^2 c^2 to its variance. Each adds
+// its part to a sum of its unit and pixel, and to the unit by how much that grows the sum's square. Two sums that share
+// an element by their hash overestimate it, never underestimate it.
 //
-// A shadow ray brings its contribution. What a closest ray brings is its path's throughput times a radiance nobody
-// knows: its moments are taken for those of the paths so far, and what it differs from its mean for independent of all
-// others. Errors are relative to the pixel: the mean of what the film and its other paths know, or that drawn towards
-// the picture's mean where this is less.
+// A shadow ray adds its contribution. The contribution of a closest ray is its path's throughput times an unknown
+// radiance: its moments are taken to be those of the paths so far, and its deviation from the mean to be independent of
+// all others. Errors are relative to the pixel: the mean that the film and its other paths know, or that drawn towards
+// the picture's mean if this is less.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

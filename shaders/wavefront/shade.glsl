@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shading of surfaces: any BSDF, any light.
 //
-// At each surface: what the ray has met of the lights on its way here (weighed against the shadow ray of the bounce
-// before), one shadow ray, one BSDF ray. That goes for bounce max_bounces too, where the BSDF ray only looks for
-// lights: shadow rays alone find nothing in a mirror and little in what is almost one. Only Lambert ends there, with a
-// shadow ray that brings all.
+// At each surface: the contribution of the lights that the ray has met on its way here (weighed against the shadow ray
+// of the bounce before), one shadow ray, one BSDF ray. That holds for bounce max_bounces too, where the BSDF ray only
+// looks for lights: shadow rays alone find nothing in a mirror and little in a nearly sharp lobe. Only Lambert ends
+// there, with a shadow ray that accounts for all light.
 #ifndef OOCPT_SHADE_GLSL
 #define OOCPT_SHADE_GLSL
 
@@ -26,7 +26,7 @@ void add_met_lights(uint path, Ray ray, Surface surface, PathState state) {
     if (met) add_radiance(path, clamp_contribution(path, state.throughput * lights, ray.bounce > 1u));
 }
 
-// Stores the shadow ray, or adds its contribution where nothing can be in its way. Gives whether there is a ray.
+// Stores the shadow ray, or adds its contribution if nothing can be in its way. Returns true if there is a ray.
 bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, vec3 throughput) {
     const vec3 contribution = clamp_contribution(path, throughput * ls.contribution, bounce > 0u);
     if (!(max_component(contribution) > 0.0)) return false;
@@ -41,7 +41,7 @@ bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, ve
     return true;
 }
 
-// Weight of what the ray has met of a mesh that emits light, against the shadow ray of the bounce before.
+// Weight of the emission of a mesh that the ray has met, against the shadow ray of the bounce before.
 float emission_share(uint path, Ray ray, Surface surface, float pdf) {
     if (ray.bounce == 0u || !(pdf > 0.0)) return 1.0;
     set_light_time(path);
@@ -57,9 +57,9 @@ float emission_share(uint path, Ray ray, Surface surface, float pdf) {
     return ray_weight(pdf, other);
 }
 
-// From where a tube of hair is met to where a direction that goes through it leaves: where the normal of a tube a
-// tenth thicker is that of the direction across the fibre. The BSDF has the whole fibre in it, so its inside must not
-// be met; a tenth is enough at joints of pieces that turn by up to 24 degrees. What is no tube has no inside.
+// The offset from the hit on a tube of hair to the point where a direction through it leaves: where the normal of a
+// tube a tenth thicker is that of the direction across the fibre. The BSDF includes the whole fibre, so its inside must
+// not be met; a tenth is enough at joints of pieces that turn by up to 24 degrees. Other leaves have no inside.
 vec3 way_around(const Bsdf bsdf, vec3 w, float offset) {
     const float radius = surface_material.handedness;
     if (!(radius > 0.0)) return -offset * bsdf.g;
@@ -67,7 +67,7 @@ vec3 way_around(const Bsdf bsdf, vec3 w, float offset) {
     return radius * (1.1 * normal_or(across, -bsdf.g) - bsdf.g);
 }
 
-// Shades a hit: `asks` tells that a shadow ray was stored, `go_on` that the next ray was.
+// Shades a hit: `asks` is set if a shadow ray was stored, `go_on` if the next ray was.
 void shade(uint path, out bool asks, out bool go_on) {
     asks = false;
     go_on = false;
@@ -90,7 +90,7 @@ void shade(uint path, out bool asks, out bool go_on) {
     }
     if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
         const float weight = HAS_MESH_LIGHTS ? emission_share(path, ray, surface, state.pdf) : 1.0;
-        // As for other lights: what shadow rays could bring at bounce 0 is direct.
+        // As for other lights, light that shadow rays could find at bounce 0 is direct.
         add_radiance(path, clamp_contribution(path, state.throughput * (shading.emission * weight),
                                               ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u)));
     }
@@ -107,7 +107,7 @@ void shade(uint path, out bool asks, out bool go_on) {
     const uint link_set = prim_link_set(surface.prim_id);
     const uint packed_normal = HAS_BEYOND ? NO_INDEX : pack_normal(normal);
 
-    // What goes through leaves on the other side.
+    // Transmitted rays leave on the other side.
     const Double3 beyond = HAS_BEYOND ? add(surface.position, -surface.offset * normal) : origin;
     LightSample ls = sample_one_light(path, ray.bounce, bsdf, wo, origin, link_set, packed_normal, last, surface.cone);
     const vec4 u = sample_4d(index, 1u + 2u * ray.bounce, seed);
@@ -115,10 +115,11 @@ void shade(uint path, out bool asks, out bool go_on) {
     float pdf;
     bool evaluates = false;
     bool is_sampled = !last && bsdf_choose(bsdf, wo, u, wi, weight, pdf, evaluates);
-    // What is sampled with its density at once is Lambert; what has none is sharp.
+    // A lobe sampled together with its density is Lambert; one without a density is sharp.
     vec3 share = vec3(0.0);
     if (HAS_LIGHT_LOBES && is_sampled && !evaluates && pdf > 0.0) share = vec3(1.0);
-    // Two directions, one copy of the BSDF's code, which is the largest part of this: the light's and the next ray's.
+    // The light's direction and the next ray's share one copy of the BSDF's code, which is the largest part of this
+    // pass.
     [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
         if (i == 0u ? !needs_bsdf(ls) : !evaluates) continue;
         vec3 direction = wi;
@@ -141,7 +142,7 @@ void shade(uint path, out bool asks, out bool go_on) {
         const vec3 shift = way_around(bsdf, ls.direction, surface.offset);
         ask_from = add(surface.position, shift);
         if (ls.distance < INFINITE) {
-            // The end stays where it is.
+            // The end of the shadow ray stays where it is.
             const vec3 rest = ls.distance * ls.direction - shift;
             ls.distance = sqrt(dot3(rest, rest));
             ls.direction = normal_or(rest, ls.direction);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the rays of generate_aov_rays met: one thread per ray of a queue. arg0 = AOV_SURFACES: surface_queue,
-// WavefrontCounters::surface_args; arg0 = AOV_ESCAPED: escaped_queue, WavefrontCounters::escaped_args.
+// Writes the images of what the rays of generate_aov_rays met: one thread per ray of a queue. arg0 = AOV_SURFACES:
+// surface_queue, WavefrontCounters::surface_args; arg0 = AOV_ESCAPED: escaped_queue, WavefrontCounters::escaped_args.
 // Reads: the queue, hits, the scene; with streaming, surfaces in place of the last two. Writes: the planes of
 // FrameConstants::aov that are not 0; with streaming, segments. Surfaces of opacity 0 are not seen, all others are.
 #version 460
@@ -13,7 +13,8 @@
 #include "material/material.glsl"
 #include "camera/motion_vector.glsl"
 
-// row . (p, 1). Of the world's rows, p from FrameConstants::ray_o on: far from the world's origin nothing cancels.
+// row . (p, 1) of a row in world space, for p relative to FrameConstants::ray_o: far from the world's origin nothing
+// cancels.
 float row_at(vec4 row, vec3 p) {
     return dot3(row.xyz, p) + row.w;
 }
@@ -60,7 +61,7 @@ void main() {
     if (hit) a = aovs_of(path, load_surface(path));
     const uvec2 position = pixel_position(path_pixel(path));
     store(position.y * FRAME.width + position.x, a);
-    // record_surfaces knows it of hits.
+    // For hits, record_surfaces has written it.
     const bool is_there = HAS_STREAMING && HAS_MOTION_VECTORS && hit;
     if (FRAME.aov.motion != 0ul && !is_there) store_motion(path, a.motion);
     if (HAS_STREAMING) end_path(path, true);

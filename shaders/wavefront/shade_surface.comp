@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shades every hit of a round: a shadow ray towards one light, and the ray of the next bounce. One thread per hit,
-// WavefrontCounters::surface_args.
-// Reads: surface_queue, hits, rays, paths, the scene. Writes: paths, rays (the next one in place of this one),
-// shadow_rays and, at bounce 0, radiance (alpha 1); pushes the path to shadow_queue and ray_queue[(round + 1) & 1].
-// With streaming: reads surfaces in place of hits and the scene; writes progress, segments. Where lights ask something
-// of the surface that a ray left also: reads and writes light_paths. Adds to radiance what the ray brings of the lights
-// that it has met.
+// WavefrontCounters::surface_args. Reads: surface_queue, hits, rays, paths, the scene. Writes: paths, rays (the next
+// one in place of this one), shadow_rays and, at bounce 0, radiance (alpha 1); pushes the path to shadow_queue and
+// ray_queue[(round + 1) & 1]. With streaming: reads surfaces in place of hits and the scene; writes progress, segments.
+// If lights need data of the surface that a ray left, also reads and writes light_paths. Adds to radiance the
+// contribution of the lights that the ray has met.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
@@ -17,7 +16,7 @@
 #include "light/sample.glsl"
 #include "light/sampling.glsl"
 
-// Russian roulette (Arvo and Kirk 1990) from this bounce on, by the throughput; a path of full throughput always goes
+// Russian roulette (Arvo and Kirk 1990) starts at this bounce, by the throughput; a path of full throughput always goes
 // on, so that no weight exceeds 1 by it.
 const uint ROULETTE_FROM = 3u;
 

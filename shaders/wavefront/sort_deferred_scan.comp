@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Streaming only. Turns counts into places, in two steps.
-// arg0 = SCAN_BLOCKS, a workgroup per block of SCAN_BLOCK counts: each becomes the sum of those before it in its block;
-// sort_sums gets the sum of the block.
-// arg0 = SCAN_SUMS, one workgroup: each sum becomes that of the blocks before it. Makes room in the queues and turns to
-// the other list of deferred rays.
-// Reads and writes: sort_counts, sort_sums, WavefrontCounters.
+// Streaming only. Turns counts into places, in two steps. arg0 = SCAN_BLOCKS, a workgroup per block of SCAN_BLOCK
+// counts: each becomes the sum of those before it in its block; sort_sums gets the sum of the block. arg0 = SCAN_SUMS,
+// one workgroup: each sum becomes that of the blocks before it. Makes room in the queues and turns to the other list of
+// deferred rays. Reads and writes: sort_counts, sort_sums, WavefrontCounters.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

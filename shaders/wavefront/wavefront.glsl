@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every wavefront pass starts with: push constants, thread index, path numbering, rays in memory.
+// The head of every wavefront pass: push constants, thread index, path numbering, rays in memory.
 #ifndef OOCPT_WAVEFRONT_GLSL
 #define OOCPT_WAVEFRONT_GLSL
 
@@ -27,8 +27,8 @@ uint sample_from(uint first_sample, uint first_pixel, uint i) {
     return first_sample + (first_pixel + i) / (FRAME.width * FRAME.height);
 }
 
-// Streaming: where the radiance of the path in a slot goes when it ends, a place in one of the segments, of which there
-// are more than slots: what little is left of a path that has ended does not keep its slot from the next one.
+// Streaming: the place in the segments for the radiance of the path in a slot. There are more places than slots: an
+// ended path does not keep its slot from the next one.
 uint path_place(uint path) {
     return ConstUints(STREAMING.places).v[path];
 }
@@ -71,7 +71,7 @@ uvec2 path_entry(uint path) {
                       Segments(STREAMING.segments).v[segment].first_sample, place - segment * STREAMING.segment_size);
 }
 
-// Whether paths are numbered by entries; those through pixel centres are not.
+// Returns true if paths are numbered by entries; those through pixel centres are not.
 bool has_entries() {
     return HAS_ADAPTIVE && (push.flags & PUSH_AOVS) == 0u;
 }
@@ -145,7 +145,7 @@ void set_ray_flags(uint64_t ray, uint flags) {
     Uints(ray).v[RAY_WORD_FLAGS] = flags;
 }
 
-// What ray flags say of the pending list: they are 0 for a ray that waits for nothing.
+// The part of ray flags that describes the pending list: 0 for a ray that waits for nothing.
 uint pack_waiting(uint count, bool more) {
     return count == 0u ? 0u : RAY_WAITED | (more ? RAY_MORE : 0u) | count << RAY_COUNT_SHIFT;
 }
@@ -211,14 +211,14 @@ float max_component(vec3 v) {
     return max(v.x, max(v.y, v.z));
 }
 
-// Counts what is not finite, and notes the least pixel, whatever the order in which they come.
+// Counts values that are not finite, and notes the least pixel, whatever the order in which they come.
 void note_nonfinite(uvec2 pixel) {
     atomicAdd(COUNTERS.nonfinite, 1u);
     atomicMax(COUNTERS.nonfinite_pixel, ~(pixel.y * FRAME.width + pixel.x));
 }
 
-// What may be added to the radiance of a path: zero, and counted with its place, when not finite; bounded when indirect
-// and a bound is set.
+// The value that may be added to the radiance of a path: zero, and counted with its pixel, if not finite; bounded if it
+// is indirect and a bound is set.
 vec3 clamp_contribution(uint path, vec3 contribution, bool indirect) {
     if (!is_finite(contribution)) {
         note_nonfinite(pixel_position(path_pixel(path)));

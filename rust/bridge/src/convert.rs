@@ -19,7 +19,7 @@ use oocpt_core::scene::{
 use std::fmt::Debug;
 use std::sync::Arc;
 
-/// What was left out: "part: reason" of a prim.
+/// The parts of prims that were left out: "part: reason".
 #[derive(Debug, Default)]
 pub(crate) struct ConversionWarnings(pub(crate) Vec<SceneWarning>);
 
@@ -38,7 +38,7 @@ impl ConversionWarnings {
         }
     }
 
-    /// An array that a prim cannot do without; an empty one stands for a missing one.
+    /// An array that a prim cannot do without; a missing one becomes an empty one.
     fn required<T: ArrayElement + Debug>(
         &mut self,
         path: &str,
@@ -127,12 +127,12 @@ impl ConversionWarnings {
     }
 }
 
-/// Empty text stands for none.
+/// The text; `None` if it is empty.
 pub(crate) fn optional_text(text: String) -> Option<Arc<str>> {
     (!text.is_empty()).then(|| Arc::from(text))
 }
 
-/// A file, where the scene names one.
+/// A file; `None` if the scene names none.
 pub(crate) fn asset(desc: ffi::AssetDesc) -> Option<AssetRef> {
     let is_named = !(desc.authored.is_empty() && desc.resolved.is_empty());
     is_named.then(|| AssetRef { authored: Arc::from(desc.authored), resolved: Arc::from(desc.resolved) })
@@ -159,7 +159,7 @@ fn subdivision(scheme: u8) -> Subdivision {
     }
 }
 
-/// What every prim has.
+/// The description that every prim has.
 pub(crate) fn prim(desc: ffi::PrimDesc) -> PrimDesc {
     PrimDesc {
         path: Arc::from(desc.path),

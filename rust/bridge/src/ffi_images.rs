@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The boundary's images: what C++ tells of the host's files, and how Rust asks for texels. Guarantees and threads as
-//! said at `bridge/heldImage.h`.
+//! The boundary's images: the facts of the host's files from C++, and Rust's requests for texels. Guarantees and
+//! threads are those of `bridge/heldImage.h`.
 
 use oocpt_render::textures::ImageError;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -12,7 +12,7 @@ pub(crate) use ffi::{HeldFile, HeldImage, HeldTransform, ImageFacts, ImageSource
 pub(crate) struct RowSink<'a>(pub(crate) &'a mut dyn FnMut(u32, &[u8]) -> bool);
 
 impl RowSink<'_> {
-    /// Called by C++, so nothing may unwind from it.
+    /// Passes rows on. Called by C++, so it must not unwind.
     pub(crate) fn take(&mut self, top: u32, rows: &[u8]) -> Result<bool, ImageError> {
         catch_unwind(AssertUnwindSafe(|| (self.0)(top, rows)))
             .map_err(|_panic| ImageError("is decoded for one who panicked".to_owned()))
@@ -23,7 +23,7 @@ impl RowSink<'_> {
 pub(crate) struct ByteSink<'a>(pub(crate) &'a mut Xxh3);
 
 impl ByteSink<'_> {
-    /// Called by C++. Never fails; cxx turns what unwinds into the end of the process, and hashing does not.
+    /// Passes bytes on. Called by C++. Never fails; cxx ends the process on unwinding, and hashing does not unwind.
     #[expect(clippy::unnecessary_wraps, reason = "the rule of the boundary")]
     pub(crate) fn take(&mut self, bytes: &[u8]) -> Result<(), ImageError> {
         self.0.update(bytes);
@@ -45,7 +45,7 @@ impl ByteSink<'_> {
 )]
 #[cxx::bridge(namespace = "oocpt")]
 mod ffi {
-    /// What one channel of a texel is.
+    /// The type of a channel of a texel.
     #[repr(u8)]
     #[derive(Debug)]
     enum TexelTag {
@@ -54,7 +54,7 @@ mod ffi {
         Float,
     }
 
-    /// How a file says that it is continued outside.
+    /// The wrap mode that a file states.
     #[repr(u8)]
     #[derive(Debug)]
     enum WrapTag {
@@ -65,8 +65,8 @@ mod ffi {
         Mirror,
     }
 
-    /// What is known of an image. `levels`: width and height of each, finest first; `is_srgb`: 1, 0, or -1 where it is
-    /// not said.
+    /// The facts of an image. `levels`: width and height of each, finest first; `is_srgb`: 1, 0, or -1 if the file does
+    /// not state it.
     #[derive(Debug, Clone)]
     struct ImageFacts {
         levels: Vec<u32>,
@@ -87,11 +87,11 @@ mod ffi {
         height: u32,
     }
 
-    /// What is known of a file without opening it. Not plain: only the host's resolver knows the file, the rest is
-    /// empty.
+    /// The facts of a file without opening it. If it is not plain, only the host's resolver knows the file, and the
+    /// rest is empty.
     struct FileFacts {
         is_plain: bool,
-        /// Absolute, without links.
+        /// The absolute path, without links.
         canonical: String,
         size: u64,
         modified_ns: i64,
@@ -100,7 +100,7 @@ mod ffi {
     extern "Rust" {
         type RowSink<'a>;
 
-        /// Takes rows from the top of the image down; false: no more are wanted.
+        /// Takes rows from the top of the image down; returns false to stop.
         fn take(self: &mut RowSink<'_>, top: u32, rows: &[u8]) -> Result<bool>;
 
         type ByteSink<'a>;

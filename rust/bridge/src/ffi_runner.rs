@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The boundary's part for command lines, warnings and limits, which needs no session. Guarantees and threads as in
-//! `lib.rs`.
+//! The boundary's part for command lines, warnings and limits, which needs no session. Guarantees and threads are those
+//! of `lib.rs`.
 
 use crate::guard::{BridgeError, guard};
 use crate::runner::{self, begin_picture, interrupt, picture_rendered};
@@ -9,13 +9,13 @@ use ffi::{Interrupted, PrimWarning};
 use oocpt_core::scene::{SceneWarning, summary};
 use oocpt_core::settings::{SettingScope, Settings};
 
-/// See [`runner::interrupted`].
+/// The state of interruption: [`runner::interrupted`].
 fn interrupted() -> Result<Interrupted, BridgeError> {
     let (is_interrupted, early) = runner::interrupted()?;
     Ok(Interrupted { is_interrupted, samples: early.samples, target: early.target })
 }
 
-/// What to post for the warnings of a reader of prims: few lines where many prims say the like.
+/// The lines to post for the warnings of a reader of prims: few lines if many prims have the same text.
 fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>, BridgeError> {
     guard("summed_warnings", || {
         let warning = |w: PrimWarning| SceneWarning::of_notes(w.path.into(), vec![w.text]);
@@ -23,17 +23,17 @@ fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>, BridgeErro
     })
 }
 
-/// Whether a scene may set the setting of that name; also where there is none.
+/// Returns true if a scene may set the setting of that name; also if there is no such setting.
 fn scene_may_set(key: &str) -> bool {
     Settings::scope(key) != Some(SettingScope::Machine)
 }
 
-/// See [`settings::set_on_command_line`].
+/// Sets a setting: [`settings::set_on_command_line`].
 fn set_on_command_line(name: &str, text: &str) -> Result<(), BridgeError> {
     guard("set_on_command_line", || Ok(settings::set_on_command_line(name, text)?))
 }
 
-/// Clipping planes of a camera that count.
+/// Most clipping planes of a camera that are used.
 fn max_clip_planes() -> usize {
     oocpt_core::MAX_CLIP_PLANES
 }
@@ -52,14 +52,14 @@ fn max_clip_planes() -> usize {
 )]
 #[cxx::bridge(namespace = "oocpt")]
 mod ffi {
-    /// What a reader complains about.
+    /// A warning of a reader of prims.
     #[derive(Debug, Clone)]
     struct PrimWarning {
         path: String,
         text: String,
     }
 
-    /// How far the picture of an interrupted command line is; `samples` is 0 where nothing of it is to be written.
+    /// The progress of the picture of an interrupted command line; `samples` is 0 if nothing of it is to be written.
     #[derive(Debug, Clone, Copy)]
     struct Interrupted {
         is_interrupted: bool,

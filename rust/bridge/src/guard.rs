@@ -7,7 +7,7 @@
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// What C++ gets to see as the text of `rust::Error`.
+/// The errors that C++ gets as the text of `rust::Error`.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum BridgeError {
     /// A defect of this program; the host goes on.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What C++ holds and Rust uses: arrays, read in place, and images.
+//! The objects of C++ that Rust uses: arrays, read in place, and images.
 //!
 //! [`HeldSource`] owns the C++ object and so keeps the USD array alive; it may be read and dropped on any thread.
 
@@ -56,9 +56,9 @@ impl fmt::Debug for HeldSource {
     }
 }
 
-/// A typed view of a held array; `None` when the pointer is null.
+/// A typed view of a held array; `None` if the pointer is null.
 ///
-/// `Some(Err)` carries the reason when the bytes do not divide into elements or the element type is unknown.
+/// `Some(Err)` carries the reason if the bytes do not divide into elements or the element type is unknown.
 pub(crate) fn typed_array(held: UniquePtr<ffi::HeldArray>) -> Option<Result<TypedArray, String>> {
     let element = held.as_ref()?.element();
     Some(match element_type(element) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Files of the host that are read in parts, while textures are made of them. A scene may have more of them than a
-//! process may have open: each is opened when it is read, and the ones read last stay open. Any thread, several at
-//! once.
+//! process may have open: each is opened when it is read, and the most recently read ones stay open. Any thread,
+//! several at once.
 
 use crate::ffi_images as ffi;
 use cxx::UniquePtr;
@@ -11,7 +11,7 @@ use std::fmt;
 use std::io;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Files that stay open.
+/// Number of files that stay open.
 const MOST_OPEN: usize = 32;
 
 /// A file that is open.
@@ -23,7 +23,7 @@ impl OpenHostFile {
     }
 }
 
-/// Files that were read last, by their resolved names; the last one read comes last.
+/// The most recently read files, by their resolved names; the latest comes last.
 #[derive(Default)]
 pub(crate) struct OpenFiles(Mutex<VecDeque<(Arc<str>, Arc<OpenHostFile>)>>);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The host's image files as the renderer asks for them; C++ finds and decodes them.
+//! The host's image files for the renderer; C++ finds and decodes them.
 //!
 //! Error texts follow on the name of the file, which the renderer puts in front. Any thread, several at once.
 
@@ -34,7 +34,7 @@ impl fmt::Debug for HostImages {
 }
 
 impl HostImages {
-    /// Files of this source; a null source has none.
+    /// The files of this source; a null source has none.
     pub(crate) fn new(source: UniquePtr<ffi::ImageSource>) -> Self {
         Self { source: Arc::new(source), files: Arc::default() }
     }
@@ -43,13 +43,13 @@ impl HostImages {
         self.source.as_ref().as_ref().ok_or_else(|| error("cannot be read: the host gives no files"))
     }
 
-    /// The bytes of a file of at most `limit` bytes.
+    /// Reads all bytes of a file of at most `limit` bytes.
     pub(crate) fn file(&self, asset: &AssetRef, limit: u64) -> Result<Vec<u8>, ImageError> {
         found(asset)?;
         self.source()?.read_file(&asset.resolved, limit).map_err(|reason| error(reason.what()))
     }
 
-    /// The member of a set of files, if it is there.
+    /// The member of a set of files, if it exists.
     fn part(&self, set: &AssetRef, number: u32) -> Option<AssetRef> {
         let part = numbered(set, number)?;
         let exists = self.source.as_ref().as_ref()?.exists(&part.resolved).unwrap_or(false);
@@ -65,7 +65,7 @@ fn found(asset: &AssetRef) -> Result<(), ImageError> {
     if asset.resolved.is_empty() { Err(error("cannot be found")) } else { Ok(()) }
 }
 
-/// The name of one member of a set; `None` if the path names no set, or the number is none of UDIM's.
+/// The name of one member of a set; `None` if the path does not name a set, or the number is not one of UDIM's.
 fn numbered(set: &AssetRef, number: u32) -> Option<AssetRef> {
     let is_set = set.resolved.contains(UDIM) && UDIM_NUMBERS.contains(&number);
     let name = |text: &str| Arc::from(text.replace(UDIM, &number.to_string()));
@@ -110,7 +110,7 @@ impl ImageLibrary for HostImages {
         Ok(Box::new(file.map_err(|reason| error(reason.to_string()))?))
     }
 
-    /// `$OCIO`, with the size and time of the file that it names; the configuration of ours does not change.
+    /// `$OCIO`, with the size and time of the file that it names; our own configuration does not change.
     fn color_config(&self) -> String {
         let Some(path) = std::env::var_os("OCIO").filter(|path| !path.is_empty()) else { return String::new() };
         let said = std::fs::metadata(&path).ok().and_then(|metadata| {
@@ -171,7 +171,7 @@ impl SourceImage for HostImage {
     }
 }
 
-/// A conversion that `OpenColorIO` does.
+/// A conversion by `OpenColorIO`.
 struct HostTransform {
     name: Arc<str>,
     held: UniquePtr<ffi::HeldTransform>,
@@ -192,7 +192,7 @@ impl ColorTransform for HostTransform {
     }
 }
 
-/// What the renderer wants to know; `None` for what it cannot use.
+/// The facts for the renderer; `None` if it cannot use the image.
 fn info(facts: &ffi::ImageFacts) -> Option<ImageInfo> {
     let levels: Vec<[u32; 2]> = facts.levels.chunks_exact(2).map(|size| [size[0], size[1]]).collect();
     let format = match facts.format {
@@ -207,7 +207,7 @@ fn info(facts: &ffi::ImageFacts) -> Option<ImageInfo> {
         _ => None,
     };
     let wrap = wrap(facts.wrap_s).zip(wrap(facts.wrap_t)).map(|(s, t)| [s, t]);
-    // A part of a level that the file lacks is made of the coarsest one that it has.
+    // A missing part of a level is made from the coarsest level that the file has.
     let has_coarse = levels.last().is_some_and(|size| size.iter().all(|side| *side <= TILE_SIDE));
     let is_usable = !levels.is_empty() && (1..=4).contains(&facts.channels);
     is_usable.then_some(ImageInfo {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The boundary between the Hydra shim (C++) and the renderer (Rust); see `ffi_images`, `ffi_runner` for theirs.
+//! The boundary between the Hydra shim (C++) and the renderer (Rust); `ffi_images` and `ffi_runner` hold their own
+//! parts.
 //!
 //! Guarantees: no panic leaves it (every function goes through `guard` and returns `Result`, a `rust::Error` in C++);
 //! arrays are read where USD holds them, never copied; matrices are Gf's row-vector data, read as columns.
@@ -93,7 +94,7 @@ mod ffi {
         LightOnlyMesh,
     }
 
-    /// What a [`ParamDesc`] holds.
+    /// The type of a [`ParamDesc`]'s value.
     #[repr(u8)]
     #[derive(Debug)]
     enum ParamTag {
@@ -107,7 +108,7 @@ mod ffi {
         Asset,
     }
 
-    /// What a [`ScalarValue`] holds.
+    /// The type of a [`ScalarValue`].
     #[repr(u8)]
     #[derive(Debug)]
     enum ScalarTag {
@@ -117,7 +118,7 @@ mod ffi {
         Text,
     }
 
-    /// What a message is.
+    /// The severity of a message.
     #[repr(u8)]
     #[derive(Debug)]
     enum MessageSeverity {
@@ -126,7 +127,7 @@ mod ffi {
         Error,
     }
 
-    /// What became of a setting.
+    /// The outcome of setting a value.
     #[repr(u8)]
     #[derive(Debug)]
     enum SettingOutcome {
@@ -180,20 +181,21 @@ mod ffi {
         primvar: PrimvarDesc,
     }
 
-    /// A file: as authored, and as the host's resolver found it (empty when it did not). Both empty: no file.
+    /// A file: its authored path, and the path that the host's resolver found (empty if it found none). Both are empty
+    /// if there is no file.
     struct AssetDesc {
         authored: String,
         resolved: String,
     }
 
-    /// Which instancer places a prim, and under which of its prototypes.
+    /// The instancer that places a prim, and the prototype that it belongs to.
     struct InstancedByDesc {
         instancer: String,
         prototype_root: String,
     }
 
-    /// What every prim has. `transform` is `GfMatrix4d` data as it lies in memory; in `motion` are 17 numbers for each
-    /// sample: the part of the shutter, which opens at 0 and closes at 1, and the transform.
+    /// The data that every prim has. `transform` is `GfMatrix4d` data as it lies in memory; `motion` has 17 numbers for
+    /// each sample: the fraction of the shutter interval, which opens at 0 and closes at 1, and the transform.
     struct PrimDesc {
         path: String,
         transform: [f64; 16],
@@ -203,14 +205,14 @@ mod ffi {
         instanced_by: Vec<InstancedByDesc>,
     }
 
-    /// Faces of a mesh with a material of their own; no material when the path is empty.
+    /// Faces of a mesh with a material of their own; no material if the path is empty.
     struct SubsetDesc {
         path: String,
         material: String,
         faces: UniquePtr<HeldArray>,
     }
 
-    /// A subdivision surface: scheme and rules by place among the variants of the core. Null arrays are absent.
+    /// A subdivision surface: scheme and rules are indices of the core's variants. Null arrays are absent.
     struct SubdivisionDesc {
         scheme: u8,
         refine_level: u8,
@@ -224,7 +226,8 @@ mod ffi {
         corner_sharpnesses: UniquePtr<HeldArray>,
     }
 
-    /// 0 a mesh, 1 curves, 2 points, 3 a `solid` (convert/solid.rs); the others by place among variants of the core's.
+    /// `kind` is 0 for a mesh, 1 for curves, 2 for points, 3 for a `solid` (convert/solid.rs); the other members are
+    /// indices of the core's variants.
     struct ShapeDesc {
         kind: u8,
         basis: u8,
@@ -234,7 +237,7 @@ mod ffi {
         solid: Vec<f64>,
     }
 
-    /// A mesh; null arrays are absent, so is the material when its path is empty.
+    /// A mesh; null arrays are absent, and so is the material if its path is empty.
     struct MeshDesc {
         prim: PrimDesc,
         prim_id: i32,
@@ -263,7 +266,7 @@ mod ffi {
         indices: UniquePtr<HeldArray>,
     }
 
-    /// Arrays at a part of the shutter: of an instancer, whose positions are translations, or of points.
+    /// Arrays at a fraction of the shutter interval: of an instancer, whose positions are translations, or of points.
     struct MotionSampleDesc {
         time: f64,
         positions: UniquePtr<HeldArray>,
@@ -274,7 +277,7 @@ mod ffi {
         transforms: UniquePtr<HeldArray>,
     }
 
-    /// How instances or points move; `seconds`: when the shutter opens and closes.
+    /// The motion of instances or points; `seconds`: the times at which the shutter opens and closes.
     struct MotionDesc {
         samples: Vec<MotionSampleDesc>,
         velocities: UniquePtr<HeldArray>,
@@ -284,7 +287,7 @@ mod ffi {
     }
 
     /// A point instancer or the instancer of native instances; null arrays are absent. `link_names` are categories, set
-    /// by set of `link_sizes`; `links` has the number of the set of each instance, or is empty: all have the first.
+    /// by set of `link_sizes`; `links` has the number of the set of each instance, or is empty if all have the first.
     struct InstancerDesc {
         prim: PrimDesc,
         prototypes: Vec<PrototypeDesc>,
@@ -312,7 +315,7 @@ mod ffi {
         asset: AssetDesc,
     }
 
-    /// `input` of the node that has this is `output` of the node of that number.
+    /// A connection to `input` of the node that holds it from `output` of the node of that number.
     struct ConnectionDesc {
         input: String,
         node: u32,
@@ -346,7 +349,7 @@ mod ffi {
         ies_normalize: bool,
     }
 
-    /// A light in `UsdLux` terms. What its kind has no use for is zero or empty; links are categories, or empty.
+    /// A light in `UsdLux` terms. Members that its kind does not use are zero or empty; links are categories, or empty.
     struct LightDesc {
         prim: PrimDesc,
         kind: LightTag,
@@ -393,7 +396,7 @@ mod ffi {
         clear: [f32; 4],
     }
 
-    /// What to render. Windows are x0, y0, x1, y1 in pixels with y down, maxima exclusive.
+    /// A request to render. Windows are x0, y0, x1, y1 in pixels with y down, maxima exclusive.
     struct RenderDesc {
         width: u32,
         height: u32,

@@ -48,7 +48,7 @@ fn shaping(desc: ffi::ShapingDesc) -> ShapingCone {
     }
 }
 
-/// Of distance, falloff and its gamma. Negative distances are no limit, as `UsdLux` says -1 by default.
+/// The reach from distance, falloff and its gamma. Negative distances are no limit, as `UsdLux` says -1 by default.
 fn shadow_reach([distance, falloff, gamma]: [f32; 3]) -> Option<ShadowReach> {
     (distance >= 0.0 && distance.is_finite()).then_some(ShadowReach { distance, falloff, gamma })
 }

@@ -44,7 +44,7 @@ fn param(desc: ffi::ParamDesc) -> Option<ParamDesc> {
         ffi::ParamTag::Vec3 => ParamValue::Vec3([x, y, z]),
         ffi::ParamTag::Vec4 => ParamValue::Vec4([x, y, z, w]),
         ffi::ParamTag::Text => ParamValue::Text(Arc::from(desc.text)),
-        // An authored but empty path is not the same as no input: the texture has its fallback.
+        // An authored but empty path differs from a missing input: the texture has its fallback.
         ffi::ParamTag::Asset => ParamValue::Asset(
             asset(desc.asset).unwrap_or_else(|| AssetRef { authored: Arc::from(""), resolved: Arc::from("") }),
         ),

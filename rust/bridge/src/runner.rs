@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a command line of ours is told when its user interrupts it: whether there is a picture to wait for.
+//! The reaction of our command lines to an interrupt by the user: it decides whether there is a picture to wait for.
 //!
-//! A command line makes one picture after the other. While one is made, the first interrupt has the render end with
-//! the samples that it has, if it has any of each pixel; while a finished one is written, it is waited for. In every
-//! other case, and at the second interrupt, the process is to end at once: what is temporary is removed here, and C++
-//! ends it. Hosts that are not ours never call this, and nothing here knows of signals.
+//! A command line makes one picture after the other. While one is rendered, the first interrupt makes the render end
+//! with the samples that it has, if it has any of each pixel; while a finished one is written, it is waited for. In
+//! every other case, and at the second interrupt, the process is to end at once: temporary files are removed here, and
+//! C++ ends it. Other hosts never call this, and nothing here knows of signals.
 //!
 //! Any thread; the calls of a command line come from one, [`interrupt`] from another.
 
@@ -14,24 +14,24 @@ use std::io::{IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
-/// What the command line is doing.
+/// The phase of the command line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum RunnerPhase {
-    /// Nothing that could be delivered.
+    /// There is no picture that could be delivered.
     #[default]
     Preparing,
-    /// A picture is asked for.
+    /// A picture is being rendered.
     Rendering,
-    /// It is rendered, and is about to be written.
+    /// The picture is rendered, and is about to be written.
     Writing,
 }
 
-/// One per process.
+/// The state of the command line; one per process.
 #[derive(Debug, Default)]
 struct RunnerState {
     phase: RunnerPhase,
     is_interrupted: bool,
-    /// Holds what is temporary of the picture under way; empty for none.
+    /// The folder of temporary files of the picture under way; empty if there is none.
     folder: PathBuf,
     /// The sessions of this process, and their newest jobs when the picture was begun.
     sessions: Vec<(Weak<Session>, u64)>,
@@ -54,7 +54,7 @@ impl RunnerState {
         self.sessions.iter().find_map(|(session, after)| ask(&*session.upgrade()?, *after))
     }
 
-    /// Whether there is a picture to wait for.
+    /// Returns true if there is a picture to wait for.
     fn interrupt(&mut self) -> bool {
         let is_first = !std::mem::replace(&mut self.is_interrupted, true);
         is_first
@@ -66,14 +66,14 @@ impl RunnerState {
     }
 }
 
-/// A session was made.
+/// Adds a session that was opened.
 pub(crate) fn session_opened(session: &Arc<Session>) {
     let mut state = state();
     state.sessions.retain(|(session, _)| session.strong_count() > 0);
     state.sessions.push((Arc::downgrade(session), 0));
 }
 
-/// A picture is begun, whose temporary files are in `folder`; false when the command line was interrupted before.
+/// Begins a picture, whose temporary files are in `folder`; returns false if the command line was interrupted before.
 pub(crate) fn begin_picture(folder: &str) -> Result<bool, BridgeError> {
     guard("begin_picture", || {
         let mut state = state();
@@ -86,7 +86,7 @@ pub(crate) fn begin_picture(folder: &str) -> Result<bool, BridgeError> {
     })
 }
 
-/// The picture is rendered.
+/// Notes that the picture is rendered.
 pub(crate) fn picture_rendered() -> Result<(), BridgeError> {
     guard("picture_rendered", || {
         state().phase = RunnerPhase::Writing;
@@ -94,8 +94,8 @@ pub(crate) fn picture_rendered() -> Result<(), BridgeError> {
     })
 }
 
-/// The user wants no more. False when the process is to end at once: then nothing temporary is left, and the user was
-/// told.
+/// Handles an interrupt by the user. Returns false if the process is to end at once: then temporary files are removed,
+/// and the user was told.
 pub(crate) fn interrupt() -> Result<bool, BridgeError> {
     guard("interrupt", || {
         let mut state = state();
@@ -115,7 +115,7 @@ pub(crate) fn interrupt() -> Result<bool, BridgeError> {
     })
 }
 
-/// Whether the command line was interrupted, and how far the picture under way is.
+/// Returns true if the command line was interrupted, and the progress of the picture under way.
 pub(crate) fn interrupted() -> Result<(bool, EarlyEnd), BridgeError> {
     guard("interrupted", || {
         let state = state();
@@ -124,7 +124,7 @@ pub(crate) fn interrupted() -> Result<(bool, EarlyEnd), BridgeError> {
     })
 }
 
-/// Others may still be writing into the folder.
+/// Removes the folder; others may still be writing into it.
 fn remove(folder: &Path) {
     const TIMES: u32 = 10;
     for _ in 0..TIMES {
@@ -136,7 +136,7 @@ fn remove(folder: &Path) {
 
 fn say(line: &str) {
     let mut errors = std::io::stderr().lock();
-    // A terminal shows `^C`, or a progress bar, on the line where it stands.
+    // A terminal shows `^C`, or a progress bar, on the current line.
     let start = if errors.is_terminal() { "\n" } else { "" };
     if let Err(error) = writeln!(errors, "{start}{line}") {
         tracing::debug!(%error, "nobody hears");

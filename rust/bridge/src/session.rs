@@ -37,7 +37,7 @@ fn environment(name: &str) -> Option<String> {
     std::env::var(name).ok()
 }
 
-/// How to run, from `OOCPT_VALIDATION` (the Vulkan validation layer's messages become errors; for tests),
+/// Options from the environment: `OOCPT_VALIDATION` (the Vulkan validation layer's messages become errors; for tests),
 /// `OOCPT_PROFILE` (seconds on the device by pass, in the stats) and `OOCPT_PROGRESS` (a progress bar on standard
 /// error; set by the command line runner).
 fn options(variable: impl Fn(&str) -> Option<String>) -> SessionOptions {
@@ -75,7 +75,7 @@ pub(crate) fn close_session(session: Box<Session>) -> Result<(), BridgeError> {
     })
 }
 
-/// What hosts list, without a session: the environment's values are the defaults.
+/// The settings that hosts list, without a session: the environment's values are the defaults.
 pub(crate) fn setting_descriptors() -> Result<Vec<SettingDescriptor>, BridgeError> {
     guard("setting_descriptors", || Ok(SettingLayers::new(environment).0.descriptors()))
 }
@@ -124,7 +124,7 @@ impl Session {
         })
     }
 
-    /// Sets a value that the host wants explicitly.
+    /// Sets an explicit value of the host.
     pub(crate) fn set_setting(&self, key: &str, value: &ScalarValue) -> Result<SettingOutcome, BridgeError> {
         guard("set_setting", || {
             if !settings::is_known(key) {
@@ -142,7 +142,7 @@ impl Session {
         })
     }
 
-    /// Takes an explicit value back: the environment's or the default counts again.
+    /// Removes an explicit value: the environment's or the default counts again.
     pub(crate) fn clear_setting(&self, key: &str) -> Result<SettingOutcome, BridgeError> {
         guard("clear_setting", || {
             if !settings::is_known(key) {
@@ -172,12 +172,12 @@ impl Session {
         })
     }
 
-    /// Whether the images are final.
+    /// Returns true if the images are final.
     pub(crate) fn is_converged(&self) -> Result<bool, BridgeError> {
         guard("is_converged", || Ok(self.inner.is_converged()))
     }
 
-    /// No new wave starts.
+    /// Pauses: no new wave starts.
     pub(crate) fn pause(&self) -> Result<(), BridgeError> {
         guard("pause", || {
             self.inner.pause();
@@ -193,12 +193,12 @@ impl Session {
         })
     }
 
-    /// Whether the session is paused.
+    /// Returns true if the session is paused.
     pub(crate) fn is_paused(&self) -> Result<bool, BridgeError> {
         guard("is_paused", || Ok(self.inner.is_paused()))
     }
 
-    /// Gives the image up as it is.
+    /// Stops rendering; the images stay as they are.
     pub(crate) fn stop(&self, blocking: bool) -> Result<(), BridgeError> {
         guard("stop", || {
             self.inner.stop(blocking);
@@ -206,7 +206,7 @@ impl Session {
         })
     }
 
-    /// Whether the session was stopped.
+    /// Returns true if the session was stopped.
     pub(crate) fn is_stopped(&self) -> Result<bool, BridgeError> {
         guard("is_stopped", || Ok(self.inner.is_stopped()))
     }
@@ -219,8 +219,8 @@ impl Session {
         })
     }
 
-    /// Copies the newest image named by Hydra's token unless it is the `known` one; gives its version, 0 when there is
-    /// none of that size.
+    /// Copies the newest image named by Hydra's token unless it is the `known` version; returns its version, 0 if there
+    /// is no image of that size.
     pub(crate) fn read_aov(&self, name: &str, known: u64, destination: &mut [u8]) -> Result<u64, BridgeError> {
         guard("read_aov", || {
             Ok(AovKind::from_token(name).map_or(0, |kind| self.inner.read_new_aov(kind, known, destination)))
@@ -235,7 +235,7 @@ impl Session {
         })
     }
 
-    /// What the user should see since the last call.
+    /// The messages for the user since the last call.
     pub(crate) fn take_messages(&self) -> Result<Vec<UserMessage>, BridgeError> {
         guard("take_messages", || {
             let warnings = std::mem::take(&mut *lock(&self.warnings));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which value of a setting counts: what was given on the command line, else what the host set explicitly, else the
-//! `OOCPT_*` variable, else the default.
+//! The order of the layers of a setting: the command line, then the value that the host set explicitly, then the
+//! `OOCPT_*` variable, then the default.
 //!
 //! The variables are read once through the function given to [`SettingLayers::new`]. The command line is one per
 //! process.
@@ -9,11 +9,11 @@ use crate::ffi::{ScalarTag, ScalarValue, SettingDescriptor};
 use oocpt_core::settings::{SettingAudience, SettingError, SettingValue, Settings};
 use std::sync::{Mutex, PoisonError};
 
-/// What the command line of this process has set, checked, in the order given.
+/// The checked settings of this process's command line, in the order given.
 static COMMAND_LINE: Mutex<Vec<(String, SettingValue)>> = Mutex::new(Vec::new());
 
-/// Sets a setting for all sessions that are opened from now on, above scene, host and environment. `name`: a key, with
-/// or without `oocpt:` in front. A wrong name or value is an error, and nothing is set.
+/// Sets a setting for all sessions that are opened from now on, overriding scene, host and environment. `name`: a key,
+/// with or without `oocpt:` in front. A wrong name or value is an error, and nothing is set.
 pub(crate) fn set_on_command_line(name: &str, text: &str) -> Result<(), SettingError> {
     let key = Settings::key_named(name)?;
     let mut checked = Settings::default();
@@ -27,7 +27,7 @@ pub(crate) fn set_on_command_line(name: &str, text: &str) -> Result<(), SettingE
 #[derive(Debug, Default)]
 pub(crate) struct SettingLayers {
     environment: Vec<(String, SettingValue)>,
-    /// In the order in which they were set: of two keys for the same thing the later one counts.
+    /// The explicit settings in the order in which they were set: of two keys for the same thing the later one counts.
     explicit: Vec<(String, SettingValue)>,
     command_line: Vec<(String, SettingValue)>,
 }
@@ -52,14 +52,14 @@ impl SettingLayers {
         (layers, complaints)
     }
 
-    /// The settings as all layers give them.
+    /// The settings that result from all layers.
     pub(crate) fn settings(&self) -> Settings {
         let mut settings = Settings::default();
         apply(&mut settings, self.environment.iter().chain(&self.explicit).chain(&self.command_line));
         settings
     }
 
-    /// What the command line leaves of a change of `settings`: the value for the key, as a host would set it.
+    /// The value that `key` has once `value` is set in `settings` and the command line is applied on top.
     pub(crate) fn left_of(
         &self,
         mut settings: Settings,
@@ -78,20 +78,21 @@ impl SettingLayers {
         defaults.chain(above.cloned()).collect()
     }
 
-    /// Notes an explicit value; the caller has checked it.
+    /// Sets an explicit value; the caller has checked it.
     pub(crate) fn set(&mut self, key: &str, value: SettingValue) {
         self.explicit.retain(|(have, _)| have != key);
         self.explicit.push((key.to_owned(), value));
     }
 
-    /// Takes an explicit value back. True if there was one.
+    /// Removes an explicit value. Returns true if there was one.
     pub(crate) fn clear(&mut self, key: &str) -> bool {
         let before = self.explicit.len();
         self.explicit.retain(|(have, _)| have != key);
         before != self.explicit.len()
     }
 
-    /// What hosts list, which is what users need; the default shown is the environment's value where there is one.
+    /// The settings that hosts list, which are those that users need; the default shown is the environment's value if
+    /// there is one.
     pub(crate) fn descriptors(&self) -> Vec<SettingDescriptor> {
         let mut settings = Settings::default();
         apply(&mut settings, &self.environment);
@@ -115,12 +116,12 @@ fn apply<'a>(settings: &mut Settings, values: impl IntoIterator<Item = &'a (Stri
     }
 }
 
-/// Whether OocPT has a setting of that name.
+/// Returns true if OocPT has a setting of that name.
 pub(crate) fn is_known(key: &str) -> bool {
     Settings::env_name(key).is_some()
 }
 
-/// A value as it comes over the boundary; `None` for a tag that this version does not know.
+/// Converts a value from the boundary; `None` for a tag that this version does not know.
 pub(crate) fn value(scalar: &ScalarValue) -> Option<SettingValue> {
     Some(match scalar.tag {
         ScalarTag::Bool => SettingValue::Bool(scalar.flag),
@@ -131,7 +132,7 @@ pub(crate) fn value(scalar: &ScalarValue) -> Option<SettingValue> {
     })
 }
 
-/// A value as it goes over the boundary.
+/// Converts a value for the boundary.
 pub(crate) fn scalar(value: &SettingValue) -> ScalarValue {
     let empty = ScalarValue { tag: ScalarTag::Bool, flag: false, integer: 0, real: 0.0, text: String::new() };
     match value {

@@ -93,7 +93,8 @@ fn adaptive(spent: &AdaptiveUsage) -> [NamedValue; 4] {
     ]
 }
 
-/// What the last look at the picture's error said; the row's time and samples are not those of the moment of asking.
+/// The last measurement of the picture's error; the row's time and samples are those of the measurement, not of the
+/// call.
 fn error(row: &ErrorRow) -> Vec<NamedValue> {
     let worst: Vec<String> = row.worst.iter().map(|pixel| format!("({}, {})", pixel.x, pixel.y)).collect();
     let mut values = vec![
@@ -117,7 +118,7 @@ fn error(row: &ErrorRow) -> Vec<NamedValue> {
     values
 }
 
-/// What is told about chunks, memory and the overlap of tracing and loading.
+/// The figures about chunks, memory and the overlap of tracing and loading.
 fn streaming(stats: &StreamingStats) -> [NamedValue; 37] {
     [
         flag("oocpt:inCore", stats.in_core),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Texture files without a render: `oocpt texture` has them looked at and converted inside a host, so that the host's
+//! Texture files without a render: `oocpt texture` inspects and converts them inside a host, so that the host's
 //! resolver and readers give the entries of the cache the keys that its renders look for. Any thread, several files at
 //! once.
 
@@ -15,7 +15,7 @@ use oocpt_render::textures::{FileReport, ImageError, ImageLibrary, TextureFile};
 use serde::Serialize;
 use std::sync::Arc;
 
-/// What is said of a file.
+/// The answer about a file.
 #[derive(Serialize)]
 #[serde(untagged)]
 enum FileAnswer {
@@ -23,9 +23,8 @@ enum FileAnswer {
     Failed { error: String },
 }
 
-/// Looks at a file (`info`) or puts it into the cache (`convert`); the answer is a JSON object with what the file is,
-/// or with `error`. The
-/// cache is where `OOCPT_TEXTURE_CACHE` says. `color_space` is a `sourceColorSpace`.
+/// Inspects a file (`info`) or puts it into the cache (`convert`); the answer is a JSON object with the properties of
+/// the file, or with `error`. `OOCPT_TEXTURE_CACHE` names the cache. `color_space` is a `sourceColorSpace`.
 pub(crate) fn texture_file(
     images: UniquePtr<ImageSource>,
     command: &str,
@@ -39,7 +38,7 @@ pub(crate) fn texture_file(
             Ok(report) => FileAnswer::Report(Box::new(report)),
             Err(error) => FileAnswer::Failed { error: error.0 },
         };
-        // Numbers and texts are always JSON.
+        // Serialising numbers and texts does not fail.
         Ok(serde_json::to_string(&answer).unwrap_or_else(|_| r#"{"error": "nothing can be said of it"}"#.to_owned()))
     })
 }
@@ -61,7 +60,7 @@ fn run(
     }
 }
 
-/// What a `sourceColorSpace` means.
+/// The color space of a `sourceColorSpace`.
 fn space(name: &str) -> ColorSpace {
     match name {
         "" | "auto" => ColorSpace::Auto,

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Programs of the Hydra host that commands start: which one, a small picture by it, and what it said.
+//! Programs of the Hydra host that commands start: finds the program, renders a small picture with it, and reads its
+//! output.
 //!
-//! Scenes and output come from strangers. A file is handed over as an absolute path, in an environment of the user's;
-//! the host is ended after a time; of its output a bounded part is read.
+//! Scenes and output may come from strangers. A file is passed as an absolute path, in the user's environment; the host
+//! is ended after a time limit; a bounded part of its output is read.
 
 use crate::stop::{self, Folder};
 use anyhow::{Context as _, Result, bail};
@@ -17,12 +18,13 @@ use std::time::{Duration, Instant};
 /// Numbers the temporary folders.
 static FOLDERS: AtomicU64 = AtomicU64::new(0);
 
-/// How much of a host's output is looked at, bytes.
+/// Bytes of a host's output that are read.
 const TAIL: u64 = 16 << 10;
 /// Lines of it that are shown.
 const LINES: usize = 4;
-/// Warnings of a host that rendered: how much of its standard error is looked at, bytes, and how many lines are told.
+/// Bytes of standard error that are read for warnings of a host that rendered.
 const HEAD: u64 = 256 << 10;
+/// Most warnings that are reported.
 const WARNINGS: usize = 100;
 
 /// The last bytes of a file, or the first, as text.
@@ -35,8 +37,8 @@ fn part(file: &Path, bytes: u64, is_end: bool) -> std::io::Result<String> {
     Ok(String::from_utf8_lossy(&read).into_owned())
 }
 
-/// Whether a line says how things went, such as what a render ends with: Pixar's usdrecord names the kind, ours names
-/// all other kinds.
+/// Returns true if a line is a status, such as the closing words of a render: Pixar's usdrecord names this kind, ours
+/// names all other kinds.
 fn is_status(line: &str) -> bool {
     let ours = line
         .strip_prefix("OocPT: ")
@@ -49,7 +51,7 @@ pub fn warnings(errors: &Path) -> Vec<String> {
     let text = part(errors, HEAD, false).unwrap_or_else(|error| error.to_string());
     let mut lines: Vec<String> = Vec::new();
     for line in text.lines().map(str::trim).filter(|line| !line.is_empty() && !is_status(line)) {
-        // Pixar's usdrecord says where, ours what kind of message it is.
+        // Pixar's usdrecord prints the place in the code, ours the kind of message.
         let plain = line.strip_prefix("Warning: in ").and_then(|line| line.split_once(" -- "));
         let plain = plain.map_or(line, |(_, what)| what);
         let plain = plain.strip_prefix("USD: warning: ").unwrap_or(plain).replacen("OocPT: warning: ", "OocPT: ", 1);
@@ -85,7 +87,7 @@ pub fn temporary(name: &str) -> Result<Folder> {
     Folder::create(std::env::temp_dir().join(format!("oocpt-{name}-{}-{number}", std::process::id())))
 }
 
-/// A picture that a host renders of a file.
+/// A picture of a file that a host renders.
 #[derive(Debug)]
 pub struct Picture<'a> {
     /// An absolute path.
@@ -139,7 +141,7 @@ impl Picture<'_> {
     }
 }
 
-/// The status, or none when it took too long.
+/// The exit status; `None` if it took too long.
 fn wait(child: &mut Child, timeout: Duration) -> Result<Option<ExitStatus>> {
     let end = Instant::now() + timeout;
     loop {

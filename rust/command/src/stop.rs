@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! SIGINT and SIGTERM: the programs that were started end too, what is temporary is removed, and the exit status is
-//! 130.
+//! SIGINT and SIGTERM: ends the programs that were started, removes temporary files, and exits with status 130.
 //!
-//! Nothing in this process waits for more than a moment then. Who started a program or made a temporary folder mostly
-//! cleans up by itself, once the program has ended; the rest is done here.
+//! Nothing in this process blocks for more than a moment then. The code that started a program or made a temporary
+//! folder mostly cleans up by itself, once the program has ended; the rest is done here.
 
 use anyhow::{Context as _, Result};
 use rustix::process::{Pid, Signal, kill_process};
@@ -17,16 +16,16 @@ use std::time::{Duration, Instant};
 
 /// Exit status of a command that was interrupted.
 const INTERRUPTED: i32 = 130;
-/// Between the first and the second word to a program: our `usdrecord` ends at once at the second.
+/// Time between the first and the second signal to a program: our `usdrecord` ends at once at the second.
 const PAUSE: Duration = Duration::from_millis(100);
-/// How long programs and their callers have to clean up.
+/// The time that programs and their callers have to clean up.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// What there is to end.
+/// The programs and folders to clean up.
 #[derive(Debug)]
 struct State {
     is_stopping: bool,
-    /// The command has returned.
+    /// True if the command has returned.
     is_done: bool,
     programs: Vec<Pid>,
     folders: Vec<PathBuf>,
@@ -104,7 +103,7 @@ pub fn listen() -> Result<()> {
                 end_at_once();
             }
             is_first = false;
-            // Another thread, so that a second signal is heard meanwhile.
+            // Another thread does it, so that a second signal is handled meanwhile.
             if std::thread::Builder::new().name("stop".to_owned()).spawn(end).is_err() {
                 end_at_once();
             }
@@ -140,7 +139,7 @@ fn end() {
     end_at_once();
 }
 
-/// Ends what is left.
+/// Kills the remaining programs, removes the folders and ends this process.
 fn end_at_once() -> ! {
     let state = state();
     tell(&state.programs, Signal::KILL);
@@ -152,7 +151,7 @@ fn end_at_once() -> ! {
     if let Err(error) = writeln!(std::io::stderr(), "oocpt: interrupted") {
         tracing::debug!(%error, "nobody hears");
     }
-    // Without the destructors of libraries whose threads are still at work.
+    // This skips the destructors of libraries whose threads are still at work.
     signal_hook::low_level::exit(INTERRUPTED)
 }
 

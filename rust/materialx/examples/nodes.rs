@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Compares our values with a table of `tests/reference/nodes.py` and prints how far they are, by node and by group.
-//! The data libraries are those of `PXR_MTLX_STDLIB_SEARCH_PATHS`. Fails where a row is out of bounds.
+//! Compares our values with a table of `tests/reference/nodes.py` and prints the differences, by node and by group. The
+//! data libraries are those of `PXR_MTLX_STDLIB_SEARCH_PATHS`. Fails if a row is out of bounds.
 
 #![expect(clippy::print_stdout, clippy::print_stderr, clippy::panic, reason = "a tool of the tests")]
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The inputs of a surface and the program that works out those that are neither constants, textures nor primvars.
-//! Those are told in `told`.
+//! Assembles the inputs of a surface, and the program that computes those that are neither constants, textures nor
+//! primvars, which `told` recognises.
 
 use std::collections::HashMap;
 
@@ -16,60 +16,60 @@ use crate::surface::{Input, LoweredSurface};
 use crate::uses::{LookupUse, MaterialUses};
 use crate::walk::NetworkWalker;
 
-/// Where an input of the surface comes from.
+/// The source of an input of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum InputSource {
-    /// A value.
+    /// A constant.
     Constant([f32; 4]),
-    /// A texture, as [`ProgramLookup`] says; then one channel of it in all components, or all of it.
+    /// A texture, as [`ProgramLookup`] describes it; then one channel of it in all components, or all of it.
     Texture(ProgramLookup, Option<u8>),
     /// A primvar of [`MaterialUses::primvars`].
     Primvar(u8),
-    /// A register of the program; of the opacity, of its own.
+    /// A register of the program; for the opacity, of its own program.
     Register(u8),
 }
 
-/// A network translated.
+/// A translated network.
 #[derive(Clone, Debug)]
 pub struct TranslatedNetwork {
-    /// By [`crate::surface::Input`]; `None` where the surface is not understood.
+    /// Sources by [`crate::surface::Input`]; `None` if the surface is not understood.
     pub inputs: Option<[InputSource; Input::COUNT]>,
-    /// `specularColor` is the reflectance at normal incidence; else metallic and index are.
+    /// True if `specularColor` is the reflectance at normal incidence; otherwise metallic and index define it.
     pub specular_workflow: bool,
-    /// 0: the opacity is a probability; else what is below is not there.
+    /// 0 if the opacity is a probability; otherwise the surface is cut out where the opacity is below the threshold.
     pub opacity_threshold: f32,
-    /// The surface is a sheet without an inside.
+    /// True if the surface is a sheet without an inside.
     pub thin_walled: bool,
-    /// The index of glass depends on the channel: see [`Input::Absorption`].
+    /// True if the index of glass depends on the channel: see [`Input::Absorption`].
     pub dispersive: bool,
-    /// The surface is a fibre's: see [`Input`].
+    /// True if the surface is a fibre's: see [`Input`].
     pub hair: bool,
-    /// The normal is told in [`Geometry::FrameX`] and [`Geometry::FrameY`], which every mesh has.
+    /// True if the normal is given by [`Geometry::FrameX`] and [`Geometry::FrameY`], which every mesh has.
     pub framed_normal: bool,
-    /// Empty where no input is a register.
+    /// The program; empty if no input is a register.
     pub program: Program,
-    /// Works out the opacity where that is a register. Apart: it is asked before the hit is known.
+    /// The program for the opacity, if that is a register. It is separate because it is run before the hit is known.
     pub opacity_program: Program,
-    /// Works out the emission alone where that is a register and light can be asked for it: [`MaterialEmission`].
+    /// The program for the emission alone, if that is a register and its meshes can be lights: [`MaterialEmission`].
     pub emission: Option<MaterialEmission>,
     /// Textures by number, sets of texture coordinates, primvars.
     pub uses: MaterialUses,
-    /// What is not understood, one line each.
+    /// Parts of the network that are not supported, one line each.
     pub problems: Vec<String>,
 }
 
-/// A program for the emission alone, for points of a mesh that no ray has met: texture coordinates, primvars, places
+/// A program for the emission alone, for points of a mesh that no ray has met: texture coordinates, primvars, positions
 /// and the direction are known there, the directions of the surface are not.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialEmission {
-    /// What works it out.
+    /// The program that computes it.
     pub program: Program,
-    /// The register that it is in then.
+    /// The register that holds the result.
     pub register: u8,
 }
 
 impl TranslatedNetwork {
-    /// Of no surface.
+    /// A translation without a surface.
     fn nothing() -> Self {
         Self {
             inputs: None,
@@ -110,7 +110,7 @@ pub fn translate(network: &Network, library: &NodeLibrary) -> TranslatedNetwork 
     let mut assembler = ProgramAssembler::new(&expressions, &uses.lookups, MAX_LOOKUPS);
     let mut inputs: [Option<InputSource>; Input::COUNT] = [None; Input::COUNT];
     for ((val, name), input) in lowered.inputs.iter().zip(Input::ALL).zip(&mut inputs) {
-        // Those of several numbers are textures by chance only, and there are no more than so many of these.
+        // Packed inputs are textures only by chance, and only a bounded number of lookups is allowed.
         let is_packed = (Input::Anisotropy..=Input::Absorption).contains(&name) && val.constant().is_none();
         *input = if is_packed { None } else { assembler.simple(*val, name.width()) };
     }
@@ -150,8 +150,9 @@ pub fn translate(network: &Network, library: &NodeLibrary) -> TranslatedNetwork 
 }
 
 impl NetworkWalker<'_> {
-    /// Tangents are those of the first set of texture coordinates: who reads them, or says a normal about them, reads
-    /// `st` where there is no other. Whether the normal is told in the frame that every mesh has.
+    /// Requests tangents. They follow the first set of texture coordinates: a network that reads them, or that defines
+    /// a normal in their frame, reads `st` if it has no other set. Returns true if the normal is given in the frame
+    /// that every mesh has.
     fn ask_for_tangents(&mut self, inputs: &[Val; Input::COUNT]) -> bool {
         let reads = |walker: &Self, roots: &[Val], asked: &[Geometry]| {
             let is_asked = |at: &u32| {
@@ -171,7 +172,7 @@ impl NetworkWalker<'_> {
     }
 }
 
-/// The threshold of the opacity, which becomes a texture where it is there or not by one number of that.
+/// The threshold of the opacity, which becomes a texture if one number of that decides it.
 fn step_opacity(
     lowered: &LoweredSurface,
     assembler: &ProgramAssembler<'_>,
@@ -186,7 +187,7 @@ fn step_opacity(
     threshold
 }
 
-/// The program of the opacity, if it needs one; the surface is there where it cannot have it.
+/// The program of the opacity, if it needs one; the surface is opaque if no program is possible.
 fn opacity(
     values: &[Val; Input::COUNT],
     inputs: &mut [Option<InputSource>; Input::COUNT],
@@ -200,7 +201,7 @@ fn opacity(
     }
     let mut assembler = ProgramAssembler::new(expressions, lookups, MAX_OPACITY_LOOKUPS);
     let compiled = assembler.compile(&values[at..=at]);
-    // Traversal knows no random number of the hit: there is none yet.
+    // Traversal has no random number of the hit, because there is no hit yet.
     let is_random = assembler.program.is_random();
     match compiled.and_then(|registers| if is_random { Err("a random number") } else { Ok(registers) }) {
         Ok(registers) => {
@@ -215,7 +216,7 @@ fn opacity(
     }
 }
 
-/// The program that computes the emission alone, for points sampled on a mesh light. `None` where the emission is no
+/// The program that computes the emission alone, for points sampled on a mesh light. `None` if the emission is not a
 /// register, or reads a normal, a tangent or a random number: those are not known at such a point.
 fn emission(
     sources: &[InputSource; Input::COUNT],
@@ -236,7 +237,7 @@ fn emission(
 }
 
 impl Val {
-    /// The number of the operation; `None` of a constant.
+    /// The number of the operation; `None` for a constant.
     fn index(self) -> Option<u32> {
         match self {
             Self::Node(at) => Some(at),
@@ -245,11 +246,11 @@ impl Val {
     }
 }
 
-/// Lookups that a material makes in all, at most: a path keeps a bit for each of sixteen, and one is a light's.
+/// Most lookups of a material: a path keeps a bit for each of sixteen, and one is a light's.
 const MOST_TEXTURES: usize = 15;
 
 pub(crate) struct ProgramAssembler<'a> {
-    /// Lookups of the program, at most.
+    /// Most lookups of the program.
     most_lookups: usize,
     pub(crate) expressions: &'a ExpressionGraph,
     pub(crate) lookups: &'a [LookupUse],
@@ -263,7 +264,7 @@ impl<'a> ProgramAssembler<'a> {
 }
 
 impl ProgramAssembler<'_> {
-    /// The operations in the order in which they are worked out: each as late as its reader allows.
+    /// The operations in the order of evaluation: each as late as its reader allows.
     fn order(&self, roots: &[Val], places: &HashMap<u16, (ProgramLookup, bool)>) -> Vec<u32> {
         let mut order = Vec::new();
         let mut state: HashMap<u32, bool> = HashMap::new(); // true: done
@@ -288,7 +289,7 @@ impl ProgramAssembler<'_> {
         order
     }
 
-    /// The operands of an operation; none of a lookup that knows its place.
+    /// The operands of an operation; none for a lookup with a known place.
     fn arguments(&self, at: u32, places: &HashMap<u16, (ProgramLookup, bool)>) -> [Val; 3] {
         match self.expressions.get(at) {
             Some(node) if node.op == Op::Texture && places.get(&node.immediate).is_none_or(|(_, known)| *known) => {
@@ -299,13 +300,13 @@ impl ProgramAssembler<'_> {
         }
     }
 
-    /// Makes the program for a value that is no constant; its register.
+    /// Compiles a value that is not a constant; returns its register.
     pub(crate) fn compile_one(&mut self, value: Val) -> Result<u8, &'static str> {
         let registers = self.compile(&[value])?;
         registers.get(&value.index()).copied().ok_or("a value that is not there")
     }
 
-    /// Makes the program for these values; the register of each.
+    /// Compiles these values; returns the register of each.
     fn compile(&mut self, roots: &[Val]) -> Result<HashMap<Option<u32>, u8>, &'static str> {
         let mut places: HashMap<u16, (ProgramLookup, bool)> = HashMap::new();
         for at in self.expressions.needed(roots) {

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which channels of its textures a program reads, told by following its result backwards. Who reads textures on the
-//! host decodes no more than those.
+//! Finds the channels of its textures that a program reads, by following its result backwards. Readers of textures on
+//! the host decode only those.
 
 use crate::program::{Instruction, Op, Operand, Program, REGISTERS};
 
-/// All four components.
+/// The mask of all four components.
 const ALL: u8 = 15;
 
-/// For each lookup of a program the channels (bit k: channel k) on which the first `width` components of a register
-/// depend at the end. Any program; work is that of its instructions.
+/// For each lookup of a program, the channels (bit k: channel k) on which the first `width` components of a register
+/// depend at the end. Works for any program, in time proportional to its instructions.
 #[must_use]
 pub fn channels(program: &Program, register: u8, width: usize) -> Vec<u8> {
     let mut found = vec![0; program.lookups.len()];
-    // By register: components that are read later on.
+    // Components that are read later on, by register.
     let mut wanted = [0_u8; REGISTERS];
     if let Some(root) = wanted.get_mut(usize::from(register)) {
         *root = first(width.try_into().unwrap_or(4));
@@ -39,12 +39,12 @@ pub fn channels(program: &Program, register: u8, width: usize) -> Vec<u8> {
     found
 }
 
-/// The first `count` components.
+/// The mask of the first `count` components.
 fn first(count: u16) -> u8 {
     ALL >> (4 - count.min(4))
 }
 
-/// What an instruction reads of its operands for these components of its result.
+/// The components of its operands that an instruction reads for these components of its result.
 fn operands(step: &Instruction, result: u8) -> [u8; 3] {
     match step.op {
         Op::Dot => [first(step.immediate); 3],

@@ -2,9 +2,9 @@
 //! The displacement terminal of a network: `displacement` nodes, and mixtures of them through graphs, as a constant or
 //! as a program for the vertices of a mesh.
 //!
-//! What a program reads there: [`Geometry::Position`] and the vectors are those of the mesh's own frame, before it is
-//! displaced. The view and random numbers are not known: who reads them is refused. It has sets of texture coordinates,
-//! primvars and textures of its own.
+//! In such a program, [`Geometry::Position`] and the vectors are those of the mesh's own frame, before it is displaced.
+//! The view and random numbers are not known: networks that read them are refused. The program has sets of texture
+//! coordinates, primvars and textures of its own.
 
 use std::collections::HashMap;
 
@@ -18,38 +18,37 @@ use crate::uses::MaterialUses;
 use crate::value::PortType;
 use crate::walk::{NetworkWalker, NodeAddress};
 
-/// Displacement shaders one within the other, at most.
+/// Most displacement shaders nested in each other.
 const MAX_SHADERS: usize = 16;
-/// The type of what may be at the terminal.
+/// The type of a displacement terminal.
 const SHADER: &str = "displacementshader";
-/// The set of texture coordinates that tangents follow where no other is read.
+/// The set of texture coordinates that tangents follow if no other is read.
 const DEFAULT_SET: &str = "st";
 
-/// How far, and where to.
+/// Amount and direction of the displacement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DisplacementOffset {
-    /// The same everywhere.
+    /// The same offset everywhere.
     Constant([f32; 4]),
     /// A register of the program.
     Register(u8),
 }
 
-/// What the displacement terminal says.
+/// The translation of a displacement terminal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DisplacementProgram {
-    /// The first component counts, or the first three.
+    /// The offset, of which the first component counts, or the first three.
     pub offset: DisplacementOffset,
-    /// Along tangent, bitangent and normal, which are unit vectors at right angles to each other; else along the normal
-    /// alone.
+    /// True if it is along tangent, bitangent and normal, which are orthonormal; false if along the normal alone.
     pub is_vector: bool,
-    /// Empty of what is constant.
+    /// The program; empty for a constant.
     pub program: Program,
     /// Textures by number, sets of texture coordinates, primvars. Tangents follow the first set.
     pub uses: MaterialUses,
 }
 
 impl DisplacementProgram {
-    /// Whether tangent or bitangent matter.
+    /// Returns true if tangent or bitangent are used.
     #[must_use]
     pub fn has_tangents(&self) -> bool {
         let tangents = [Geometry::Tangent, Geometry::Bitangent].map(|geometry| geometry as u16);
@@ -58,8 +57,8 @@ impl DisplacementProgram {
     }
 }
 
-/// Translates what the displacement terminal of a network says; `None` where it moves nothing or is not understood.
-/// Beside it what is not understood, one line each.
+/// Translates the displacement terminal of a network; `None` if it displaces nothing or is not supported. Also returns
+/// the unsupported parts, one line each.
 #[must_use]
 pub fn translate_displacement(network: &Network, library: &NodeLibrary) -> (Option<DisplacementProgram>, Vec<String>) {
     let Some(node) = network.displacement else { return (None, Vec::new()) };
@@ -83,7 +82,7 @@ pub fn translate_displacement(network: &Network, library: &NodeLibrary) -> (Opti
     };
     let program = assembler.program;
     let offset = match offset {
-        // The line about it is there.
+        // The line about it was added before.
         Ok(_) if reads_the_unknown(&program) => return (None, problems),
         Ok(offset) => offset,
         Err(what) => {
@@ -99,7 +98,7 @@ pub fn translate_displacement(network: &Network, library: &NodeLibrary) -> (Opti
     (Some(found), problems)
 }
 
-/// Whether it reads what no vertex has.
+/// Returns true if the program reads something that vertices do not have.
 fn reads_the_unknown(program: &Program) -> bool {
     let view = Geometry::ViewDirection as u16;
     let is_view = |step: &Instruction| step.op == Op::Surface && step.immediate == view;
@@ -115,7 +114,7 @@ struct DisplacementShader {
 
 struct DisplacementReader<'a> {
     walker: NetworkWalker<'a>,
-    /// Each is worked out once, however many read it; `None`: it is being worked out.
+    /// Results by node: each is computed once, however many read it; `None` while it is being computed.
     shaders: HashMap<NodeAddress, Option<Option<DisplacementShader>>>,
 }
 
@@ -170,7 +169,8 @@ impl DisplacementReader<'_> {
         DisplacementShader { value: self.walker.expressions.multiply(amount, scale), is_vector }
     }
 
-    /// A side that is not connected, or not understood, moves nothing. A number is a vector along the normal.
+    /// A mixture. A side that is not connected, or not supported, displaces nothing. A number is a vector along the
+    /// normal.
     fn mixed(&mut self, at: NodeAddress, depth: usize) -> Option<DisplacementShader> {
         let [back, front] = ["bg", "fg"].map(|name| self.input(at, name, depth));
         let is_vector = [back, front].iter().flatten().any(|shift| shift.is_vector);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the operations of programs give, in f32: for folding of constants, and as the twin of what the device runs
+//! Evaluates the operations of programs in f32: for folding of constants, and as the twin of the device's code
 //! (`shaders/material/pattern_ops.glsl`).
 //!
 //! Guarantees: results are normal numbers or +0; operands that are neither count as 0; no panic. Sums and products are
-//! in the order of the twin, so operations without a division, a root or a function of the device have its bits,
-//! but where a value in between is below 2^-126. Any thread.
+//! in the order of the twin, so operations without a division, a root or a function of the device have its bits, unless
+//! an intermediate value is below 2^-126. Any thread.
 
 use std::array::from_fn;
 
@@ -13,12 +13,12 @@ use crate::program::{Geometry, Instruction, Op, Operand, Program, ProgramLookup,
 
 type Vec4 = [f32; 4];
 
-/// Numbers that are neither normal nor 0 are +0, and so is -0.
+/// Replaces numbers that are neither normal nor 0, and -0, by +0.
 pub(crate) fn number(x: f32) -> f32 {
     if x.is_normal() { x } else { 0.0 }
 }
 
-/// What an operation gives. [`Op::Surface`] and [`Op::Texture`] are the caller's and give 0.
+/// The result of an operation. [`Op::Surface`] and [`Op::Texture`] are evaluated by the caller; here they give 0.
 #[must_use]
 pub fn evaluate(op: Op, operands: [[f32; 4]; 3], immediate: u16) -> [f32; 4] {
     let [a, b, c] = operands.map(|operand| operand.map(number));
@@ -31,9 +31,9 @@ pub fn evaluate(op: Op, operands: [[f32; 4]; 3], immediate: u16) -> [f32; 4] {
     result.map(number)
 }
 
-/// Runs a program from registers of 0. `surface` says what the surface has, `lookup` what a texture lookup gives at a
-/// place, scale and bias included; where there is none, the lookup knows it. Registers and constants that the program
-/// does not have are 0.
+/// Runs a program from registers of 0. `surface` returns the properties of the surface, `lookup` the result of a
+/// texture lookup at a place, scale and bias included; if the place is absent, the lookup knows it. Registers and
+/// constants that the program does not have are 0.
 pub fn run(
     program: &Program,
     surface: impl Fn(Geometry) -> [f32; 4],
@@ -42,7 +42,7 @@ pub fn run(
     run_numbered(program, surface, |_, found, place| lookup(found, place))
 }
 
-/// [`run`] for who has to know the number of a lookup.
+/// Runs a program as [`run`] does, for callers that need the number of a lookup.
 pub fn run_numbered(
     program: &Program,
     surface: impl Fn(Geometry) -> [f32; 4],
@@ -74,7 +74,7 @@ pub fn run_numbered(
     registers
 }
 
-/// By number.
+/// Properties by number.
 const GEOMETRY: [Geometry; 14] = [
     Geometry::Uv0,
     Geometry::Uv1,
@@ -96,7 +96,7 @@ fn truth(is: bool) -> f32 {
     f32::from(u8::from(is))
 }
 
-/// Operations by component.
+/// Operations that work on each component alone.
 fn component(op: Op) -> Option<fn(f32, f32, f32) -> f32> {
     Some(match op {
         Op::Move => |a, _, _| a,
@@ -145,7 +145,7 @@ fn in_f64(x: f32, f: fn(f64) -> f64) -> f32 {
     narrow(f(x.into()))
 }
 
-/// The quotient may be rounded to the other side of a whole number: the remainder then is put right.
+/// The quotient may be rounded to the other side of a whole number; the remainder is corrected then.
 fn modulo(a: f32, b: f32) -> f32 {
     let rest = a - b * (a / b).floor();
     let rest = if rest * b.signum() < 0.0 { rest + b } else { rest };
@@ -202,7 +202,7 @@ fn dot(a: Vec4, b: Vec4, count: u16) -> f32 {
     (0..usize::from(count.min(4))).fold(0.0, |sum, k| sum + a[k] * b[k])
 }
 
-/// The first `count` components times a power of two that keeps squares in range; its inverse.
+/// The first `count` components times a power of two that keeps squares in range; also returns its inverse.
 fn scaled(a: Vec4, count: u16) -> (Vec4, f32) {
     const BIG: f32 = 1.180_591_6e21; // 2^70
     let a: Vec4 = from_fn(|k| if k < usize::from(count) { a[k] } else { 0.0 });
@@ -262,7 +262,7 @@ fn rgb_to_hsv([r, g, b, alpha]: Vec4) -> Vec4 {
     [if hue < 0.0 { hue + 1.0 } else { hue }, saturation, most, alpha]
 }
 
-/// The inverse; colours of a saturation below 0.0001 are grey.
+/// The inverse of [`rgb_to_hsv`]; colours of a saturation below 0.0001 are grey.
 fn hsv_to_rgb([hue, s, v, alpha]: Vec4) -> Vec4 {
     if s < 0.0001 {
         return [v, v, v, alpha];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Expressions: patterns as a graph of operations, equal ones only once, constants folded.
+//! Expressions: patterns as a graph of operations, in which equal ones occur once and constants are folded.
 
 use std::collections::HashMap;
 
@@ -20,7 +20,7 @@ impl Val {
     pub(crate) const ZERO: Self = Self::Constant([0.0; 4]);
     pub(crate) const ONE: Self = Self::Constant([1.0; 4]);
 
-    /// 0 where it is no finite number, as results of operations are.
+    /// A number in all components; 0 if it is not finite, as results of operations are.
     pub(crate) fn number(value: f32) -> Self {
         Self::Constant([if value.is_finite() { value } else { 0.0 }; 4])
     }
@@ -32,7 +32,7 @@ impl Val {
         }
     }
 
-    /// Whether it is this constant, in the first `width` components.
+    /// Returns true if the value is this constant, in the first `width` components.
     pub(crate) fn is(self, value: f32, width: usize) -> bool {
         self.constant().is_some_and(|numbers| numbers.iter().take(width).all(|number| *number == value))
     }
@@ -61,16 +61,16 @@ type ExpressionKey = (Op, [[u32; 5]; 3], u16);
 pub(crate) struct ExpressionGraph {
     nodes: Vec<Expression>,
     known: HashMap<ExpressionKey, u32>,
-    /// There were more than [`MAX_EXPRESSIONS`].
+    /// True if there were more than [`MAX_EXPRESSIONS`].
     pub(crate) is_full: bool,
 }
 
-/// What an expression depends on.
+/// The inputs that an expression depends on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ExpressionInputs {
-    /// By [`Geometry`].
+    /// Bits by [`Geometry`].
     pub(crate) geometry: u32,
-    /// By number of the lookup.
+    /// Bits by number of the lookup.
     pub(crate) lookups: u64,
 }
 
@@ -127,12 +127,12 @@ impl ExpressionGraph {
         self.binary(Op::Divide, a, b)
     }
 
-    /// a (1 - share) + b share.
+    /// Computes a (1 - share) + b share.
     pub(crate) fn mix(&mut self, a: Val, b: Val, share: Val) -> Val {
         self.op(Op::Mix, [a, b, share], 0)
     }
 
-    /// 1 - a.
+    /// Computes 1 - a.
     pub(crate) fn complement(&mut self, a: Val) -> Val {
         self.subtract(Val::ONE, a)
     }
@@ -149,12 +149,12 @@ impl ExpressionGraph {
         self.op(Op::Swizzle, [a, Val::ZERO, Val::ZERO], x | y << 3 | z << 6 | w << 9)
     }
 
-    /// A component in all.
+    /// A component of a in all components.
     pub(crate) fn component(&mut self, a: Val, at: u16) -> Val {
         self.swizzle(a, [at.min(3); 4])
     }
 
-    /// Numbers (each in all components) side by side.
+    /// Joins numbers (each in all components).
     pub(crate) fn combine(&mut self, parts: &[Val]) -> Val {
         let mut whole = parts.first().copied().unwrap_or(Val::ZERO);
         for (at, part) in parts.iter().enumerate().skip(1).take(3) {
@@ -178,7 +178,7 @@ impl ExpressionGraph {
         self.op(Op::Normalize, [a, Val::ZERO, Val::ZERO], width)
     }
 
-    /// The operations that `val` is made of, in order, those at or below a texture lookup only if `through`.
+    /// The operations that `val` consists of, in order; those at or below a texture lookup only if `through`.
     fn reach(&self, val: Val, through: bool) -> Vec<u32> {
         let mut reached = vec![];
         let mut seen = vec![false; self.nodes.len()];
@@ -198,7 +198,7 @@ impl ExpressionGraph {
         reached
     }
 
-    /// All operations that these values are made of, in order.
+    /// All operations that these values consist of, in order.
     pub(crate) fn needed(&self, roots: &[Val]) -> Vec<u32> {
         let mut all: Vec<u32> = roots.iter().flat_map(|root| self.reach(*root, true)).collect();
         all.sort_unstable();
@@ -206,7 +206,7 @@ impl ExpressionGraph {
         all
     }
 
-    /// What a value depends on at once: coordinates of lookups do not count.
+    /// The inputs that a value depends on directly: coordinates of lookups do not count.
     pub(crate) fn leaves(&self, val: Val) -> ExpressionInputs {
         let mut leaves = ExpressionInputs::default();
         for at in self.reach(val, false) {
@@ -220,7 +220,7 @@ impl ExpressionGraph {
         leaves
     }
 
-    /// The number that a value is, where leaves are as these functions say.
+    /// The number that a value has if leaves have the values of these functions.
     pub(crate) fn value(
         &self,
         val: Val,
@@ -248,7 +248,7 @@ impl ExpressionGraph {
     }
 }
 
-/// What an operation is without being worked out.
+/// Simplifies an operation without evaluating it.
 fn simpler(op: Op, [a, b, c]: [Val; 3]) -> Option<Val> {
     match op {
         Op::Move => Some(a),

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Definitions of nodes, read from `MaterialX`'s data libraries (`libraries/*/*.mtlx`), and those of one's own.
+//! Definitions of nodes, read from `MaterialX`'s data libraries (`libraries/*/*.mtlx`) and from the user's own.
 //!
-//! Limits: [`MAX_FILE_BYTES`] a file, [`MAX_FILES`] files, folders three deep; regular files only. What cannot be read
-//! is left out, and [`NodeLibrary::problems`] says so.
+//! Limits: [`MAX_FILE_BYTES`] a file, [`MAX_FILES`] files, folders three deep; regular files only. Files that cannot be
+//! read are left out, and listed by [`NodeLibrary::problems`].
 //!
-//! What a file of a namespace defines is called `namespace:name`, as `MaterialX` has it.
+//! Definitions in a file with a namespace are called `namespace:name`, as in `MaterialX`.
 
 mod documents;
 mod parse;
@@ -23,19 +23,19 @@ use crate::value::{PortType, PortValue};
 pub const MAX_FILE_BYTES: u64 = 16 << 20;
 /// Most files of a library.
 pub const MAX_FILES: usize = 512;
-/// Most files that a material names for definitions, with those that they include.
+/// Most files with definitions that a material names, with those that they include.
 pub const MAX_INCLUDED: usize = 64;
 
-/// Folders of data libraries, as OpenUSD takes them from the environment.
+/// The variable of the folders of data libraries, as OpenUSD reads it.
 const SEARCH_PATHS: &str = "PXR_MTLX_STDLIB_SEARCH_PATHS";
-/// Folders of definitions of one's own, likewise.
+/// The variable of the folders of the user's own definitions, as OpenUSD reads it.
 const OWN_PATHS: &str = "PXR_MTLX_PLUGIN_SEARCH_PATHS";
 
 static STANDARD: OnceLock<NodeLibrary> = OnceLock::new();
 
 /// The libraries of this process: those of the folders of `PXR_MTLX_STDLIB_SEARCH_PATHS` and
-/// `PXR_MTLX_PLUGIN_SEARCH_PATHS`, read at first use. A definition of the latter stands for one of the former of its
-/// name. Any thread; empty where there are no data libraries.
+/// `PXR_MTLX_PLUGIN_SEARCH_PATHS`, read at first use. A definition of the latter replaces one of the former with the
+/// same name. Any thread; empty if there are no data libraries.
 pub fn standard() -> &'static NodeLibrary {
     STANDARD.get_or_init(|| {
         let folders = |name: &str| -> Vec<PathBuf> {
@@ -57,13 +57,13 @@ pub struct InputDef {
     pub name: Arc<str>,
     /// Its type.
     pub ty: PortType,
-    /// What it is where nothing is said.
+    /// The default value.
     pub value: Option<PortValue>,
-    /// Or the property of the geometry that it is then (`UV0`, `Nworld`).
+    /// The property of the geometry that is the default (`UV0`, `Nworld`).
     pub geometry: Option<Arc<str>>,
 }
 
-/// Where an input of a node in a graph comes from.
+/// The source of an input of a node in a graph.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PortSource {
     /// A value.
@@ -81,9 +81,9 @@ pub struct GraphInput {
     pub name: Arc<str>,
     /// Its type.
     pub ty: PortType,
-    /// Where it comes from.
+    /// The source of its value.
     pub source: PortSource,
-    /// Colour space of a file that the node reads, if the graph says it.
+    /// Colour space of a file that the node reads, if the graph states it.
     pub color_space: Option<Arc<str>>,
 }
 
@@ -92,17 +92,17 @@ pub struct GraphInput {
 pub struct GraphNode {
     /// Its name in the graph.
     pub name: Arc<str>,
-    /// What kind of node.
+    /// The category of the node.
     pub category: Arc<str>,
-    /// Name of its definition, where the graph says it.
+    /// Name of its definition, if the graph states it.
     pub definition: Option<Arc<str>>,
-    /// Where definitions are looked for first.
+    /// The namespace in which definitions are looked for first.
     pub namespace: Option<Arc<str>>,
     /// Type of its output.
     pub ty: PortType,
     /// Name of that type.
     pub type_name: Arc<str>,
-    /// What is said of its inputs.
+    /// The inputs that are set.
     pub inputs: Vec<GraphInput>,
 }
 
@@ -111,7 +111,7 @@ pub struct GraphNode {
 pub struct NodeGraph {
     /// The nodes.
     pub nodes: Vec<GraphNode>,
-    /// Its outputs: name and where from.
+    /// Its outputs: name and source.
     pub outputs: Vec<(Arc<str>, PortSource)>,
 }
 
@@ -120,7 +120,7 @@ pub struct NodeGraph {
 pub struct NodeDef {
     /// Its name, `ND_add_float` for instance.
     pub name: Arc<str>,
-    /// What kind of node, `add` for instance.
+    /// The category of the node, `add` for instance.
     pub category: Arc<str>,
     /// Inputs.
     pub inputs: Vec<InputDef>,
@@ -128,12 +128,12 @@ pub struct NodeDef {
     pub outputs: Vec<(Arc<str>, PortType, Arc<str>)>,
     /// Its implementation, if it is a graph.
     pub graph: Option<Arc<NodeGraph>>,
-    /// The one that is meant where the version is not said.
+    /// True if it is used when no version is given.
     pub is_default_version: bool,
 }
 
 impl NodeDef {
-    /// An input.
+    /// The input of a name.
     #[must_use]
     pub fn input(&self, name: &str) -> Option<&InputDef> {
         self.inputs.iter().find(|input| &*input.name == name)
@@ -156,13 +156,14 @@ pub struct NodeLibrary {
 }
 
 impl NodeLibrary {
-    /// Reads all `.mtlx` files below the folders. Folders of generators (`gen*`) hold no definitions that count here.
+    /// Reads all `.mtlx` files below the folders. Folders of generators (`gen*`) are skipped.
     #[must_use]
     pub fn read(folders: &[PathBuf]) -> Self {
         Self::read_with(folders, &[])
     }
 
-    /// The same, and what lies below the folders `own`, which stands for what is of the same name.
+    /// Reads `folders` as [`Self::read`] does, and then the folders `own`, whose definitions replace those of the same
+    /// name.
     #[must_use]
     pub fn read_with(folders: &[PathBuf], own: &[PathBuf]) -> Self {
         let mut texts = Vec::new();
@@ -189,8 +190,8 @@ impl NodeLibrary {
         library
     }
 
-    /// This library and what these files define, and those that they include: relative to the file that does, at most
-    /// [`MAX_INCLUDED`]. What is of the same name stands for what was there.
+    /// This library with the definitions of these files, and of those that they include: relative to the including
+    /// file, at most [`MAX_INCLUDED`]. A definition replaces one of the same name.
     #[must_use]
     pub fn with_files(&self, files: &[PathBuf]) -> Self {
         let mut problems = Vec::new();
@@ -215,7 +216,7 @@ impl NodeLibrary {
             }
             known.push(file);
         }
-        // What includes others comes after them.
+        // A file that includes others comes after them.
         texts.reverse();
         let added = Self::parse(&texts);
         problems.extend(added.problems);
@@ -249,7 +250,7 @@ impl NodeLibrary {
         library
     }
 
-    /// Whether it has no definition at all.
+    /// Returns true if there is no definition at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.definitions.is_empty()
@@ -268,20 +269,20 @@ impl NodeLibrary {
         names
     }
 
-    /// What could not be read.
+    /// The files and elements that could not be read.
     #[must_use]
     pub fn problems(&self) -> &[String] {
         &self.problems
     }
 
-    /// A definition by its name; by its new one where only that is known.
+    /// A definition by its name; by its new name if only that is known.
     #[must_use]
     pub fn definition(&self, name: &str) -> Option<&Arc<NodeDef>> {
         self.definitions.get(name).or_else(|| self.definitions.get(renamed(name)?))
     }
 
-    /// The definition that a node in a graph means: of its category and type, with all of the inputs that are said,
-    /// of their types. Else with most of them: graphs of `MaterialX` 1.38 have inputs that later versions do not.
+    /// The definition for a node in a graph: of its category and type, with all of the inputs that are set, of their
+    /// types. Otherwise the one with most of them: graphs of `MaterialX` 1.38 have inputs that later versions do not.
     #[must_use]
     pub fn matching(&self, node: &GraphNode) -> Option<&Arc<NodeDef>> {
         if let Some(name) = &node.definition {
@@ -294,7 +295,7 @@ impl NodeLibrary {
             .or_else(|| Self::fitting(self.by_category.get(&node.category)?, node))
     }
 
-    /// Of definitions of one category the one that a node means.
+    /// The definition among those of one category that fits a node.
     fn fitting<'a>(candidates: &'a [Arc<NodeDef>], node: &GraphNode) -> Option<&'a Arc<NodeDef>> {
         let fits = |definition: &&Arc<NodeDef>, exactly: bool| {
             let is_multi = &*node.type_name == "multioutput" && definition.outputs.len() > 1;
@@ -314,7 +315,7 @@ impl NodeLibrary {
             };
             let of_type =
                 |found: &&Arc<NodeDef>| found.outputs.first().is_some_and(|(.., name)| *name == node.type_name);
-            // The first of those that know as many.
+            // The first of those with the same number of known inputs is taken.
             candidates.iter().filter(of_type).rev().max_by_key(known)
         };
         find(true, true)
@@ -325,8 +326,8 @@ impl NodeLibrary {
     }
 }
 
-/// What a definition of `MaterialX` 1.38 is called in 1.39. Those that are neither here nor in the module `older` of
-/// the nodes are not understood any more (`curveadjust`, `arrayappend`, `ambientocclusion`), and who asks is told.
+/// The name in 1.39 of a definition of `MaterialX` 1.38. Those that are neither here nor in the module `older` of the
+/// nodes are not supported (`curveadjust`, `arrayappend`, `ambientocclusion`), which is reported when they are used.
 fn renamed(name: &str) -> Option<&'static str> {
     match name {
         "ND_normalmap" => Some("ND_normalmap_float"),
@@ -335,7 +336,7 @@ fn renamed(name: &str) -> Option<&'static str> {
     }
 }
 
-/// What is in a file. A pipe or a device, which could be waited for without an end, is not opened.
+/// The text of a file. A pipe or a device, on which reading could block for ever, is not opened.
 fn text_of(file: &Path) -> std::io::Result<String> {
     let bytes = oocpt_files::read(file, MAX_FILE_BYTES)?;
     String::from_utf8(bytes).map_err(|error| Error::new(ErrorKind::InvalidData, error))

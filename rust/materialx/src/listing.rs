@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Programs as text, for people: what they cost, their instructions, and the formulas that these are.
+//! Programs as text for people: their cost, their instructions, and their formulas.
 //!
 //! Text that comes from scenes (names of files and primvars) is given by the caller, who bounds it.
 
@@ -7,15 +7,15 @@ use std::fmt::Write as _;
 
 use crate::program::{Geometry, Instruction, Op, Operand, Program, REGISTERS};
 
-/// Longest formula that stands inside of another one, bytes; a longer one is a line of its own.
+/// Longest formula that is written inside of another one, bytes; a longer one gets a line of its own.
 const LONGEST_INLINE: usize = 64;
 
-/// What a program costs for each hit.
+/// The cost of a program for each hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ProgramCost {
     /// Instructions, all of which are run.
     pub instructions: usize,
-    /// Of these, noise: each is some dozens of the others, fractal sums that for each octave.
+    /// Noise operations among these: each costs some dozens of the others, fractal sums that for each octave.
     pub noises: usize,
     /// Registers that are written.
     pub registers: usize,
@@ -45,7 +45,7 @@ impl ProgramCost {
     }
 }
 
-/// Names of what a program reads.
+/// Names of the inputs of a program.
 pub trait ListingNames {
     /// A set of texture coordinates of the material.
     fn uv_set(&self, set: usize) -> String;
@@ -55,7 +55,7 @@ pub trait ListingNames {
     fn texture(&self, texture: u32) -> String;
 }
 
-/// Each instruction as a line: the register that it writes, what it does, its operands.
+/// Each instruction as a line: the register that it writes, the operation, its operands.
 #[must_use]
 pub fn instructions(program: &Program, names: &dyn ListingNames) -> Vec<String> {
     let operand = |operand: Operand| match operand {
@@ -69,11 +69,11 @@ pub fn instructions(program: &Program, names: &dyn ListingNames) -> Vec<String> 
     program.instructions.iter().map(line).collect()
 }
 
-/// What the registers in `roots` hold at the end, as formulas; before them, as lines `v1 = ...`, those values that are
-/// read more than once or are long.
+/// The contents of the registers in `roots` at the end, as formulas; also the lines `v1 = ...` before them, for values
+/// that are read more than once or are long.
 #[must_use]
 pub fn formulas(program: &Program, roots: &[u8], names: &dyn ListingNames) -> (Vec<String>, Vec<String>) {
-    // By instruction: who reads it. A register is the value of the last instruction that wrote it.
+    // Number of readers by instruction. A register has the value of the last instruction that wrote it.
     let mut readers = vec![0_usize; program.instructions.len()];
     let mut writer: [Option<usize>; REGISTERS] = [None; REGISTERS];
     let mut sources: Vec<[Option<usize>; 3]> = Vec::new();
@@ -118,7 +118,7 @@ pub fn formulas(program: &Program, roots: &[u8], names: &dyn ListingNames) -> (V
     (lines, roots)
 }
 
-/// How many operands count.
+/// The number of operands that count.
 fn operands(instruction: &Instruction) -> usize {
     match instruction.op {
         Op::Surface => 0,
@@ -192,7 +192,7 @@ fn call(program: &Program, instruction: &Instruction, operands: &[String; 3], na
     text
 }
 
-/// What the surface has.
+/// The name of a property of the surface.
 fn geometry(immediate: u16, names: &dyn ListingNames) -> String {
     match immediate {
         at if at == Geometry::Uv0 as u16 => names.uv_set(0),
@@ -228,7 +228,7 @@ fn constant(program: &Program, at: u8) -> String {
     program.constants.get(usize::from(at)).map_or_else(|| "?".to_owned(), |value| numbers(value, 4))
 }
 
-/// The first `width` components of a value: one number where they are the same.
+/// The first `width` components of a value: one number if they are equal.
 #[must_use]
 pub fn numbers(value: &[f32; 4], width: usize) -> String {
     let shown = value.get(..width.clamp(1, 4)).unwrap_or(value);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A network as a scene delivers it: nodes by the names of their definitions, what is authored of them, connections.
+//! A network as a scene delivers it: nodes by the names of their definitions, authored values, connections.
 
 use std::sync::Arc;
 
@@ -15,20 +15,20 @@ pub struct NetworkNode {
     pub path: Arc<str>,
     /// Name of its definition: `ND_multiply_color3`.
     pub kind: Arc<str>,
-    /// What is authored: name and value.
+    /// Authored values: name and value.
     pub values: Vec<(Arc<str>, PortValue)>,
-    /// What is connected: name of the input, number of the node, name of its output.
+    /// Connections: name of the input, number of the node, name of its output.
     pub connections: Vec<(Arc<str>, usize, Arc<str>)>,
 }
 
 impl NetworkNode {
-    /// What is authored of an input.
+    /// The authored value of an input.
     #[must_use]
     pub fn value(&self, name: &str) -> Option<&PortValue> {
         self.values.iter().find(|(known, _)| &**known == name).map(|(_, value)| value)
     }
 
-    /// What an input is connected to.
+    /// The connection of an input.
     #[must_use]
     pub fn connection(&self, name: &str) -> Option<(usize, &Arc<str>)> {
         let found = self.connections.iter().find(|(known, ..)| &**known == name);

@@ -11,7 +11,7 @@ use std::array::from_fn;
 /// Octaves that a fractal sum has at most.
 pub(crate) const MAX_OCTAVES: u32 = 32;
 
-/// What is added to each further octave of a fractal sum.
+/// The number of octaves of a fractal sum, and the factors from one to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FractalOctaves {
     pub(crate) count: u32,
@@ -22,11 +22,11 @@ pub(crate) struct FractalOctaves {
 }
 
 impl FractalOctaves {
-    /// Noise itself.
+    /// A single octave, which is the noise itself.
     pub(crate) const ONE: Self = Self { count: 1, lacunarity: 1.0, diminish: 1.0 };
 }
 
-/// lookup3's final mixing; the last word.
+/// lookup3's final mixing; returns the last word.
 fn finish(mut words: [u32; 3]) -> u32 {
     for (step, rotation) in [14, 11, 25, 16, 4, 14, 24].into_iter().enumerate() {
         let (to, from) = ((step + 2) % 3, (step + 1) % 3);
@@ -57,13 +57,13 @@ fn hash(words: &[u32]) -> u32 {
     finish(state)
 }
 
-/// 0 to 1.
+/// A number from 0 to 1.
 #[expect(clippy::cast_precision_loss, reason = "rounding is part of the definition")]
 fn unit(bits: u32) -> f32 {
     bits as f32 / 4_294_967_296.0
 }
 
-/// The cell that a coordinate is in, and how far it is in it.
+/// The cell that a coordinate is in, and the position in it.
 #[expect(clippy::cast_possible_truncation, reason = "limited to what i32 and f32 have both")]
 fn cell(x: f32) -> (i32, f32) {
     const LAST: f32 = 2_147_483_520.0;
@@ -76,7 +76,7 @@ fn words<const N: usize>(cells: [(i32, f32); N]) -> [u32; N] {
     cells.map(|(cell, _)| cell.cast_unsigned())
 }
 
-/// `mx_cell_noise_float`.
+/// `mx_cell_noise_float` of `MaterialX`.
 pub(crate) fn cell_noise<const N: usize>(p: [f32; N]) -> f32 {
     unit(hash(&words(p.map(cell))))
 }
@@ -149,7 +149,7 @@ pub(crate) fn fractal<const N: usize>(mut p: [f32; N], octaves: FractalOctaves) 
     sum
 }
 
-/// What cellular noise finds.
+/// The result of cellular noise.
 pub(crate) struct CellularNoise<const N: usize> {
     /// Distances to the three nearest points; 1000 where there is none.
     pub(crate) distances: [f32; 3],

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Programs: what patterns of a material are compiled to. The twin that runs them on the device is
+//! Programs: the compiled patterns of a material. The twin that runs them on the device is
 //! `shaders/material/pattern.glsl`.
 //!
 //! A program is a list of instructions without branches over [`REGISTERS`] registers of four f32 each. Integers and
@@ -9,13 +9,13 @@ pub use oocpt_abi::{PatternGeometry as Geometry, PatternOp as Op};
 
 /// Registers of a program.
 pub const REGISTERS: usize = oocpt_abi::PROGRAM_REGISTERS as usize;
-/// Constants of a program, at most: an operand is a byte.
+/// Most constants of a program: an operand is a byte.
 pub const MAX_CONSTANTS: usize = 256 - REGISTERS;
-/// Instructions of a program, at most.
+/// Most instructions of a program.
 pub const MAX_INSTRUCTIONS: usize = 1024;
-/// Texture lookups of a program, at most: what is kept of lookups under way has this many places.
+/// Most texture lookups of a program: the state of lookups under way has this many places.
 pub const MAX_LOOKUPS: usize = 12;
-/// Texture lookups of a program for opacity, at most.
+/// Most texture lookups of a program for opacity.
 pub const MAX_OPACITY_LOOKUPS: usize = oocpt_abi::CUTOUT_LOOKUPS as usize;
 
 /// A texture lookup of a program.
@@ -23,17 +23,17 @@ pub const MAX_OPACITY_LOOKUPS: usize = oocpt_abi::CUTOUT_LOOKUPS as usize;
 pub struct ProgramLookup {
     /// Number of the texture.
     pub texture: u32,
-    /// Set of texture coordinates whose footprint the filter has; `None`: no filter.
+    /// Set of texture coordinates whose footprint the filter uses; `None`: no filter.
     pub uv: Option<u8>,
-    /// Rows of the affine map from that set to the place that is looked at, as far as it is one: for the filter only.
+    /// Rows of the affine map from that set to the place of the lookup, or its approximation: for the filter only.
     pub transform: [[f32; 3]; 2],
-    /// What multiplies a texel that was found, and what is added.
+    /// The factor of a texel that was found.
     pub scale: [f32; 4],
-    /// See `scale`.
+    /// The summand of a texel that was found.
     pub bias: [f32; 4],
 }
 
-/// Where an instruction finds a value.
+/// The place of an instruction's operand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Operand {
     /// A register, below [`REGISTERS`].
@@ -45,13 +45,13 @@ pub enum Operand {
 /// An instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Instruction {
-    /// What it does.
+    /// The operation.
     pub op: Op,
     /// The register that it writes.
     pub to: u8,
-    /// a, b, c.
+    /// The operands a, b, c.
     pub operands: [Operand; 3],
-    /// See [`Op`].
+    /// The parameter of the operation, see [`Op`].
     pub immediate: u16,
 }
 
@@ -78,22 +78,22 @@ impl Instruction {
 /// A program.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Program {
-    /// In order; at most [`MAX_INSTRUCTIONS`].
+    /// Instructions in order; at most [`MAX_INSTRUCTIONS`].
     pub instructions: Vec<Instruction>,
-    /// At most [`MAX_CONSTANTS`].
+    /// Constants, at most [`MAX_CONSTANTS`].
     pub constants: Vec<[f32; 4]>,
-    /// At most [`MAX_LOOKUPS`].
+    /// Lookups, at most [`MAX_LOOKUPS`].
     pub lookups: Vec<ProgramLookup>,
 }
 
 impl Program {
-    /// Whether it reads a random number of the hit.
+    /// Returns true if the program reads a random number of the hit.
     #[must_use]
     pub fn is_random(&self) -> bool {
         Geometry::RANDOM.into_iter().any(|random| self.reads(random))
     }
 
-    /// Whether it reads this of the surface.
+    /// Returns true if the program reads this property of the surface.
     #[must_use]
     pub fn reads(&self, geometry: Geometry) -> bool {
         self.instructions.iter().any(|step| step.op == Op::Surface && step.immediate == geometry as u16)

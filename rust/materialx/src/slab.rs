@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What surface shaders and closures are reduced to: a slab of `OpenPBR`, or a fibre.
+//! The common form of surface shaders and closures: a slab of `OpenPBR`, or a fibre.
 
 use crate::expression::Val;
 
@@ -24,32 +24,33 @@ pub(crate) struct OpenPbrSlab {
     pub(crate) fuzz_roughness: Val,
     pub(crate) emission: Val,
     pub(crate) opacity: Val,
-    /// 0: the opacity is a probability.
+    /// The threshold of cutouts; 0 if the opacity is a probability.
     pub(crate) opacity_threshold: f32,
-    /// In the frame of the surface.
+    /// The normal in the frame of the surface.
     pub(crate) normal: Val,
-    /// Of the alphas, and of the tangent; `roughness` is that of the mean of their squares.
+    /// Ratio of the two alphas; `roughness` is that of the mean of their squares.
     pub(crate) ratio: Val,
+    /// Turn of the tangent.
     pub(crate) turn: Val,
     pub(crate) coat_ratio: Val,
     pub(crate) coat_turn: Val,
     pub(crate) film: Val,
-    /// In nm.
+    /// Thickness of the film in nm.
     pub(crate) film_thickness: Val,
     pub(crate) film_ior: Val,
     pub(crate) absorption: Val,
-    /// 1 / the Abbe number; 0: none.
+    /// 1 / the Abbe number; 0: no dispersion.
     pub(crate) dispersion: Val,
     pub(crate) diffuse_roughness: Val,
     pub(crate) thin_walled: bool,
-    /// The closure's, which is in its colours too: what it counts in a sum.
+    /// The closure's weight in a sum; its colours contain it too.
     pub(crate) weight: Val,
-    /// A fibre: of the rest emission and opacity count.
+    /// The parameters of a fibre: of the rest only emission and opacity count.
     pub(crate) hair: Option<HairSlab>,
 }
 
 impl OpenPbrSlab {
-    /// Black, and nothing else.
+    /// A black slab.
     pub(crate) const BLACK: Self = Self {
         base_color: Val::ZERO,
         metalness: Val::ZERO,
@@ -86,7 +87,7 @@ impl OpenPbrSlab {
         hair: None,
     };
 
-    /// Whether its index depends on the channel.
+    /// Returns true if the index depends on the channel.
     pub(crate) fn is_dispersive(&self) -> bool {
         !self.dispersion.is(0.0, 1)
     }
@@ -129,14 +130,14 @@ impl OpenPbrSlab {
 /// A fibre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct HairSlab {
-    /// Of R, TT, TRT.
+    /// Tints of R, TT, TRT.
     pub(crate) tints: [Val; 3],
     pub(crate) ior: Val,
-    /// Variance along the fibre and scale of the logistic across it, of the same.
+    /// Variance along the fibre and scale of the logistic across it, for R, TT, TRT.
     pub(crate) roughnesses: [Val; 3],
-    /// 0.5: none; 0 to 1 is half a turn.
+    /// Tilt of the cuticle: 0.5 is none; 0 to 1 is half a turn.
     pub(crate) cuticle: Val,
-    /// By the fibre's radius.
+    /// Absorption by the fibre's radius.
     pub(crate) absorption: Val,
 }
 

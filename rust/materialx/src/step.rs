@@ -1,23 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Opacity that is there or not by one number of one texel, is told by trying it, as `told` does: such an expression is
-//! that texture with a threshold, whatever it is made of (comparisons, curves before a threshold). A threshold is worth
-//! more than a program: it is compared before the texture is filtered, with what masks know of it.
+//! Recognises opacity that is a threshold of one number of one texel. As in `told`, the expression is evaluated at
+//! trial values: if it behaves as a step, it becomes that texture with a threshold, whatever its operations are
+//! (comparisons, curves before a threshold). A threshold is cheaper than a program: it is compared before the texture
+//! is filtered, and masks can evaluate it.
 
 use crate::assemble::{InputSource, ProgramAssembler};
 use crate::expression::Val;
 
-/// Values of the number that tell whether it is a step, beside those from 0 to 1.
+/// Trial values of the number, beside those from 0 to 1.
 const BEYOND: [f32; 4] = [-8.0, -0.5, 1.5, 8.0];
-/// From 0 to 1 in so many.
+/// Number of trial values from 0 to 1.
 const STEPS: u8 = 64;
-/// What the other numbers of the texel are meanwhile: of any two of them each is the larger one at some time, so that
-/// what depends on their differences shows.
+/// The other numbers of the texel in each trial: of any two of them each is the larger one at some time, so that a
+/// dependency on their differences shows.
 const OTHERS: [[f32; 4]; 6] =
     [[0.3125; 4], [0.0; 4], [1.0; 4], [0.0, 0.3125, 0.75, 1.0], [1.0, 0.75, 0.3125, 0.0], [0.5, 1.0, 0.0, 0.75]];
 
 impl ProgramAssembler<'_> {
-    /// The texture and the threshold, if the surface is there where a number of a texel is not below one value, or
-    /// nowhere else. `threshold`: of the opacity; at 0 it is a probability, which has to be 0 or 1.
+    /// The texture and the threshold, if the surface is opaque exactly where a number of a texel is not below one
+    /// value, or exactly where it is below. `threshold`: of the opacity; at 0 it is a probability, which has to be 0 or
+    /// 1.
     pub(crate) fn step(&self, val: Val, threshold: f32) -> Option<(InputSource, f32)> {
         let leaves = self.expressions.leaves(val);
         if leaves.geometry != 0 || leaves.lookups.count_ones() != 1 {
@@ -41,7 +43,7 @@ impl ProgramAssembler<'_> {
             let (from, rises) = step_of(of)?;
             let (scale, bias, threshold) = match rises {
                 true => (1.0, 0.0, from),
-                // There below it: the difference of two numbers is 0 only where they are the same.
+                // The surface is opaque below the value: the difference of two numbers is 0 only if they are equal.
                 false => (-1.0, from, f32::MIN_POSITIVE),
             };
             (lookup.scale, lookup.bias) = ([scale; 4], [bias; 4]);
@@ -50,14 +52,14 @@ impl ProgramAssembler<'_> {
     }
 }
 
-/// The least value that is on the other side than 0 is, and whether the surface is there from it on; none where it is
-/// no single step. `of`: of a value and what else the texel has.
+/// The least value that is on the other side than 0 is, and whether the surface is opaque from it on; `None` if there
+/// is no single step. `of`: a function of the number and the rest of the texel.
 fn step_of(of: impl Fn(f32, [f32; 4]) -> Option<bool>) -> Option<(f32, bool)> {
     let rises = of(1.0, OTHERS[0])?;
     if of(0.0, OTHERS[0])? == rises {
         return None;
     }
-    // Numbers from 0 on are in the order of their bits; the smallest ones may be 0 on a device.
+    // The bits of numbers from 0 on are in their order; a device may treat the smallest ones as 0.
     let (mut below, mut from) = (f32::MIN_POSITIVE.to_bits() - 1, 1.0_f32.to_bits());
     while from - below > 1 {
         let middle = u32::midpoint(below, from);

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What an expression is, is told by trying it: one that depends on one texel alone is worked out for a few texels, and
-//! where it multiplies and adds by channel it is that texture with scale and bias. Coordinates of a lookup that are an
-//! affine function of one set are told in the same way.
+//! Recognises textures and affine coordinates among expressions by evaluating them at trial values. An expression that
+//! depends on one texel alone is evaluated for a few texels; if it multiplies and adds by channel, it is that texture
+//! with scale and bias. Coordinates of a lookup that are an affine function of one set are recognised in the same way.
 
 use crate::assemble::{InputSource, ProgramAssembler};
 use crate::expression::Val;
 use crate::program::{Geometry, ProgramLookup};
 use crate::uses::LookupUse;
 
-/// Texels that tell what an expression does with them, after black.
+/// Trial texels, after black.
 const PROBES: [[f32; 4]; 6] = [
     [1.0, 0.0, 0.0, 0.0],
     [0.0, 1.0, 0.0, 0.0],
@@ -18,13 +18,13 @@ const PROBES: [[f32; 4]; 6] = [
     [0.75, 0.125, 0.375, 1.0],
 ];
 
-/// Whether two numbers are the same but for rounding.
+/// Returns true if two numbers are equal up to rounding.
 fn near(a: f32, b: f32) -> bool {
     (a - b).abs() <= 2.0e-6 * (1.0 + a.abs().max(b.abs()))
 }
 
 impl ProgramAssembler<'_> {
-    /// A constant, a texture or a primvar, if it is one in its first `width` components.
+    /// The constant, texture or primvar that a value is in its first `width` components, if it is one.
     pub(crate) fn simple(&self, val: Val, width: usize) -> Option<InputSource> {
         if let Val::Constant(value) = val {
             return Some(InputSource::Constant(value));
@@ -79,7 +79,7 @@ impl ProgramAssembler<'_> {
         None
     }
 
-    /// A lookup, and whether its place is told by its set and transform alone.
+    /// A lookup, and whether its place is given by its set and transform alone.
     pub(crate) fn lookup(&self, number: u32) -> Option<(ProgramLookup, bool)> {
         let LookupUse { texture, place } = *self.lookups.get(number as usize)?;
         let mut lookup = ProgramLookup { texture, uv: None, transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
@@ -110,13 +110,13 @@ impl ProgramAssembler<'_> {
             let at = of(u, v);
             (0..2).all(|k| near(rows[k][0] * u + rows[k][1] * v + rows[k][2], at[k]))
         });
-        // Of huge coordinates differences are no numbers: then there is no filter.
+        // Differences of huge coordinates are not finite: then there is no filter.
         let finite = |row: [f32; 3]| row.map(|v| if v.is_finite() { v } else { 0.0 });
         lookup.transform = rows.map(finite);
         if is_alone && follows {
             return Some((lookup, true));
         }
-        // For the filter: how it grows near the middle.
+        // The filter uses the derivative near the middle.
         let (u, v, h) = (0.375, 0.4375, 1.0 / 1024.0);
         let (at, along, up) = (of(u, v), of(u + h, v), of(u, v + h));
         lookup.transform = std::array::from_fn(|k| finite([(along[k] - at[k]) / h, (up[k] - at[k]) / h, 0.0]));

@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a material reads of its mesh, and its textures.
+//! The properties of its mesh and the textures that a material reads.
 
 use std::sync::Arc;
 
 use crate::expression::Val;
 use crate::value::FileRef;
 
-/// What a texture does outside the unit square.
+/// The behaviour of a texture outside the unit square.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AddressMode {
-    /// [`MaterialTexture::fallback`] where that is a texel, else transparent black.
+    /// [`MaterialTexture::fallback`] if that is a texel, else transparent black.
     Constant,
-    /// The edge goes on.
+    /// The edge is continued.
     Clamp,
-    /// Repeats.
+    /// The image is repeated.
     Periodic,
-    /// Repeats, every second time mirrored.
+    /// The image is repeated, every second time mirrored.
     Mirror,
-    /// As the file says (`useMetadata` of `UsdUVTexture`).
+    /// The file decides (`useMetadata` of `UsdUVTexture`).
     UseMetadata,
 }
 
@@ -26,14 +26,14 @@ pub enum AddressMode {
 pub struct MaterialTexture {
     /// The file.
     pub file: FileRef,
-    /// In u and v.
+    /// Address modes in u and v.
     pub address: [AddressMode; 2],
-    /// What it is where the file cannot be read.
+    /// The value if the file cannot be read.
     pub fallback: [f32; 4],
-    /// The fallback is a texel as others are: it lies around the image in the mode `Constant`, and what is made of
-    /// texels is made of it.
+    /// True if the fallback is a texel as others are: it lies around the image in the mode `Constant`, and the
+    /// operations on texels apply to it.
     pub has_border: bool,
-    /// The colour space is told from the file where none is said; else it is linear.
+    /// True if the colour space comes from the file if none is set; otherwise it is linear.
     pub auto_color_space: bool,
 }
 
@@ -42,18 +42,18 @@ pub struct MaterialTexture {
 pub struct MaterialPrimvar {
     /// Its name, or [`MaterialUses::POSITION`] or [`MaterialUses::NORMAL`].
     pub name: Arc<str>,
-    /// Its value where the mesh does not have it.
+    /// The value for a mesh that does not have it.
     pub fallback: [f32; 4],
 }
 
-/// A lookup: a texture and where it looks.
+/// A lookup: a texture and its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LookupUse {
     pub(crate) texture: u32,
     pub(crate) place: Val,
 }
 
-/// See the module.
+/// Texture coordinates, primvars and textures of a material, by number.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MaterialUses {
     /// Names of sets of texture coordinates.
@@ -66,19 +66,19 @@ pub struct MaterialUses {
 }
 
 impl MaterialUses {
-    /// Sets of texture coordinates, and other primvars, at most.
+    /// Most sets of texture coordinates, and most other primvars.
     pub const MOST: usize = 2;
     /// Name of the point in the frame of the mesh, which every mesh has.
     pub const POSITION: &'static str = "object position";
     /// Name of the normal in the frame of the mesh, which every mesh has.
     pub const NORMAL: &'static str = "object normal";
     /// Names of the map that takes normals from the frame of the mesh to the world, up to a factor, which every mesh
-    /// has: where (1, 0, 0) goes, where (0, 1, 0) goes, both over the length of where (0, 0, 1) goes. That direction is
-    /// in the last components of the two, as an octahedral pair (Meyer et al. 2010).
+    /// has: the images of (1, 0, 0) and (0, 1, 0), both over the length of the image of (0, 0, 1). The direction of the
+    /// latter is in the last components of the two, as an octahedral pair (Meyer et al. 2010).
     pub const OBJECT_FRAME: [&'static str; 2] = ["object frame x", "object frame y"];
-    /// Name of where a ribbon is met across its width, -1 to 1; nothing else has it.
+    /// Name of the position of a hit across a ribbon's width, -1 to 1; nothing else has it.
     pub const ACROSS: &'static str = "ribbon across";
-    /// Most lookups before those that nothing reads are left out.
+    /// Most lookups before unused ones are left out.
     const MOST_LOOKUPS: usize = 64;
 
     pub(crate) fn uv_set(&mut self, name: &str) -> Option<usize> {
@@ -103,7 +103,7 @@ impl MaterialUses {
         Some(self.primvars.len() - 1)
     }
 
-    /// The number of a lookup; `None` when there are too many.
+    /// The number of a lookup; `None` if there are too many.
     pub(crate) fn lookup(&mut self, texture: &MaterialTexture, place: Val) -> Option<u16> {
         let known = self.textures.iter().position(|known| known == texture);
         let at = known.unwrap_or_else(|| {

@@ -49,7 +49,7 @@ impl PortType {
         }
     }
 
-    /// Components that count; 0 where it is no number.
+    /// Number of components; 0 if it is not numeric.
     #[must_use]
     pub fn width(self) -> u16 {
         match self {
@@ -65,11 +65,11 @@ impl PortType {
 /// A file that a node names.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct FileRef {
-    /// As the scene has it.
+    /// The path in the scene.
     pub authored: Arc<str>,
-    /// What it resolves to; empty where nothing was found.
+    /// The resolved path; empty if nothing was found.
     pub resolved: Arc<str>,
-    /// The colour space that the input says, if it does.
+    /// The colour space of the input, if it has one.
     pub color_space: Option<Arc<str>>,
     /// The node that names it.
     pub node: Arc<str>,
@@ -78,18 +78,18 @@ pub struct FileRef {
 /// The value of an input.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PortValue {
-    /// Numbers: one in all components; what is missing is 0.
+    /// Numbers: one in all components; missing ones are 0.
     Numbers([f32; 4]),
     /// Text.
     Text(Arc<str>),
     /// A file.
     File(FileRef),
-    /// Rows of a matrix, which vectors are multiplied by from the left; what is missing is 0.
+    /// Rows of a matrix, which vectors are multiplied by from the left; missing ones are 0.
     Matrix([[f32; 4]; 4]),
 }
 
 impl PortValue {
-    /// Reads a value as library files write it; `None` where it is none of that type.
+    /// Parses a value as library files write it; `None` if it is not of that type.
     #[must_use]
     pub fn parse(ty: PortType, text: &str) -> Option<Self> {
         match ty {

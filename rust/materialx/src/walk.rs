@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Walks a network from an input upwards and makes expressions of it, through the graphs that implement nodes.
 //!
-//! Limits: [`MAX_STEPS`] nodes, [`MAX_DEPTH`] nodes one after the other; circles are found. What is not understood is
-//! a problem, and the input that asks is as if it were not connected.
+//! Limits: [`MAX_STEPS`] nodes, chains of [`MAX_DEPTH`] nodes; cycles are found. Unsupported parts are problems, and an
+//! input that reads one counts as not connected.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -17,18 +17,18 @@ use crate::value::{FileRef, PortType, PortValue};
 
 /// Most nodes that are visited.
 const MAX_STEPS: usize = 1 << 14;
-/// Most lines of what is not understood.
+/// Most lines about unsupported parts.
 const MOST_PROBLEMS: usize = 64;
-/// Most nodes one after the other.
+/// Longest chain of nodes.
 const MAX_DEPTH: usize = 128;
 
-/// What an input or output is.
+/// The value of an input or output.
 #[derive(Clone, Debug)]
 pub(crate) enum BoundValue {
     Number(Val),
     Text(Arc<str>),
     File(FileRef),
-    /// Rows.
+    /// The rows of a matrix.
     Matrix([[f32; 4]; 4]),
 }
 
@@ -56,27 +56,28 @@ struct GraphFrame {
     owner: NodeAddress,
 }
 
-/// What is known of a node's output.
+/// The state of a node's output.
 #[derive(Clone, Debug)]
 enum MemoizedOutput {
-    /// It is being worked out.
+    /// It is being computed.
     Open,
     Known(Option<BoundValue>),
 }
 
-/// See the module.
+/// The state of a walk through one network.
 pub(crate) struct NetworkWalker<'a> {
     network: &'a Network,
     library: &'a NodeLibrary,
     frames: Vec<GraphFrame>,
     frame_of: HashMap<NodeAddress, usize>,
     memo: HashMap<(NodeAddress, Arc<str>), MemoizedOutput>,
-    /// Closures and surface shaders, and emission: each is worked out once; `None`: it is being worked out.
+    /// Slabs of closures and surface shaders: each is computed once; `None` while it is being computed.
     pub(crate) slabs: HashMap<NodeAddress, Option<Option<OpenPbrSlab>>>,
+    /// Emission of nodes: each is computed once; `None` while it is being computed.
     pub(crate) emissions: HashMap<NodeAddress, Option<Val>>,
-    /// Random numbers of a hit that are taken.
+    /// Random numbers of a hit that are used.
     pub(crate) choices: usize,
-    /// What is walked displaces meshes: they have no place in the world yet, and nobody looks at them.
+    /// True if the walk is for displacement: meshes have no place in the world yet, and no viewer.
     pub(crate) is_displacing: bool,
     steps: usize,
     depth: usize,
@@ -105,15 +106,15 @@ impl<'a> NetworkWalker<'a> {
         }
     }
 
-    /// Notes what is not understood, once.
+    /// Notes an unsupported part, once.
     pub(crate) fn problem(&mut self, text: String) {
         if self.problems.len() < MOST_PROBLEMS && !self.problems.contains(&text) {
             self.problems.push(text);
         }
     }
 
-    /// Notes that a node is not understood; `role` is what it is there for. Hosts hand over no kind for nodes that they
-    /// have no definition of.
+    /// Notes that a node is not supported; `role` is its purpose. Hosts give no kind for nodes that they have no
+    /// definition of.
     pub(crate) fn unsupported(&mut self, at: NodeAddress, role: &str) {
         let (category, path) = (self.category(at), self.path(at));
         self.problem(if category.is_empty() {
@@ -135,7 +136,7 @@ impl<'a> NetworkWalker<'a> {
         Self::terminal(self.network.surface)
     }
 
-    /// Its definition.
+    /// The definition of a node.
     pub(crate) fn definition(&self, at: NodeAddress) -> Option<Arc<NodeDef>> {
         if at.frame == 0 {
             let node = self.network.nodes.get(at.node)?;
@@ -145,13 +146,13 @@ impl<'a> NetworkWalker<'a> {
         self.library.matching(node).cloned()
     }
 
-    /// What kind of node it is.
+    /// The category of a node.
     pub(crate) fn category(&self, at: NodeAddress) -> Arc<str> {
         if at.frame > 0
             && let Some(node) = self.frames.get(at.frame - 1).and_then(|frame| frame.graph.nodes.get(at.node))
         {
-            // A definition that is named counts before the name of the element: `ramp_gradient` has an `ifgreater` that
-            // is defined by `ND_ifgreatereq_color4I`. So does one of the namespace.
+            // The name of a definition has priority over the name of the element: `ramp_gradient` has an `ifgreater`
+            // that is defined by `ND_ifgreatereq_color4I`. So does one of the namespace.
             let is_told = node.definition.is_some() || node.namespace.is_some();
             let named = if is_told { self.library.matching(node) } else { None };
             return Arc::clone(named.map_or(&node.category, |definition| &definition.category));
@@ -163,15 +164,15 @@ impl<'a> NetworkWalker<'a> {
         kind.trim_start_matches("ND_").into()
     }
 
-    /// Whether a node is one of `MaterialX` 1.38, as far as that is seen: by its definition, or by an input that later
-    /// versions do not have.
+    /// Returns true if a node is one of `MaterialX` 1.38, as far as it can be recognised: by its definition, or by an
+    /// input that later versions do not have.
     pub(crate) fn is_older(&self, at: NodeAddress) -> bool {
         let is_named =
             at.frame == 0 && self.network.nodes.get(at.node).is_some_and(|node| &*node.kind == "ND_normalmap");
         is_named || self.is_said(at, "space")
     }
 
-    /// The node of the network that it is, or is part of: its path, for messages.
+    /// The path of the network's node that it is, or is part of, for messages.
     pub(crate) fn path(&self, mut at: NodeAddress) -> Arc<str> {
         while at.frame > 0 {
             match self.frames.get(at.frame - 1) {
@@ -182,7 +183,7 @@ impl<'a> NetworkWalker<'a> {
         self.network.nodes.get(at.node).map(|node| Arc::clone(&node.path)).unwrap_or_default()
     }
 
-    /// Whether something is said of an input: a value or a connection.
+    /// Returns true if an input has a value or a connection.
     pub(crate) fn is_said(&self, at: NodeAddress, name: &str) -> bool {
         if at.frame == 0 {
             let Some(node) = self.network.nodes.get(at.node) else { return false };
@@ -196,7 +197,7 @@ impl<'a> NetworkWalker<'a> {
         }
     }
 
-    /// An input: what it is connected to, else what is said, else its default.
+    /// An input: its connection, else its value, else its default.
     pub(crate) fn input(&mut self, at: NodeAddress, name: &str) -> Option<BoundValue> {
         if let Some(said) = self.said(at, name) {
             return Some(said);
@@ -224,7 +225,7 @@ impl<'a> NetworkWalker<'a> {
         match &input.source {
             PortSource::Value(value) => Some(BoundValue::of(value)),
             PortSource::Node(node, output) => self.output(NodeAddress { frame: at.frame, node: *node }, output),
-            // The colour space that is nearest to the file counts.
+            // The colour space nearest to the file counts.
             PortSource::Interface(outer) => match self.input(owner, outer)? {
                 BoundValue::File(file) => {
                     let color_space = file.color_space.or_else(|| input.color_space.clone());
@@ -243,7 +244,7 @@ impl<'a> NetworkWalker<'a> {
         }
     }
 
-    /// A number, or this one.
+    /// The number of an input, or `default`.
     pub(crate) fn number_or(&mut self, at: NodeAddress, name: &str, default: f32) -> Val {
         self.number(at, name).unwrap_or(Val::number(default))
     }
@@ -275,7 +276,7 @@ impl<'a> NetworkWalker<'a> {
         None
     }
 
-    /// The node of the graph that implements a node whose output it is.
+    /// The node of the graph that implements a node and computes this output.
     pub(crate) fn implementation(&mut self, at: NodeAddress) -> Option<NodeAddress> {
         let graph = self.definition(at)?.graph.clone()?;
         let frame = self.enter(at, &graph)?;
@@ -357,7 +358,7 @@ impl<'a> NetworkWalker<'a> {
         }
     }
 
-    /// What a default property of the geometry is.
+    /// The property of the geometry of that name.
     fn geometry_named(&mut self, at: NodeAddress, name: &str) -> Option<Val> {
         if name == "UV0" {
             return Some(self.texcoord("st"));
@@ -376,8 +377,8 @@ impl<'a> NetworkWalker<'a> {
         Some(self.geometry(at, what, is_world))
     }
 
-    /// What the surface has, asked for by a node: of the frame of the mesh or of the world. Tangents are those of the
-    /// world always. Where a mesh is displaced its own frame is the only one, with a line for who asks for the world.
+    /// A property of the surface that a node reads: in the frame of the mesh or of the world. Tangents are always those
+    /// of the world. For a displaced mesh, its own frame is the only one; reading the world's is reported.
     pub(crate) fn geometry(&mut self, at: NodeAddress, what: Geometry, is_world: bool) -> Val {
         if self.is_displacing {
             if is_world {
@@ -410,7 +411,7 @@ impl<'a> NetworkWalker<'a> {
         }
     }
 
-    /// A primvar, or `fallback` where the mesh does not have it.
+    /// A primvar, or `fallback` if the mesh does not have it.
     pub(crate) fn primvar(&mut self, name: &str, fallback: [f32; 4]) -> Val {
         match self.uses.primvar(name, fallback) {
             Some(slot) => self.expressions.geometry(if slot == 0 { Geometry::Primvar0 } else { Geometry::Primvar1 }),

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Writes the BSDF's tables that are part of the program, `src/bsdf_tables/NAME.bin`, anew: `cargo run --profile fast
-//! -p oocpt-render --example bsdf_tables [NAME]`. Some minutes; tests compare what is there with what is computed.
+//! Regenerates the BSDF's tables that are part of the program, `src/bsdf_tables/NAME.bin`: `cargo run --profile fast -p
+//! oocpt-render --example bsdf_tables [NAME]`. Takes some minutes; tests compare the files with what is computed.
 
 use oocpt_render::bsdf_tables::{self, glass, sheen};
 use std::{env, fs, io, path::Path};
 
-/// A name, and what computes its bytes.
+/// A name, and the function that computes its bytes.
 type Table = (&'static str, fn() -> Vec<u8>);
 
 fn main() -> io::Result<()> {

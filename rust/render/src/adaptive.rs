@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Adaptive sampling on the device: the list of who gets samples in an epoch, and the estimates that decide the
-//! next one (`oocpt_core::adaptive` decides). Made only with `oocpt:adaptiveSampling`.
+//! Adaptive sampling on the device: the list of the pixels that get samples in an epoch, and the variance estimates
+//! from which `oocpt_core::adaptive` decides the next epoch. Made only with `oocpt:adaptiveSampling`.
 //!
-//! Lists and answers cross while nothing of an epoch is under way: an epoch is decided when all its samples are in the
-//! film, and no path of the next one begins before. Render thread only.
+//! Lists and estimates are copied only between epochs: an epoch is decided when all its samples are in the film, and no
+//! path of the next one begins before. Render thread only.
 
 use crate::device::WAVE_TIMEOUT;
 use crate::error::RenderError;
@@ -15,10 +15,10 @@ use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
-// The rows that the core gives out are those that the passes take.
+// The bands that the core cuts must be those that the passes read.
 const _: () = assert!(oocpt_core::adaptive::BAND_SHIFT == oocpt_abi::BAND_SHIFT, "rows of bands differ");
 
-/// See the module.
+/// The device buffers of adaptive sampling, and the schedule of the epochs.
 #[derive(Debug)]
 pub(crate) struct AdaptiveBuffers {
     gpu: Arc<Gpu>,
@@ -27,7 +27,7 @@ pub(crate) struct AdaptiveBuffers {
     entries: Buffer,
     estimates: Buffer,
     course: Mutex<Option<AdaptiveSchedule>>,
-    /// Planted: each stream decides for itself.
+    /// Planted fault: each stream decides for itself.
     #[cfg(feature = "faults")]
     pub(crate) is_naive: bool,
 }
@@ -48,12 +48,12 @@ impl AdaptiveBuffers {
         })
     }
 
-    /// Address of the block.
+    /// Device address of the block that the passes read.
     pub(crate) fn address(&self) -> u64 {
         self.block.address()
     }
 
-    /// What is made for it on the device, apart from the film.
+    /// The device buffers of adaptive sampling, apart from the film.
     pub(crate) fn buffers(&self) -> impl Iterator<Item = &Buffer> {
         [&self.block, &self.entries, &self.estimates].into_iter()
     }
@@ -84,7 +84,7 @@ impl AdaptiveBuffers {
         Ok(())
     }
 
-    /// Estimates by the first samples up to an octave, by stream and pixel.
+    /// Reads the variance estimates of the samples up to an octave, by stream and pixel.
     fn answers(&self, octave: u32) -> Result<[Vec<VarianceEstimate>; STREAMS], RenderError> {
         let bytes = self.pixels * STREAMS as u64 * 4;
         let target = Buffer::new(&self.gpu, "answers", bytes, BufferUsage::Readback)?;
@@ -103,7 +103,7 @@ impl AdaptiveBuffers {
         })?)
     }
 
-    /// Sends the list of an epoch.
+    /// Uploads the list of an epoch.
     fn send(&self, course: &AdaptiveSchedule) -> Result<(), RenderError> {
         let epoch = course.epoch();
         let bytes: &[u8] = bytemuck::cast_slice(&epoch.entries);
@@ -126,8 +126,9 @@ impl AdaptiveBuffers {
         Ok(())
     }
 
-    /// Whether samples of the epoch under way will decide where others go. What happens to both streams at once, as
-    /// roulette on loads does, must not happen to those: the counts of one stream would depend on its own samples.
+    /// Returns true if samples of the epoch under way will decide where others go. What happens to both streams at
+    /// once, as roulette on loads does, must not happen to those: the counts of one stream would depend on its own
+    /// samples.
     pub(crate) fn decides_more(&self) -> bool {
         lock(&self.course).as_ref().is_some_and(|course| !course.is_last())
     }
@@ -142,12 +143,12 @@ impl AdaptiveBuffers {
         lock(&self.course).iter().flat_map(|course| course.epoch().bands.iter().map(|band| band.end())).collect()
     }
 
-    /// What has been spent when the epoch under way is done.
+    /// The samples that are spent when the epoch under way is done.
     pub(crate) fn spent(&self) -> Option<AdaptiveUsage> {
         lock(&self.course).as_ref().map(AdaptiveSchedule::spent)
     }
 
-    /// The push constants of a wave, which is in one band; and the entries of that.
+    /// The push constants of a wave, which lies in one band, and the number of that band's entries.
     pub(crate) fn push(&self, frame: u64, wave: Wave) -> (PushConstants, u32) {
         let course = lock(&self.course);
         let bands = course.as_ref().map_or(&[][..], |course| course.epoch().bands.as_slice());
@@ -157,7 +158,7 @@ impl AdaptiveBuffers {
         (push.in_band(number, band.row), band.width)
     }
 
-    /// The wave as one piece, but for what is beyond `end`; it completes an octave when an epoch ends with it.
+    /// The wave as one piece, cut off at `end`; it completes an octave if an epoch ends with it.
     pub(crate) fn piece(&self, wave: Wave, end: u64) -> Option<WavePiece> {
         let left = end.saturating_sub(wave.first).min(u64::from(wave.count));
         let count = u32::try_from(left).unwrap_or(u32::MAX);

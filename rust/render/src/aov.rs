@@ -26,8 +26,8 @@ pub enum AovKind {
     Neye,
     /// Diffuse albedo; 3 x f32.
     Albedo,
-    /// How far what is seen moves over the image from the shutter's opening to its closing: pixels to the right, pixels
-    /// up, and the change of `CameraDepth`; 3 x f32.
+    /// The distance that a visible point moves over the image from the shutter's opening to its closing: pixels to the
+    /// right, pixels up, and the change of `CameraDepth`; 3 x f32.
     Motion,
     /// Samples of the pixel so far (`sampleCount`, as `RenderMan` names it); f32. Samples are taken for it as for
     /// `Color`.
@@ -89,10 +89,10 @@ impl AovKind {
     }
 }
 
-/// One image asked for.
+/// A requested image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AovRequest {
-    /// Which image.
+    /// The kind of image.
     pub kind: AovKind,
     /// Value of a pixel that nothing covers, in the image's own units; for ids the first entry, rounded.
     /// For `Color` it is the premultiplied background that shows through where alpha is below one.

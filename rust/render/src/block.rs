@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the passes are told of a frame: the block of camera, lights, settings and addresses that every one of them
-//! reads.
+//! Builds the frame block: camera, lights, settings and addresses, which every pass reads.
 
 use crate::assets::SceneView;
 use crate::frame_context::FrameContext;
@@ -14,8 +13,8 @@ const DEFAULT_ALBEDO: [f32; 3] = [0.18; 3];
 /// for rays to be left for those whose walks end early.
 const MOST_WALKERS: u32 = 1 << 18;
 
-/// 0.01 in the picture (Rousselle et al. 2011), which is the film times the exposure. Bounded, so that no exposure
-/// makes relative errors that are no numbers.
+/// The constant that is added to the square of a pixel before an error is divided by it: 0.01 in the picture (Rousselle
+/// et al. 2011), which is the film times the exposure. Bounded, so that relative errors are finite for every exposure.
 fn error_floor(exposure: f32) -> f32 {
     (1e-2 / (exposure * exposure)).clamp(1e-30, 1e30)
 }

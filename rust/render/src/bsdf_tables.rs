@@ -16,8 +16,8 @@ use std::f64::consts::PI;
 
 /// Cosines of the albedo table, equally far apart in their cube root.
 pub const COSINES: usize = TABLE_COSINE as usize;
-/// Roughnesses from [`SHARPEST`] to 1, equally far apart in their power 0.4: what a surface loses changes with alpha /
-/// cosine.
+/// Roughnesses from [`SHARPEST`] to 1, equally far apart in their power 0.4: the energy that a surface loses changes
+/// with alpha / cosine.
 pub const ROUGHNESSES: usize = TABLE_ROUGHNESS as usize;
 /// Least roughness: lobes below it are sharp.
 pub const SHARPEST: f64 = 0.01;
@@ -135,7 +135,7 @@ fn integral(f: impl Fn(usize, f64) -> f64) -> f64 {
 #[expect(clippy::cast_possible_truncation, reason = "the table is f32")]
 pub fn compute() -> Vec<u8> {
     let ones: PairRow = [[1.0; 2]; COSINES];
-    // Rounded first, so that averages are those of what the shaders interpolate.
+    // Values are rounded first, so that the averages are those of what the shaders interpolate.
     let rounded = |row: PairRow| row.map(|pair| pair.map(|x| f64::from(x as f32)));
     let rows: Vec<PairRow> = (0..ROUGHNESSES).into_par_iter().map(|index| rounded(row(index))).collect();
     let mut table: Vec<f64> = rows.iter().flatten().flatten().copied().collect();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where files are kept from render to render unless a setting says otherwise.
+//! The folder in which files are kept from render to render, unless a setting names another one.
 
 use std::path::PathBuf;
 

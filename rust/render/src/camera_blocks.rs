@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the frame block refers to of the camera: how it moves, and its clipping planes, as
+//! Uploads the parts of the camera that the frame block points to: its motion and its clipping planes, as
 //! `shaders/camera/camera.glsl` reads them. Render thread only.
 
 use crate::assets::motion_key;
@@ -10,7 +10,7 @@ use oocpt_core::inventory::RenderInventory;
 use oocpt_core::{CameraMotion, MotionKey};
 use oocpt_gpu::{Buffer, BufferUsage};
 
-/// Uploads what there is, and writes the addresses into the block.
+/// Uploads motion and clipping planes, if there are any, and writes their addresses into the block.
 pub(crate) fn upload(
     context: &FrameContext<'_>,
     block: &mut FrameConstants,

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a render says about its chunks at the end, if `oocpt:chunkReport` names a file: which chunks there were, how
-//! often they were loaded, how many rays asked for them, and how the paths ran out. `oocpt report chunks` draws it.
+//! The report about chunks that a render writes at its end if `oocpt:chunkReport` names a file: the chunks, how often
+//! each was loaded, how many rays asked for it, and how the number of unfinished paths fell. `oocpt report chunks`
+//! draws it.
 //!
-//! Plain data and JSON. Positions are in the world minus `origin`, in which the chunk instances' boxes are exact in
-//! f32. A file that is no such report is left as it is: its name may come from a scene of strangers.
+//! Plain data and JSON. Positions are in world space minus `origin`, in which the chunk instances' boxes are exact in
+//! f32. A file that is not such a report is never overwritten: its name may come from a scene of strangers.
 
 use crate::error_report::begins_with_or_is_empty;
 use serde::{Deserialize, Serialize};
@@ -14,7 +15,7 @@ use std::path::{Path, PathBuf};
 const LONGEST: u64 = 4 << 30;
 /// The version of the format.
 pub const VERSION: u32 = 1;
-/// What a report begins with.
+/// The bytes that every report begins with.
 const MAGIC: &[u8] = b"{\"oocptChunkReport\":";
 
 /// Rays affine in the pixel position, as [`oocpt_core::CameraRays`] but in f64: with `px, py` in pixels from the lower
@@ -44,10 +45,10 @@ pub struct ReportInstance {
     pub chunk: u32,
 }
 
-/// What became of a chunk.
+/// Size and use of one chunk.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReportChunk {
-    /// Device bytes of the chunk and of what it needs.
+    /// Device bytes of the chunk and of the assets that it needs.
     pub bytes: u64,
     /// Instance records.
     pub records: u64,
@@ -57,14 +58,14 @@ pub struct ReportChunk {
     pub reloads: u64,
     /// Visits of rays, all its placements together.
     pub rays: u64,
-    /// It was on the device at the end.
+    /// True if it was on the device at the end.
     pub is_resident: bool,
 }
 
-/// A moment of the render.
+/// The number of unfinished paths at one moment of the render.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ReportMoment {
-    /// Since the first path started.
+    /// Seconds since the first path started.
     pub seconds: f64,
     /// Paths not finished yet.
     pub paths_left: u64,
@@ -73,7 +74,7 @@ pub struct ReportMoment {
 /// A whole report.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ChunkReport {
-    /// [`VERSION`]; tells such a report from other files.
+    /// [`VERSION`]; distinguishes such a report from other files.
     #[serde(rename = "oocptChunkReport", default)]
     pub version: u32,
     /// Image width, pixels.
@@ -88,11 +89,11 @@ pub struct ChunkReport {
     pub instances: Vec<ReportInstance>,
     /// Chunks.
     pub chunks: Vec<ReportChunk>,
-    /// How the paths ran out, in the order of time.
+    /// Numbers of unfinished paths, in the order of time.
     pub progress: Vec<ReportMoment>,
 }
 
-/// Why a report was not written or read.
+/// The reasons why a report was not written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum ChunkReportError {
     /// The file cannot be written or read.
@@ -100,7 +101,7 @@ pub enum ChunkReportError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         source: Error,
     },
     /// The file holds something else.
@@ -108,7 +109,7 @@ pub enum ChunkReportError {
     Content {
         /// The file.
         path: PathBuf,
-        /// What is wrong, and where.
+        /// The fault in the content, and its place.
         source: serde_json::Error,
     },
     /// A placement of a chunk that is not there.
@@ -142,7 +143,7 @@ impl ChunkReport {
     /// Reads a report and checks that its indices are in range.
     ///
     /// # Errors
-    /// See [`ChunkReportError`].
+    /// [`ChunkReportError`] if the file cannot be read, holds something else, or an index is out of range.
     pub fn read(path: &Path) -> Result<Self, ChunkReportError> {
         let json =
             oocpt_files::read(path, LONGEST).map_err(|source| ChunkReportError::File { path: path.into(), source })?;

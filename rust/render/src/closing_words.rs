@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a batch render says when it has ended: one line about time, error and memory, and a warning where few pixels
-//! hold most of the error. Pure.
+//! The closing words of a batch render: one line about time, error and memory, and a warning if few pixels hold most of
+//! the error. Pure.
 
 use oocpt_core::stats::{ErrorRow, RenderStats, WorstPixel};
 
 /// Share of the picture's error that is worth a warning when a few pixels hold it.
 const SHARE: f64 = 0.5;
-/// A pixel of so many may be one of the few.
+/// One pixel in so many may be among the few.
 const ONE_IN: u64 = 1000;
 
 /// Samples, seconds, relMSE with its 95 % interval, peak of the device memory, and loads.
@@ -56,7 +56,7 @@ pub(crate) fn fireflies(row: &ErrorRow, pixels: u64) -> Option<String> {
     })
 }
 
-/// In the unit that leaves one to four digits.
+/// Formats a number of bytes in the unit that leaves one to four digits.
 fn bytes(count: u64) -> String {
     #[expect(clippy::cast_precision_loss, reason = "two digits are shown")]
     let mib = count as f64 / f64::from(1 << 20);

@@ -1,27 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The compiled pipelines of a device: those in use, and the ones used last beside them. A session that is edited for
-//! hours goes through hundreds of specialisations, of which each takes megabytes of the driver.
+//! The compiled pipelines of a device: those in use, and the most recently used others. A session that is edited for
+//! hours goes through hundreds of specialisations, each of which takes megabytes of the driver.
 
 use rustc_hash::FxHashMap;
 use std::hash::Hash;
 use std::sync::Arc;
 
-/// Pipelines that are kept, unless more are in use: about ten specialisations of all passes.
+/// Pipelines that are kept unless more are in use: about ten specialisations of all passes.
 const MOST: usize = 256;
 
-/// One of them.
+/// A pipeline with its cost and its last use.
 #[derive(Debug)]
 struct CompiledPipeline<T> {
     pipeline: Arc<T>,
-    /// What compiling it took.
+    /// Seconds that compiling took.
     secs: f64,
-    /// Whether a submission had it.
+    /// True if a submission had it.
     is_translated: bool,
-    /// When it was asked for last.
+    /// The time of the last request, as a count of requests.
     asked: u64,
 }
 
-/// See the module. `T` is a pipeline.
+/// The compiled pipelines by their key, bounded by [`MOST`]. `T` is a pipeline.
 #[derive(Debug)]
 pub(crate) struct CompiledPipelines<K, T> {
     entries: FxHashMap<K, CompiledPipeline<T>>,
@@ -44,8 +44,8 @@ impl<K: Clone + Eq + Hash, T> CompiledPipelines<K, T> {
         Some(Arc::clone(&entry.pipeline))
     }
 
-    /// Adds one that took `secs` to compile, unless another thread was faster; gives the one that is kept. Where there
-    /// are too many, those go that nobody holds and that were asked for longest ago.
+    /// Adds a pipeline that took `secs` to compile, unless another thread was faster, and returns the one that is kept.
+    /// If there are too many, those that nobody holds and that were asked for longest ago are dropped.
     pub(crate) fn insert(&mut self, key: &K, pipeline: T, secs: f64) -> Arc<T> {
         if let Some(made) = self.get(key) {
             return made;
@@ -65,12 +65,12 @@ impl<K: Clone + Eq + Hash, T> CompiledPipelines<K, T> {
         self.entries.values_mut().find(|entry| Arc::ptr_eq(&entry.pipeline, pipeline))
     }
 
-    /// Whether a submission had the pipeline.
+    /// Returns true if a submission had the pipeline.
     pub(crate) fn is_translated(&mut self, pipeline: &Arc<T>) -> bool {
         self.entry_of(pipeline).is_some_and(|entry| entry.is_translated)
     }
 
-    /// A submission had it, which took the driver so long.
+    /// Notes that a submission used the pipeline, and the seconds that the driver took to translate it.
     pub(crate) fn translated(&mut self, pipeline: &Arc<T>, secs: f64) {
         if let Some(entry) = self.entry_of(pipeline) {
             entry.secs += secs;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One open device of the process, shared by all sessions that ask for the same: its memory heap and its pipelines.
+//! One open device of the process, shared by all sessions with the same options: its memory heap and its pipelines.
 //!
-//! A device stays open until it is lost or another one is opened while nobody uses it: hosts make and drop delegates
-//! all the time, and compiling the passes again for each would cost seconds. Sessions with different budgets do not
-//! share, so that no session's budget bounds another one.
+//! A device stays open until it is lost, or until another one is opened while nobody uses it: hosts create and destroy
+//! delegates often, and compiling the passes again for each would cost seconds. Sessions with different budgets do not
+//! share a device, so that no session's budget bounds another one.
 
 use crate::bsdf_tables;
 use crate::cache_folder::cache_folder;
@@ -22,32 +22,34 @@ use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
 use xxhash_rust::xxh3::Xxh3;
 
-/// Size of the arenas scene data is placed in, bytes, and the smallest.
+/// Size of the arenas that hold scene data, bytes.
 const ARENA_BYTES: u64 = 64 << 20;
+/// Size of the smallest arenas, bytes.
 const LEAST_ARENA_BYTES: u64 = 1 << 20;
-/// Share of the budget that an arena takes at most: under a small one others have to find room too.
+/// Share of the budget that an arena takes at most: under a small budget, other arenas need room too.
 const ARENA_SHARE: u64 = 16;
-/// How long one submission of a frame may take before the device counts as lost.
+/// The longest time that one submission of a frame may take before the device counts as lost.
 pub(crate) const WAVE_TIMEOUT: Duration = Duration::from_secs(120);
 /// Longest wait for a small upload.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// What a pipeline is specialised by, in the order of the specialisation constants' ids (`oocpt_abi`).
+/// The specialisation constants of a pipeline, in the order of their ids (`oocpt_abi`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) struct PassSpecialisation {
     /// Deepest chain of instance records, at least 1.
     pub(crate) max_levels: u32,
     /// Traversal stack entries of a ray.
     pub(crate) stack_size: u32,
-    /// What is compiled in.
+    /// The features that are compiled in.
     pub(crate) features: Features,
-    /// What the passes do wrong (`SPEC_FAULT`), 0 = nothing.
+    /// The fault that the passes commit (`SPEC_FAULT`); 0 = none.
     #[cfg(feature = "faults")]
     pub(crate) fault: u32,
 }
 
 impl PassSpecialisation {
-    /// The same without what `module` does not read: it stays as it is whatever that says.
+    /// The same specialisation without the constants that `module` does not read, so that its pipeline does not depend
+    /// on them.
     fn of(mut self, module: &ShaderModule) -> Self {
         self.max_levels = if module.reads_levels { self.max_levels } else { 1 };
         self.stack_size = if module.reads_stack { self.stack_size } else { 1 };
@@ -56,20 +58,20 @@ impl PassSpecialisation {
     }
 }
 
-/// Which device to open and how.
+/// The choice of a device, and how it is opened.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct DeviceOptions {
-    /// Index or name part; empty chooses the best.
+    /// Index of the device, or part of its name; if empty, the best one is chosen.
     pub(crate) selector: String,
-    /// Turns the validation layer on; its messages are errors of the session.
+    /// Turns the validation layer on; its messages become errors of the session.
     pub(crate) validation: bool,
     /// Hard limit of device memory, MiB; 0 = 90 % of what is free.
     pub(crate) budget_mib: u32,
-    /// Folder in which compiled pipelines are kept; none: they are not.
+    /// Folder in which compiled pipelines are kept; `None` keeps none.
     pub(crate) pipeline_cache: Option<PathBuf>,
 }
 
-/// The folder that `oocpt:pipelineCache` names: empty: the user's own; "0": none.
+/// The folder that `oocpt:pipelineCache` names. Empty means the user's own folder, "0" none.
 pub(crate) fn pipeline_folder(setting: &str) -> Option<PathBuf> {
     match setting {
         "0" => None,
@@ -78,7 +80,7 @@ pub(crate) fn pipeline_folder(setting: &str) -> Option<PathBuf> {
     }
 }
 
-/// What the passes are made of: pipelines of other passes are of no use.
+/// A hash of the passes' code: pipelines of other passes are of no use.
 fn passes_key() -> u64 {
     static KEY: OnceLock<u64> = OnceLock::new();
     *KEY.get_or_init(|| {
@@ -90,21 +92,21 @@ fn passes_key() -> u64 {
     })
 }
 
-/// Compiled pipelines are written to disk no more often than this while passes are compiled.
+/// Least time between two writes of compiled pipelines to disk while passes are compiled.
 const KEEP_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Pipelines that are not on disk yet, and when some were written last.
+/// The pipelines that are not on disk yet, and the time of the last write.
 #[derive(Debug, Default)]
 struct UnsavedPipelines {
     count: u32,
     written: Option<Instant>,
 }
 
-/// Longest wait for the translation of one shader, which is single-threaded: what takes 10 s alone may take minutes
-/// beside other work.
+/// Longest wait for the translation of one shader. Translation is single-threaded: a shader that takes 10 s alone may
+/// take minutes beside other work.
 const TRANSLATION_TIMEOUT: Duration = Duration::from_secs(1800);
 
-/// An open device with what all frames on it share.
+/// An open device with the state that all frames on it share.
 #[derive(Debug)]
 pub(crate) struct Device {
     pub(crate) gpu: Arc<Gpu>,
@@ -112,7 +114,7 @@ pub(crate) struct Device {
     host_heap: OnceLock<Arc<Heap>>,
     options: DeviceOptions,
     loader: OnceLock<Loader>,
-    /// What the loader reads of meshes at a time.
+    /// The limit on mesh bytes that the loader reads at a time.
     pub(crate) reading: Arc<ReadingLimit>,
     bsdf_tables: [Mutex<Option<Buffer>>; 4],
     pipelines: Mutex<CompiledPipelines<(&'static str, PassSpecialisation), Pipeline>>,
@@ -155,17 +157,17 @@ impl Device {
         Ok(device)
     }
 
-    /// Whether [`Device::open`] with these options would give this device.
+    /// Returns true if [`Device::open`] with these options would give this device.
     pub(crate) fn serves(&self, options: &DeviceOptions) -> bool {
         self.options == *options
     }
 
-    /// Makes the next [`Device::open`] open anew: after the loss of this device.
+    /// Makes the next [`Device::open`] open a new device, after the loss of this one.
     pub(crate) fn forget(self: &Arc<Self>) {
         lock(&OPEN).retain(|device| !Arc::ptr_eq(device, self));
     }
 
-    /// The same, if there is any.
+    /// The heap of host memory, if it has been created.
     pub(crate) fn host_heap_if_made(&self) -> Option<&Arc<Heap>> {
         self.host_heap.get()
     }
@@ -179,8 +181,8 @@ impl Device {
         Ok(self.loader.get_or_init(|| loader))
     }
 
-    /// Memory of the host that the device reaches across the bus, empty at first. Its arenas are made ahead by
-    /// [`Heap::reserve`]: the driver takes half a second for a gigabyte.
+    /// The heap of host memory that the device reads across the bus, created empty at first use. Its arenas are
+    /// allocated ahead by [`Heap::reserve`]: the driver takes half a second for a gigabyte.
     pub(crate) fn host_heap(&self) -> Result<&Arc<Heap>, RenderError> {
         if let Some(heap) = self.host_heap.get() {
             return Ok(heap);
@@ -191,8 +193,9 @@ impl Device {
         Ok(self.host_heap.get_or_init(|| heap))
     }
 
-    /// Addresses of the BSDF's albedo tables and of those of sheen, brought to the device at first use, those of rough
-    /// glass and of sheen only for a scene that has it; 0 for a scene without materials or without sheen.
+    /// Addresses of the albedo tables of the BSDF and of sheen, uploaded at first use. The tables of rough glass and of
+    /// sheen are uploaded only for a scene that has them; an address is 0 for a scene without materials or without
+    /// sheen.
     pub(crate) fn bsdf_tables(&self, features: Features) -> Result<[u64; 2], RenderError> {
         if !features.contains(Features::MATERIALS) {
             return Ok([0; 2]);
@@ -250,8 +253,8 @@ impl Device {
         Ok(lock(&self.pipelines).insert(&key, pipeline, started.elapsed().as_secs_f64()))
     }
 
-    /// Writes the pipelines that were compiled since the last time to disk, after a batch of them or, `at_end`, a
-    /// render: hosts may leave without closing the device.
+    /// Writes the pipelines that were compiled since the last write to disk, after a batch of them or, with `at_end`,
+    /// after a render: hosts may exit without closing the device.
     pub(crate) fn keep_pipelines(&self, at_end: bool) {
         let mut unkept = lock(&self.unkept);
         let is_early = !at_end && unkept.written.is_some_and(|written| written.elapsed() < KEEP_INTERVAL);
@@ -261,9 +264,9 @@ impl Device {
         }
     }
 
-    /// Has the driver translate `pipeline`, in a submission of its own, unless it was used before; gives how many were
-    /// translated. Only software renderers translate at first use: there it would be part of a wave otherwise, and a
-    /// wave is bounded in time.
+    /// Makes the driver translate `pipeline` in a submission of its own, unless it was used before; returns how many
+    /// were translated. Only software renderers translate at first use; the time would otherwise count for a wave,
+    /// which is bounded in time.
     pub(crate) fn translate(&self, pipeline: &Arc<Pipeline>) -> Result<u64, RenderError> {
         if self.gpu.report().kind != DeviceKind::Cpu {
             return Ok(0);
@@ -287,7 +290,7 @@ impl Device {
         lock(&self.pipelines).secs(pipeline)
     }
 
-    /// Bytes of the BSDF's tables on this device; 0 before a scene with materials came.
+    /// Bytes of the BSDF's tables on this device; 0 until a scene with materials is rendered.
     pub(crate) fn bsdf_bytes(&self) -> u64 {
         self.bsdf_tables.iter().map(|tables| lock(tables).as_ref().map_or(0, Buffer::size)).sum()
     }
@@ -331,7 +334,7 @@ mod tests {
         let mut modern = DeviceCapabilities::default();
         modern.vulkan_1_2 = true;
         let missing = modern.missing();
-        // Shader and Shuffle: the first has every device, the second is named with the others of subgroups.
+        // Every device has Shader; Shuffle is named with the other subgroup capabilities.
         for capability in declared().into_iter().filter(|capability| ![1, 65].contains(capability)) {
             let feature = REQUIRED.iter().find(|(number, _)| *number == capability).map(|(_, feature)| *feature);
             let feature = feature.unwrap_or_else(|| panic!("capability {capability} is required of no device"));

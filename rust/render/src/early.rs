@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The end of a render before its last sample, when its user wants no more: the picture is then what is done of it, as
-//! with a time limit that has passed.
+//! Ending a render before its last sample because the user asks for it: the picture then has the samples that are done,
+//! as after a time limit.
 //!
-//! Any thread; nothing waits.
+//! Any thread; nothing blocks.
 
 use crate::session::Session;
 use crate::sync::lock;
 
-/// How far a render is that ends early.
+/// The progress of a render that ends early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EarlyEnd {
     /// Samples of each pixel that are done.
     pub samples: u32,
-    /// Samples that were asked for.
+    /// Samples that were requested.
     pub target: u32,
 }
 
@@ -23,9 +23,9 @@ impl Session {
         self.shared.control().generation
     }
 
-    /// Has the newest job end with the samples that it has, as soon as the part of a wave under way is done;
-    /// [`Session::is_converged`] says when. `None`, and nothing is changed, while there is no job newer than `after`,
-    /// or not a sample of each of its pixels is done.
+    /// Makes the newest job end with the samples that it has, as soon as the part of a wave under way is done;
+    /// [`Session::is_converged`] then becomes true. Returns `None` and changes nothing if no job is newer than `after`,
+    /// or if not every pixel has a sample.
     pub fn finish_early(&self, after: u64) -> Option<EarlyEnd> {
         let mut control = self.shared.control();
         let early = self.early(control.generation, after, control.job.as_ref()?.settings.samples_per_pixel)?;
@@ -35,7 +35,7 @@ impl Session {
         Some(early)
     }
 
-    /// What [`Session::finish_early`] says, without an effect.
+    /// The result that [`Session::finish_early`] would return, without ending the job.
     pub fn reached(&self, after: u64) -> Option<EarlyEnd> {
         let control = self.shared.control();
         self.early(control.generation, after, control.job.as_ref()?.settings.samples_per_pixel)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What can go wrong while rendering, as the caller can act on it.
+//! The errors of rendering, as the caller can act on them.
 //!
 //! Every variant ends the current render: the session reports it once as a [`crate::Message`], keeps the last image it
 //! published and calls itself converged, so that no host waits for ever.
@@ -8,10 +8,10 @@ use oocpt_core::camera::CameraError;
 use oocpt_core::mesh::StoredError;
 use oocpt_gpu::GpuError;
 
-/// Why a render ended early.
+/// The reason why a render ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
-    /// The device or the driver said no.
+    /// A call of the device or the driver failed.
     #[error(transparent)]
     Gpu(GpuError),
     /// The scene and the images do not fit the memory budget.
@@ -23,7 +23,7 @@ pub enum RenderError {
         .bytes.div_ceil(1 << 20)
     )]
     Budget {
-        /// What was to be placed.
+        /// The object that was to be placed.
         name: String,
         /// Its size, bytes.
         bytes: u64,
@@ -32,7 +32,7 @@ pub enum RenderError {
         /// The budget, bytes.
         budget: u64,
     },
-    /// The textures that a render in core asks for have outgrown what there is; it goes on streaming.
+    /// The textures that a render in core needs have outgrown the device; it continues by streaming.
     #[error("the textures that the picture shows do not fit beside the geometry")]
     TexturesOutgrow,
     /// Parts of the scene that a ray needs at once are larger than what is left for geometry.
@@ -43,36 +43,36 @@ pub enum RenderError {
         .budget >> 10
     )]
     PartsTooLarge {
-        /// In words.
+        /// Description of the parts for the user.
         parts: String,
-        /// Bytes of them together.
+        /// Bytes of the parts together.
         bytes: u64,
         /// Bytes that geometry may take.
         budget: u64,
     },
-    /// What is loaded brings no ray on.
+    /// The loads let no ray continue.
     #[error(
         "the memory budget is too small: {loads} loads have brought none of {left} paths to its end; raise oocpt:memoryBudget \
          or oocpt:geometryBudget"
     )]
     NoProgress {
-        /// Loads since a path ended last.
+        /// Loads since the last path ended.
         loads: u64,
         /// Paths in flight.
         left: u64,
     },
-    /// A mesh that is not in memory cannot be had.
+    /// A mesh that is not in memory cannot be read or built.
     #[error(transparent)]
     Mesh(#[from] StoredError),
     /// The report of the chunks could not be written; the images are there.
     #[error("{0}")]
     Report(String),
-    /// `oocpt:traversal` is native, and the device is no processor.
+    /// `oocpt:traversal` is native, but the device is not a processor.
     #[error(
         "oocpt:traversal: native needs a device whose memory is the host's, which {device} is not; use auto or compute"
     )]
     NoNative {
-        /// Its name.
+        /// Name of the device.
         device: String,
     },
     /// The camera's matrices cannot be inverted or are not finite.
@@ -81,9 +81,9 @@ pub enum RenderError {
     /// The image asked for is empty or larger than the renderer supports.
     #[error("an image of {width} x {height} pixels is not supported (1 to {max} pixels a side, {max_pixels} in all)")]
     ImageSize {
-        /// Width asked for, pixels.
+        /// Requested width, pixels.
         width: u32,
-        /// Height asked for, pixels.
+        /// Requested height, pixels.
         height: u32,
         /// Largest side, pixels.
         max: u32,
@@ -93,11 +93,11 @@ pub enum RenderError {
     /// The scene has more of something than the 32-bit ids of the GPU tables can number.
     #[error("the scene has {count} {what}; at most {limit} are supported")]
     TooMany {
-        /// What is being counted, in the plural.
+        /// The kind of object that is counted, in the plural.
         what: &'static str,
-        /// How many the scene has.
+        /// The number that the scene has.
         count: u64,
-        /// How many are supported.
+        /// The largest number that is supported.
         limit: u64,
     },
     /// Instancers are nested deeper than the traversal supports.
@@ -108,13 +108,14 @@ pub enum RenderError {
         /// Levels supported.
         limit: u32,
     },
-    /// A ray needed more traversal stack than the host had sized for: a defect of this program, never silent.
+    /// A ray needed more traversal stack than the host had allocated: a defect of this program, which is always
+    /// reported.
     #[error("{count} rays ran out of traversal stack; please report this scene")]
     StackOverflow {
         /// Rays affected.
         count: u64,
     },
-    /// The render thread met a defect of its own; the text is the panic message.
+    /// The render thread panicked because of a defect of its own; the text is the panic message.
     #[error("internal error in the render thread: {0}")]
     Internal(String),
 }

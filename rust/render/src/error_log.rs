@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Error against time while a frame renders: takes what the film measured, tells it to the stats and to the report,
-//! compares with a reference, and says when the error is small enough to stop.
+//! The error over time while a frame renders: takes the measurements of the film, passes them to the stats and to the
+//! report, compares with a reference picture, and decides when the error is small enough to stop.
 //!
-//! Stopping biases the picture by little (counted: decisions/0009): it is decided for the whole picture, by its error
-//! at powers of two of the samples alone, and a single pixel hardly moves that. Nothing is decided by time unless a
-//! time limit is set, and no path beyond an octave begins before that octave is decided: same scene, same samples.
-//! Trouble with files is one warning. Render thread only.
+//! Stopping biases the picture by little (measured: decisions/0009), because it is decided for the whole picture by its
+//! error at powers of two of the samples, which a single pixel hardly moves. Nothing is decided by time unless a time
+//! limit is set, and no path beyond an octave begins before that octave is decided: the same scene gets the same
+//! samples. Trouble with files is one warning. Render thread only.
 
 use crate::error_report::{ErrorReportHeader, InventoryLine, ReportWriter, UsageLine, VERSION};
 use crate::job::RenderJob;
@@ -22,7 +22,7 @@ use serde::Serialize;
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Fewest samples after which an error counts as small enough: before, too little is known.
+/// Fewest samples after which the error may count as small enough: with fewer, its estimate is too uncertain.
 const FEWEST_TO_STOP: u32 = 4;
 
 /// The clock and counters of a row.
@@ -31,11 +31,11 @@ pub(crate) struct RowMoment {
     pub(crate) seconds: f64,
     pub(crate) seconds_tracing: f64,
     pub(crate) bytes_paged: u64,
-    /// Of each pixel, on average.
+    /// Samples of each pixel, on average.
     pub(crate) samples: u32,
 }
 
-/// See the module.
+/// Measures, reports and judges the error of one render.
 #[derive(Debug)]
 pub(crate) struct ErrorLog {
     convergence: ConvergenceEstimator,
@@ -43,18 +43,18 @@ pub(crate) struct ErrorLog {
     writer: Option<ReportWriter>,
     reference: Option<ReferencePicture>,
     target: f64,
-    /// The target is reached.
+    /// True if the target is reached.
     is_good: bool,
-    /// Two halves of every pixel share no sample.
+    /// True if the two halves of every pixel share no sample.
     has_halves: bool,
     /// Paths that may begin.
     open: u64,
-    /// The last row, as long as it may turn out to be the last.
+    /// The last row, held back because it may turn out to be the final one.
     last: Option<ErrorRow>,
 }
 
 impl ErrorLog {
-    /// Begins a render; reads the picture that the settings name.
+    /// Begins a render and reads the reference picture that the settings name.
     pub(crate) fn start(shared: &SharedState, job: &RenderJob) -> Self {
         let pixels = job.request.pixels();
         let target = f64::from(job.settings.target_error);
@@ -79,7 +79,7 @@ impl ErrorLog {
         }
     }
 
-    /// The samples so far are forgotten, and taken anew; the report goes on.
+    /// Forgets the samples so far, which are taken anew; the report goes on.
     pub(crate) fn begin_again(&mut self) {
         self.convergence = ConvergenceEstimator::default();
         self.is_good = false;
@@ -97,27 +97,27 @@ impl ErrorLog {
         };
     }
 
-    /// Whether waves are to end where octaves do, so that a row has the time of its own samples.
+    /// Returns true if waves are to end where octaves do, so that a row has the time of its own samples.
     pub(crate) fn wants_octaves(&self) -> bool {
         self.writer.is_some() || self.reference.is_some() || self.target > 0.0
     }
 
-    /// Whether pictures are to be published with each octave.
+    /// Returns true if pictures are to be published with each octave.
     pub(crate) fn wants_pictures(&self) -> bool {
         self.reference.is_some()
     }
 
-    /// Paths that may begin; more when an octave is not good enough.
+    /// The paths that may begin; the number grows when the error of an octave is too large.
     pub(crate) fn open_paths(&self) -> u64 {
         self.open
     }
 
-    /// Whether the error is small enough to stop.
+    /// Returns true if the error is small enough to stop.
     pub(crate) fn is_good_enough(&self) -> bool {
         self.is_good
     }
 
-    /// Takes what was measured with `octave`, or at the end.
+    /// Takes the measurement of `octave`, or of the end.
     pub(crate) fn row(
         &mut self,
         shared: &SharedState,
@@ -152,7 +152,7 @@ impl ErrorLog {
         }
     }
 
-    /// The render has ended: samples of the last row are the picture's.
+    /// Ends the render: the samples of the last row are the picture's.
     pub(crate) fn finish(&mut self, shared: &SharedState) {
         if let Some(row) = &mut self.last {
             row.is_last = true;
@@ -161,12 +161,12 @@ impl ErrorLog {
         self.write(shared);
     }
 
-    /// Writes what the render is made of.
+    /// Writes the line that lists what the render is made of.
     pub(crate) fn inventory(&mut self, shared: &SharedState, inventory: &RenderInventory) {
         self.line(shared, &InventoryLine { inventory: Cow::Borrowed(inventory) });
     }
 
-    /// Writes what the render has used; the last line about it.
+    /// Writes the last line: the memory and time that the render has used.
     pub(crate) fn usage(&mut self, shared: &SharedState, usage: RenderUsage) {
         self.line(shared, &UsageLine { usage });
     }

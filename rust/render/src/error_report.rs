@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The report of error against time that `oocpt:report` names: a JSON object a line, first one about the render, one
-//! about what it is made of ([`RenderInventory`]), then an [`ErrorRow`] at each power of two of the samples and at the
-//! end, last one about what it used ([`RenderUsage`]).
-//! `oocpt report plot` draws it.
+//! The report of error over time that `oocpt:report` names. Each line is a JSON object: the first describes the render,
+//! the second lists what it is made of ([`RenderInventory`]); then comes an [`ErrorRow`] at each power of two of the
+//! samples and at the end, and the last line lists what was used ([`RenderUsage`]). `oocpt report plot` draws it.
 //!
 //! Every line is written whole and at once: a render that is killed leaves all lines up to then. The first render of a
-//! session empties the file, later ones go on: each begins with its own [`ErrorReportHeader`]. A file that is no report
-//! is left as it is: its name may come from a scene of strangers.
+//! session empties the file, later ones append, each with its own [`ErrorReportHeader`]. A file that is not a report is
+//! never overwritten: its name may come from a scene of strangers.
 
 use oocpt_core::inventory::RenderInventory;
 use oocpt_core::stats::{ErrorRow, RenderUsage};
@@ -20,14 +19,14 @@ use std::path::Path;
 pub const VERSION: u32 = 1;
 /// Longest report that is read, bytes; a report is data from strangers.
 const LONGEST: u64 = 64 << 20;
-/// What a report begins with.
+/// The bytes that every report begins with.
 const MAGIC: &[u8] = b"{\"oocptErrorReport\":";
 
-/// What was rendered.
+/// The first line of a render: the renderer, the picture and its settings.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct ErrorReportHeader {
-    /// [`VERSION`]; tells the first line of a render.
+    /// [`VERSION`]; identifies the first line of a render.
     pub oocpt_error_report: u32,
     /// The renderer's version.
     pub renderer: String,
@@ -37,7 +36,7 @@ pub struct ErrorReportHeader {
     pub width: u32,
     /// Pixels from top to bottom.
     pub height: u32,
-    /// Samples per pixel that were asked for.
+    /// Requested samples per pixel.
     pub samples_target: u32,
     /// Indirect bounces.
     pub max_bounces: u32,
@@ -49,13 +48,13 @@ pub struct ErrorReportHeader {
     pub reference: String,
 }
 
-/// The line that says what a render is made of.
+/// The line that lists what a render is made of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct InventoryLine<'a> {
     pub(crate) inventory: Cow<'a, RenderInventory>,
 }
 
-/// The line that says what a render has used.
+/// The line that lists what a render has used.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct UsageLine {
     pub(crate) usage: RenderUsage,
@@ -64,13 +63,13 @@ pub(crate) struct UsageLine {
 /// One render of a report.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ErrorReport {
-    /// What was rendered.
+    /// The renderer, the picture and its settings.
     pub header: ErrorReportHeader,
-    /// What it is made of, and what was left out; none if it ended before its passes were compiled.
+    /// The parts of the render and those left out; `None` if it ended before its passes were compiled.
     pub inventory: Option<RenderInventory>,
     /// Ascending samples.
     pub rows: Vec<ErrorRow>,
-    /// What it has used; none if it did not come to an end.
+    /// The time and memory used; `None` if the render did not come to an end.
     pub usage: Option<RenderUsage>,
 }
 
@@ -84,7 +83,7 @@ enum ReportLine {
 }
 
 impl ErrorReport {
-    /// All renders of a file, in the order in which they were made. A last line that was cut off is left out.
+    /// Reads all renders of a file, in the order in which they were made. A last line that was cut off is left out.
     ///
     /// # Errors
     /// The file cannot be read, is longer than 64 MiB, or has another line that is no part of such a report.
@@ -125,7 +124,7 @@ pub(crate) struct ReportWriter {
 }
 
 impl ReportWriter {
-    /// Begins a render; empties the file first when `is_first`. Fails when the file has something else in it.
+    /// Begins a render; empties the file first when `is_first`. Fails if the file holds something else.
     pub(crate) fn begin(path: &Path, is_first: bool, header: &ErrorReportHeader) -> Result<Self> {
         if !begins_with_or_is_empty(path, MAGIC)? {
             return Err(Error::new(ErrorKind::AlreadyExists, "the file is no report of errors and is left as it is"));
@@ -135,7 +134,7 @@ impl ReportWriter {
         Ok(writer)
     }
 
-    /// Writes a line.
+    /// Appends `value` as one line.
     pub(crate) fn line(&mut self, value: &impl Serialize) -> Result<()> {
         let mut text = serde_json::to_string(value)?;
         text.push('\n');
@@ -143,7 +142,8 @@ impl ReportWriter {
     }
 }
 
-/// Whether a report that begins with `magic` may be written to `path`: there is one, an empty file, or none.
+/// Returns true if a report that begins with `magic` may be written to `path`, because the file is one, is empty or
+/// does not exist.
 pub(crate) fn begins_with_or_is_empty(path: &Path, magic: &[u8]) -> Result<bool> {
     let mut start = Vec::new();
     match oocpt_files::open(path) {

@@ -1,40 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Faults and knobs that tests set. Compiled with the feature `faults` alone, which the tests of this workspace turn
-//! on: the product has none of them.
+//! Faults and controls that tests set. They are compiled only with the feature `faults`, which the tests of this
+//! workspace turn on: the product has none of them.
 
 use oocpt_abi::Features;
 use oocpt_gpu::{DriverMemory, PlantedFailure};
 
-/// What a session does wrong, or otherwise than its scene asks for; nothing by default.
+/// The ways in which a session deviates from what its scene asks for; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PlantedFaults {
     /// Makes rays forget chunks that they would have to wait for (`SPEC_FAULT`): the picture is wrong. 0 = none.
     pub lost_chunks: u32,
-    /// The probability, in thousandths, with which roulette on loads (`oocpt:stragglerRoulette`) loads whatever it
-    /// plays for; none = by what loads cost and bring.
+    /// The probability, in thousandths, with which roulette on loads (`oocpt:stragglerRoulette`) loads a chunk; `None`
+    /// computes it from what loads cost and bring.
     pub roulette_per_mille: Option<u16>,
-    /// What a byte of a load costs that roulette in nanoseconds, whatever the clock says; all else is as without.
+    /// The cost of a loaded byte in nanoseconds that roulette assumes instead of measuring it; all else is unchanged.
     pub roulette_ns_per_byte: Option<u32>,
-    /// Makes that roulette end rays without weighting those that go on: the picture is too dark.
+    /// Makes roulette on loads end rays without weighting those that go on: the picture is too dark.
     pub unweighted_roulette: bool,
-    /// With adaptive sampling: roulette on loads is also played with samples that decide where others go.
+    /// With adaptive sampling, plays roulette on loads also with samples that decide where others go.
     pub early_roulette: bool,
     /// Lets each pixel's own samples decide how many more it gets: adaptive pictures are biased.
     pub naive_sampling: bool,
-    /// Leaves masks of cutouts out: every candidate is asked of its texture. The picture has the same mean.
+    /// Leaves out the opacity masks of cutouts: every candidate hit looks up its texture. The picture has the same
+    /// mean.
     pub no_opacity_masks: bool,
-    /// What masks leave open of cutouts is looked up by the passes that trace. The picture is the same.
+    /// Makes the trace passes look up the cutouts that masks cannot decide. The picture is the same.
     pub no_deferred_cutouts: bool,
-    /// What is compiled in beside what the scene needs: lobes that only tests have.
+    /// Features that are compiled in although the scene does not need them: lobes that only tests have.
     pub more_features: Features,
-    /// The first picture of a scene that fits is rendered while the scene comes, on any device (`upload`).
+    /// Streams the first picture of a scene that fits while the scene is uploaded, on any device (`upload`).
     pub streams_first: bool,
-    /// A picture that streams goes on without as soon as all of the scene is there, however few paths are left, and
-    /// what is missing of it is brought at once (`streaming::leave`).
+    /// Ends streaming as soon as the whole scene is there, however few paths are left, and loads what is missing of it
+    /// at once (`streaming::leave`).
     pub leaves_soon: bool,
-    /// Makes calls that take memory fail, in the first render of the session.
+    /// Makes allocations fail in the first render of the session.
     pub failure: Option<PlantedFailure>,
-    /// So many devices are lost, one after the other, each after so many submissions, in the first render.
+    /// Loses so many devices one after the other, each after so many submissions, in the first render.
     pub lost_devices: [u32; 2],
     /// By what the sides of the first picture of an interactive render are divided; 1 = there is none; none = by the
     /// pace of the device.
@@ -45,16 +46,16 @@ pub struct PlantedFaults {
     pub impatient_millis: u32,
 }
 
-/// What became of them, and what the driver gave, when a render ended.
+/// The outcome of planted faults and the driver's memory when a render ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FaultWitness {
-    /// Failures that struck since the device was opened.
+    /// Failures injected since the device was opened.
     pub struck: u64,
-    /// Bytes by the driver's own function.
+    /// Bytes as the driver's own function reports them.
     pub driver: DriverMemory,
-    /// Most bytes of host and device together that the books of the budget ever had.
+    /// Most bytes of host and device together that the budget has ever accounted for.
     pub most_on_the_books: u64,
-    /// Bytes on the books now.
+    /// Bytes that the budget accounts for now.
     pub on_the_books: u64,
 }
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which tiles of textures the waves lacked, in core: what the passes write (`oocpt_abi::TextureFeedback`), and
-//! how the host
-//! learns of it. Each wave ends with a copy to one of a few small buffers that the host reads when the wave is done.
-//! Render thread only.
+//! The tiles of textures that waves lacked, in core: the block that the passes write (`oocpt_abi::TextureFeedback`),
+//! and its way to the host. Each wave ends with a copy to one of a few small buffers that the host reads when the wave
+//! is done. Render thread only.
 
 use oocpt_abi::{TextureFeedback, WavefrontCounters};
 use oocpt_core::inventory::RenderInventory;
@@ -11,15 +10,16 @@ use std::mem::offset_of;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Most tiles that are told at a time; the rest is requested again.
+/// Most tiles that are requested at a time; the rest is requested again by a later wave.
 const MOST_WANTED: u32 = 1 << 14;
-/// Copies that may be under way; two waves are.
+/// Copies that may be under way; waves in flight are two.
 const COPIES: usize = 4;
-/// What is copied: the last four words of the block, then the list.
+/// Offset of the copied range, which begins with the last four words of the block.
 const COUNTS: u64 = offset_of!(TextureFeedback, wanted_capacity) as u64;
+/// Bytes of the copied words; the list follows.
 const COUNT_BYTES: u64 = size_of::<TextureFeedback>() as u64 - COUNTS;
 
-/// See the module.
+/// The device block of missing tiles, and the buffers through which the host reads it.
 #[derive(Debug)]
 pub(crate) struct FeedbackBuffers {
     block: Buffer,
@@ -35,7 +35,7 @@ pub(crate) struct FeedbackBuffers {
 pub(crate) struct FeedbackCopy(usize);
 
 impl FeedbackBuffers {
-    /// For a scene of `tiles` tiles and paths whose flags are at `incomplete_paths`.
+    /// Allocates the buffers for a scene of `tiles` tiles and paths whose flags are at `incomplete_paths`.
     pub(crate) fn new(gpu: &Arc<Gpu>, tiles: usize, incomplete_paths: u64) -> Result<Self, GpuError> {
         let device = |name: &str, bytes: u64| Buffer::new(gpu, name, bytes, BufferUsage::Device);
         let readback = |_| {
@@ -51,24 +51,24 @@ impl FeedbackBuffers {
         })
     }
 
-    /// For `FrameConstants::texture_feedback`.
+    /// Address of the block, for `FrameConstants::texture_feedback`.
     pub(crate) fn address(&self) -> u64 {
         self.block.address()
     }
 
-    /// What the trace passes write where cutouts are looked up, besides the paths' flags.
+    /// The buffers that the trace passes write if cutouts are looked up, besides the paths' flags.
     pub(crate) fn written(&self) -> [&Buffer; 3] {
         [&self.block, &self.requested, &self.wanted]
     }
 
-    /// Lists the memory there is.
+    /// Lists the buffers in the inventory.
     pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         for buffer in [&self.block, &self.requested, &self.wanted].into_iter().chain(&self.copies) {
             inventory.add(buffer.name(), buffer.size());
         }
     }
 
-    /// Records that nothing is lacking, from here on.
+    /// Records commands that clear the list of missing tiles.
     pub(crate) fn reset(&self, commands: &mut CommandList) {
         let block = TextureFeedback {
             requested: self.requested.address(),
@@ -83,12 +83,12 @@ impl FeedbackBuffers {
         });
     }
 
-    /// Records that no ray is queued: a wave behind an incomplete one starts none.
+    /// Records commands that empty the ray queue: a wave behind an incomplete one starts no rays.
     pub(crate) fn empty_queue(&self, commands: &mut CommandList, counters: &Buffer) {
         commands.fill(counters, WavefrontCounters::RAY_COUNT, 4, 0);
     }
 
-    /// Records a copy of what is lacking so far.
+    /// Records a copy of the tiles that have been missing so far.
     pub(crate) fn copy_out(&self, commands: &mut CommandList) -> FeedbackCopy {
         let number = self.next.fetch_add(1, Ordering::Relaxed) % COPIES;
         if let Some(copy) = self.copies.get(number) {
@@ -100,7 +100,8 @@ impl FeedbackBuffers {
         FeedbackCopy(number)
     }
 
-    /// The tiles that were lacking when a copy was made, ascending, once its commands are done; `None` if none was.
+    /// The tiles that were missing when a copy was made, in ascending order, once its commands are done; `None` if none
+    /// was.
     pub(crate) fn read(&self, copy: FeedbackCopy) -> Result<Option<Vec<u32>>, GpuError> {
         let Some(copy) = self.copies.get(copy.0) else { return Ok(None) };
         copy.map(|bytes| {

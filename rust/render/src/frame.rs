@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One frame from a job to its images: the table of contents of a render.
+//! Renders one frame from a job to its images; the functions here are the outline of a render.
 //!
-//! Render thread only. What can be kept from frame to frame (device, scene, wave memory, images) is kept.
+//! Render thread only. The device, the scene, the wave memory and the images are kept from frame to frame where they
+//! can be.
 
 use crate::assets::{DeviceScene, SceneCache, SceneView};
 use crate::device::{Device, DeviceOptions, pipeline_folder};
@@ -34,10 +35,10 @@ use oocpt_gpu::{Gpu, GpuError};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Share of a scene's bytes that is lost between the ranges of arenas, at most.
+/// One part in so many of a scene's bytes is lost at most between the ranges of arenas.
 const PACKING: u64 = 24;
 
-/// A scene counts as fitting only when it leaves room for tiles of textures of so many bytes (or for all there are).
+/// A scene counts as fitting only if it leaves room for so many bytes of texture tiles (or for all there are).
 const FEWEST_TILES: u64 = 8 << 20;
 
 /// Where there is no other first picture, a newer job waits so long for the first sample of each pixel.
@@ -56,7 +57,7 @@ fn let_tiles_be_mapped(context: &FrameContext<'_>, scene: &DeviceScene) -> Resul
     Ok(())
 }
 
-/// What the render thread keeps from frame to frame.
+/// The state that the render thread keeps from frame to frame.
 #[derive(Debug, Default)]
 pub(crate) struct Renderer {
     device: Option<Arc<Device>>,
@@ -71,16 +72,16 @@ pub(crate) struct Renderer {
     /// Whose tables `light_tables` has.
     lights: Option<KeptLights>,
     light_tables: LightTables,
-    /// Memory is short: streams even if the scene seems to fit, with few paths at a time.
+    /// True if memory is short: the scene is streamed even if it seems to fit, with few paths at a time.
     is_frugal: bool,
-    /// The scene whose textures did not fit when it was rendered in core: it is streamed.
+    /// The scene whose textures did not fit when it was rendered in core; it is streamed from then on.
     outgrown: Option<Arc<Snapshot>>,
     upload: UploadDecision,
 }
 
 impl Renderer {
-    /// Renders `job` until it is done or `gate` says no; publishes images and stats on the way. A picture whose device
-    /// is lost is rendered again from its start, once, on a device that is opened anew.
+    /// Renders `job` until it is done or `gate` stops it; publishes images and stats on the way. A picture whose device
+    /// is lost is rendered again from its start, once, on a newly opened device.
     pub(crate) fn render(&mut self, job: &RenderJob, gate: &FrameGate<'_>) -> Result<(), RenderError> {
         job.request.validate()?;
         let mut progress = FrameProgress::start(gate.shared(), job);
@@ -88,7 +89,7 @@ impl Renderer {
             Err(error @ RenderError::Gpu(GpuError::DeviceLost { .. })) if gate.proceed() => {
                 gate.shared()
                     .report(Severity::Warning, format!("{error}; the picture is rendered again from its start"));
-                // Whatever was made on it goes.
+                // Everything that was made on the lost device is dropped.
                 *self = Self::default();
                 progress.begin_again();
                 self.render_once(job, gate, &mut progress, 1)
@@ -97,8 +98,8 @@ impl Renderer {
         }
     }
 
-    /// As [`Self::render`], after so many devices were lost. Running out of memory gives back everything that is held
-    /// and tries once more with as little as possible.
+    /// Renders as [`Self::render`] does, after the loss of so many devices. On running out of memory, frees everything
+    /// that is held and tries once more with as little as possible.
     fn render_once(
         &mut self,
         job: &RenderJob,
@@ -274,8 +275,8 @@ impl Renderer {
         result
     }
 
-    /// Renders a scene that does not fit the device: streams it until all of it is there, on the device or in host
-    /// memory, if it comes to that, and the rest as one in core.
+    /// Renders a scene that does not fit the device: streams it until all of it is on the device or in host memory,
+    /// should that happen, and renders the rest in core.
     fn render_beyond(
         &mut self,
         context: &FrameContext<'_>,
@@ -299,7 +300,7 @@ impl Renderer {
             }
         }
         self.stream = None;
-        // Passes of scenes in core ask of no chunk whether it is there.
+        // The passes of scenes in core never ask whether a chunk is resident.
         if !scene.is_all_there() {
             return Err(RenderError::Internal("a chunk went before the passes that count on it".into()));
         }
@@ -349,13 +350,13 @@ impl Renderer {
             memory.used.saturating_add(needed).saturating_add(waves) <= memory.budget
         };
         if !fits(gpu) {
-            // What streaming left behind is not needed when the scene fits.
+            // Buffers of an earlier streamed render are not needed by a scene that fits.
             self.stream = None;
         }
         fits(gpu)
     }
 
-    /// Renders a scene that is all there, or the rest from path `first` on.
+    /// Renders the paths from `first` on of a scene that is wholly resident.
     fn render_in_core(
         &mut self,
         context: &FrameContext<'_>,
@@ -486,8 +487,8 @@ impl Renderer {
         self.film.as_mut().map_or(Ok(()), |film| film.begin(job))
     }
 
-    /// Wave memory: as [`crate::in_flight`] says, and no more than a share of what the budget leaves
-    /// ([`share_of_waves`]); less when there is no memory. `tiles`: bytes of all tiles, and whether they are mapped.
+    /// Allocates wave memory as [`crate::in_flight`] says, but no more than a share of what the budget leaves
+    /// ([`share_of_waves`]), and less if memory runs out. `tiles`: the bytes of all tiles, and whether they are mapped.
     fn make_waves(
         &mut self,
         context: &FrameContext<'_>,
@@ -506,7 +507,7 @@ impl Renderer {
         }
         self.waves = None;
         let memory = device.gpu.memory();
-        // Nothing else comes once a scene is there, but for tiles of textures.
+        // Once the scene is resident, only tiles of textures are still to be loaded.
         let unused = memory.budget.saturating_sub(memory.used);
         let share = share_of_waves(unused, if textures { tiles.0 } else { 0 }, tiles.1);
         let capacity = wanted.min(share / path_bytes).max(in_flight::FEWEST);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a frame is rendered with, beside its scene. Render thread only.
+//! The inputs of a frame beside its scene. Render thread only.
 
 use crate::device::Device;
 use crate::error::RenderError;
@@ -16,34 +16,34 @@ use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_gpu::{DeviceKind, GpuError};
 use std::sync::Arc;
 
-/// What a frame renders with besides its scene.
+/// The inputs of a frame beside its scene: job, camera, lights, film and device.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FrameContext<'a> {
     pub(crate) device: &'a Arc<Device>,
     pub(crate) job: &'a RenderJob,
     pub(crate) rays: &'a CameraRays,
-    /// How the camera moves, if it does.
+    /// The motion of the camera, if it moves.
     pub(crate) camera_motion: Option<&'a CameraMotion>,
-    /// Of the camera.
+    /// The clipping planes of the camera.
     pub(crate) clip_planes: &'a [ClipPlane],
     pub(crate) lights: &'a LightTable,
     /// Address of the light table on the device.
     pub(crate) lighting: u64,
     pub(crate) film: &'a Film,
     pub(crate) tables: &'a LightTables,
-    /// What is carried although the scene does not need it.
+    /// Features that are compiled in although the scene does not need them.
     pub(crate) carry: &'a ForcedFeatures,
-    /// Of that, what these lights allow.
+    /// The part of `carry` that these lights allow.
     pub(crate) light_carry: Features,
     /// Paths a second that were traced last, where images are shown on the way.
     pub(crate) pace: Option<f64>,
     /// Memory is short.
     pub(crate) is_frugal: bool,
-    /// Tiles of the scene's textures found no room when it was rendered without streaming.
+    /// True if tiles of the scene's textures found no room when it was rendered without streaming.
     pub(crate) has_outgrown: bool,
 }
 
-/// Calls `make` with `wanted`, then with half as much as long as there is no memory and it is above `least`.
+/// Calls `make` with `wanted`, then with half as much each time memory runs out, down to `least`.
 pub(crate) fn shrinking<T>(
     wanted: u64,
     least: u64,
@@ -58,7 +58,7 @@ pub(crate) fn shrinking<T>(
     }
 }
 
-/// The user's own cap on geometry, bytes.
+/// The cap on geometry that the user sets, bytes.
 pub(crate) fn geometry_cap(job: &RenderJob) -> Option<u64> {
     (job.settings.geometry_budget_kib > 0).then(|| u64::from(job.settings.geometry_budget_kib) << 10)
 }
@@ -94,14 +94,14 @@ pub(crate) fn has_light_paths(context: &FrameContext<'_>) -> bool {
     light_features(context).intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
 }
 
-/// Whether rays may read geometry in host memory where the device has no room for it.
+/// Returns true if rays may read geometry in host memory where the device has no room for it.
 pub(crate) fn maps_host(device: &Device, settings: &Settings) -> bool {
     let is_wanted = match settings.host_mapped {
         HostMapped::On => true,
         HostMapped::Off => false,
         HostMapped::Auto => !device.gpu.is_unified(),
     };
-    // Other policies know of waiting rays alone.
+    // Other policies see only waiting rays.
     is_wanted && settings.policy == PolicyKind::Benefit
 }
 

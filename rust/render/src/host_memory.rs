@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How much host memory there is to take, who gets how much of it, and how much the process took.
+//! The budget of host memory: how much there is, how it is divided among its users, and how much the process took.
 //!
-//! With a budget, what can be put nowhere else comes first: arrays that the host application lends, tables of
+//! With a budget, what must stay in host memory comes first: arrays that the host application lends, tables of
 //! instances, the loader's staging memory. Decoded images have their share, and the rest is divided among what can be
-//! evicted or be on disk ([`HostMemoryUser`]). Linux: `/proc/meminfo`, the limits of control groups and
-//! `/proc/self/status`; elsewhere a guess, and nothing.
+//! evicted or moved to disk ([`HostMemoryUser`]). On Linux the figures come from `/proc/meminfo`, the limits of control
+//! groups and `/proc/self/status`; elsewhere free memory is a guess and used memory is 0.
 
 use oocpt_core::partition::ITEM_BYTES;
 use oocpt_core::scene::LentBytes;
 use oocpt_core::settings::Settings;
 use std::path::Path;
 
-/// What is taken where nothing tells how much is free, bytes.
+/// Bytes that are taken if the system does not tell how much is free.
 const UNKNOWN: u64 = 2 << 30;
-/// Who takes host memory: the eighths of the budget that are his, and of what is free where there is none.
+/// The users of host memory; each has so many eighths of the budget, or of free memory if there is no budget.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum HostMemoryUser {
-    /// Built meshes; an eighth of a budget is for those that are read again ([`reading`]). Taken first, and what is
-    /// free is looked at again then: so eighths of that are more than eight.
+    /// Built meshes; an eighth of a budget is for those that are read again ([`reading`]). They are taken first, and
+    /// free memory is measured again afterwards, so that the eighths of free memory add up to more than eight.
     Meshes,
-    /// Instances as they were encoded for the device.
+    /// Instances in the encoding of the device.
     Encoded,
     /// The radiance of ended paths.
     EndedPaths,
@@ -35,16 +35,17 @@ impl HostMemoryUser {
     }
 }
 
-/// Most bytes of decoded images that are kept in memory, and their share of a budget.
+/// Most bytes of decoded images that are kept in memory.
 const IMAGES: u64 = 512 << 20;
+/// Decoded images may take one part in so many of a budget.
 const IMAGES_SHARE: u64 = 8;
-/// Of a budget that cannot hold what is fixed, the share that is left for the parts all the same: what is on its way
-/// needs some memory.
+/// Of a budget that cannot hold what must stay in host memory, one part in so many is still given to the other users:
+/// data in transit needs some memory.
 const LEAST_SHARE: u64 = 8;
-/// What sorting placements may take of what is left: meshes that are kept may have half of that.
+/// Sorting placements may take one part in so many of what is left; kept meshes may take half of that.
 const SORTING_SHARE: u64 = 4;
 
-/// The budget, bytes; none where there is none.
+/// The budget in bytes; `None` if no budget is set.
 pub(crate) fn budget(settings: &Settings) -> Option<u64> {
     (settings.host_memory_budget_mib > 0).then(|| u64::from(settings.host_memory_budget_mib) << 20)
 }
@@ -54,7 +55,7 @@ pub(crate) fn images(settings: &Settings) -> u64 {
     budget(settings).map_or(IMAGES, |budget| IMAGES.min(budget / IMAGES_SHARE))
 }
 
-/// Most bytes of a part, of which `held` are held already, beside `fixed` bytes that can be put nowhere else.
+/// Most bytes of a user that already holds `held`, beside `fixed` bytes that must stay in host memory.
 pub(crate) fn limit_of(part: HostMemoryUser, settings: &Settings, held: u64, fixed: u64) -> u64 {
     let (of_budget, of_free) = part.eighths();
     match budget(settings) {
@@ -63,22 +64,22 @@ pub(crate) fn limit_of(part: HostMemoryUser, settings: &Settings, held: u64, fix
     }
 }
 
-/// Most bytes of meshes in files that are read at a time, beside `fixed` bytes that can be put nowhere else; without a
-/// budget as many as threads ask for.
+/// Most bytes of meshes in files that are read at a time, beside `fixed` bytes that must stay in host memory; unlimited
+/// without a budget.
 pub(crate) fn reading(settings: &Settings, fixed: u64) -> u64 {
     budget(settings).map_or(u64::MAX, |budget| left(settings, budget, fixed) / 8)
 }
 
-/// What a commit may take, bytes.
+/// The limits of host memory for a commit, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct OfCommit {
-    /// Meshes: those that are kept, and building others.
+    /// Limit on meshes: those that are kept and those being built.
     pub(crate) building: u64,
-    /// Sorting placements into chunks.
+    /// Limit on sorting placements into chunks.
     pub(crate) sorting: u64,
 }
 
-/// What a commit may take beside `fixed` bytes that can be put nowhere else. Before anything was rendered, parts that
+/// The limits of a commit beside `fixed` bytes that must stay in host memory. Before the first render, the parts that
 /// only rendering needs are free for building.
 pub(crate) fn of_commit(settings: &Settings, fixed: u64, has_rendered: bool) -> OfCommit {
     let Some(budget) = budget(settings) else { return OfCommit { building: u64::MAX, sorting: ITEM_BYTES } };
@@ -88,15 +89,15 @@ pub(crate) fn of_commit(settings: &Settings, fixed: u64, has_rendered: bool) -> 
     OfCommit { building, sorting: ITEM_BYTES.min(left / SORTING_SHARE) }
 }
 
-/// What is left of a budget beside what is fixed and images.
+/// The part of a budget that is left beside fixed bytes and images.
 fn left(settings: &Settings, budget: u64, fixed: u64) -> u64 {
     budget.saturating_sub(fixed).saturating_sub(images(settings)).max(budget / LEAST_SHARE)
 }
 
-/// What a scene takes of a budget, bytes.
+/// The bytes of host memory that a scene takes, by user.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HostMemoryTaken<'a> {
-    /// Arrays.
+    /// Arrays that the host application lends.
     pub(crate) lent: &'a LentBytes,
     /// Tables of instances.
     pub(crate) tables: u64,
@@ -104,13 +105,13 @@ pub(crate) struct HostMemoryTaken<'a> {
     pub(crate) staging: u64,
     /// Built meshes in memory.
     pub(crate) held: u64,
-    /// What meshes took while they were built, where that was more than there was for it.
+    /// The bytes that meshes took while they were built, if that exceeded the limit.
     pub(crate) building: Option<u64>,
-    /// Whether built meshes can be elsewhere.
+    /// True if built meshes can be moved to files.
     pub(crate) has_files: bool,
 }
 
-/// What is to be said of a scene that does not keep to `budget`: of what can be put nowhere else first.
+/// The warning about a scene that exceeds `budget`; it names what must stay in host memory first.
 pub(crate) fn complaint(budget: u64, taken: &HostMemoryTaken<'_>) -> Option<String> {
     let HostMemoryTaken { lent, tables, staging, held, building, has_files } = *taken;
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
@@ -131,7 +132,7 @@ pub(crate) fn complaint(budget: u64, taken: &HostMemoryTaken<'_>) -> Option<Stri
             mib(fixed)
         )
     } else {
-        // More than its share alone is no excess: what else has a share may take less.
+        // More than its own share is not an excess: other users may take less than theirs.
         let beside = fixed.saturating_add(staging);
         let building = building.filter(|building| beside.saturating_add(*building) > budget)?;
         let [building, beside] = [building, beside].map(mib);
@@ -140,7 +141,8 @@ pub(crate) fn complaint(budget: u64, taken: &HostMemoryTaken<'_>) -> Option<Stri
     Some(format!("oocpt:hostMemoryBudget of {} MiB is exceeded: {what}", mib(budget)))
 }
 
-/// Bytes that can be taken before the machine swaps or the control group ends the process; `root` has `proc` and `sys`.
+/// Bytes that can be taken before the machine swaps or the control group ends the process. `root` is the folder with
+/// `proc` and `sys`.
 fn free(root: &Path) -> Option<u64> {
     let read = |path: &str| std::fs::read_to_string(root.join(path)).ok();
     let of_machine = available(&read("proc/meminfo")?)?;
@@ -159,8 +161,8 @@ fn available(meminfo: &str) -> Option<u64> {
     kib(meminfo, "MemAvailable:")
 }
 
-/// The most memory that this process has held: `VmHWM` of `/proc/self/status`, in bytes; 0 where nothing tells. The
-/// host's own data count too.
+/// The most memory that this process has held, bytes: `VmHWM` of `/proc/self/status`; 0 if the system does not tell.
+/// The host application's own data count too.
 #[must_use]
 pub fn peak() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -177,7 +179,7 @@ fn kib(text: &str, key: &str) -> Option<u64> {
 mod tests {
     use super::*;
 
-    /// What `free` says of a machine with these files.
+    /// The result of `free` for a machine with these files.
     fn free_of(test: &str, files: &[(&str, &str)]) -> Option<u64> {
         let root = std::env::temp_dir().join(format!("oocpt-host-memory-{test}-{}", std::process::id()));
         std::fs::create_dir_all(&root).expect("a folder");

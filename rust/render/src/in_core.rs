@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a scene in core needs of the device beside its geometry. Pure.
+//! The device memory that a scene in core needs beside its geometry. Pure.
 
 use crate::assets::DeviceScene;
 use crate::frame_context::{FrameContext, has_light_paths, has_shadow_rays, in_flight};
 use crate::wavefront::PathNeeds;
 
-/// Share of what is unused that waves leave to others.
+/// Waves leave one part in so many of the unused memory to others.
 pub(crate) const LEFT_BY_WAVES: u64 = 8;
-/// Least bytes that waves leave to tiles of textures where those that find no room are read in host memory.
+/// Least bytes that waves leave to tiles of textures if tiles that find no room are read in host memory.
 const FEWEST_TILES_BESIDE_MAPPED: u64 = 8 << 20;
 
 /// Bytes of the `unused` ones that waves may take. `tile_bytes`: of all tiles of the scene's textures, which come

@@ -1,37 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How many paths a scene in core has in flight: the size of its waves, and so most of what a small scene takes of the
-//! device. One place; `oocpt bench forest --in-flight` tries other sizes. The picture does not depend on it. Pure.
+//! The number of paths that a scene in core has in flight: the size of its waves, and so most of what a small scene
+//! takes of the device. This is the only place that decides it; `oocpt bench forest --in-flight` tries other sizes. The
+//! picture does not depend on it. Pure.
 //!
-//! A wave ends with its longest path, so some of the device idles at its end, the less often the larger waves are
-//! (decisions/0029). On the other hand a wave takes memory in proportion, which others may want, and one that is larger
-//! than what is left to render is of no use at all. So a wave is
+//! A wave ends with its longest path, so part of the device idles at its end; larger waves make that rarer
+//! (decisions/0029). But a wave takes memory in proportion, which others may want, and one that is larger than what is
+//! left to render is of no use. So a wave is
 //! - no more than a share of the render ([`WAVES`]): `schedule` begins with small waves and doubles them at most, so a
 //!   render of few samples never gets to larger ones, and what it loses at their ends is a few milliseconds;
-//! - but as many as fill a large device ([`FILLS`]), if the render has so many;
+//! - but as many paths as fill a large device ([`FILLS`]), if the render has so many;
 //! - no more than a share of the device's memory ([`DEVICE_SHARE`]), which tells how large it is: a card of 2 GiB is
 //!   busy with a tenth of what an H200 needs;
 //! - never more than [`MOST`].
 
 /// Most paths in flight on a GPU.
 const MOST: u64 = 1 << 22;
-/// Most on a processor: more do not trace faster there.
+/// Most paths in flight on a processor: more do not trace faster there.
 const MOST_CPU: u64 = 1 << 17;
-/// So many waves a render has at least, where these fill the device.
+/// Least number of waves of a render, as long as each still fills the device.
 const WAVES: u64 = 4;
 /// Paths that fill a large device: twice the threads that an H200 keeps.
 const FILLS: u64 = 1 << 19;
-/// Share of a GPU's memory that paths take at most, and so many may be in flight all the same.
+/// Paths take at most one part in so many of a GPU's memory.
 const DEVICE_SHARE: u64 = 16;
+/// Paths that may be in flight however small the memory of the GPU is.
 const LEAST: u64 = 1 << 16;
 /// Fewest in flight.
 pub(crate) const FEWEST: u64 = 1 << 12;
-/// A scene counts as fitting only when it leaves room for waves of this many paths (or of all that it is to have): on a
-/// processor and on a GPU. Smaller waves leave a GPU idle between them, and a scene that is nearly all there streams
-/// faster (decisions/0029).
+/// A scene counts as fitting a GPU only if it leaves room for waves of this many paths (or of all paths that the render
+/// has). Smaller waves leave a GPU idle between them, and a scene that is nearly resident streams faster
+/// (decisions/0029).
 const ROOMY: u64 = 1 << 19;
+/// The same number for a processor.
 const ROOMY_CPU: u64 = 1 << 16;
 
-/// What decides.
+/// The figures that decide the number of paths in flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct InFlight {
     pub(crate) is_cpu: bool,
@@ -41,7 +44,7 @@ pub(crate) struct InFlight {
     pub(crate) paths: u64,
     /// Bytes of a path in flight.
     pub(crate) path_bytes: u64,
-    /// Most that somebody asks for; none: as many as the rules above say.
+    /// The most that a caller asks for; `None` applies the rules above.
     pub(crate) asked: Option<u32>,
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lists what a render is made of, for the stats: from the pipelines and buffers that there are. Render thread only.
+//! Lists what a render is made of, for the stats, from its pipelines and buffers. Render thread only.
 
 use crate::bsdf_tables;
 use crate::device::{Device, PassSpecialisation};
@@ -10,17 +10,17 @@ use oocpt_abi::Features;
 use oocpt_core::inventory::{PassUse, RenderInventory};
 use oocpt_shaders::ALL;
 
-/// What the passes of a frame are.
+/// The pipelines of a frame and their features.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CompiledPasses<'a> {
     pub(crate) passes: &'a WavefrontPasses,
     pub(crate) special: PassSpecialisation,
-    /// Of the features, those that the scene does not need.
+    /// The features that the scene does not need, compiled in by `oocpt:carry`.
     pub(crate) carried: Features,
     pub(crate) backend: TraversalBackend,
 }
 
-/// The inventory of a frame; the scene and the paths have `listed` what they hold.
+/// The inventory of a frame; the scene and the paths have `listed` their buffers.
 pub(crate) fn of_frame(
     context: &FrameContext<'_>,
     compiled: CompiledPasses<'_>,
@@ -47,7 +47,7 @@ pub(crate) fn of_frame(
     inventory
 }
 
-/// Every pass of the renderer, and whether it has a pipeline here.
+/// Every pass of the renderer, with a mark on those that have a pipeline here.
 fn passes(device: &Device, passes: &WavefrontPasses) -> Vec<PassUse> {
     let made: Vec<_> = passes.all().collect();
     let entry = |name: &str| {
@@ -58,7 +58,7 @@ fn passes(device: &Device, passes: &WavefrontPasses) -> Vec<PassUse> {
             compile_secs: pipeline.map_or(0.0, |p| device.compile_secs(p)),
         }
     };
-    // Shaders in `light` are programs of tests.
+    // Shaders whose names begin with `light_` are programs of tests.
     let of_tests = |name: &str| name.starts_with("light_");
     ALL.iter().filter(|module| !of_tests(module.name)).map(|module| entry(module.name)).collect()
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a render thread is asked to render. Plain data.
+//! The job of a render thread. Plain data.
 
 use crate::forced_features::ForcedFeatures;
 use crate::light_files::LightFiles;
@@ -10,7 +10,7 @@ use oocpt_core::scene::Snapshot;
 use oocpt_core::settings::Settings;
 use std::sync::Arc;
 
-/// What to render; immutable once posted.
+/// A scene, a request and settings to render; immutable once posted.
 #[derive(Clone, Debug)]
 pub(crate) struct RenderJob {
     pub(crate) snapshot: Arc<Snapshot>,
@@ -19,17 +19,17 @@ pub(crate) struct RenderJob {
     pub(crate) options: SessionOptions,
     pub(crate) images: Option<Arc<dyn ImageLibrary>>,
     pub(crate) files: Arc<dyn LightFiles>,
-    /// The scene's primvars, and which of them are used.
+    /// The scene's primvars, and whether each is used.
     pub(crate) primvars: Arc<[PrimvarUse]>,
     /// Meshes that the session had built when it was posted.
     pub(crate) meshes_made: u64,
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
     pub(crate) fixed_host_bytes: u64,
-    /// That of `RenderControl` when it was posted.
+    /// The generation of `RenderControl` when the job was posted.
     pub(crate) generation: u64,
 }
 
-/// How a session runs, apart from what it renders.
+/// Options of how a session runs, apart from the scene and the request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SessionOptions {
     /// Turns Vulkan's validation layer on; its messages become errors. For tests.
@@ -45,8 +45,8 @@ pub struct SessionOptions {
     pub in_flight: Option<u32>,
     /// Draws a progress bar on standard error while samples are traced; for command lines.
     pub progress_bar: bool,
-    /// A render that shows no images on the way says how it ended: a [`crate::Severity::Status`] with time, error and
-    /// memory, and a warning where a few pixels hold most of the error. For hosts with a user.
+    /// Makes a render that shows no intermediate images say how it ended: a [`crate::Severity::Status`] with time,
+    /// error and memory, and a warning if a few pixels hold most of the error. For hosts with a user.
     pub closing_words: bool,
     /// Faults injected by tests.
     #[cfg(feature = "faults")]

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! OocPT's renderer: a [`Session`] takes scene edits and requests, and renders them on its own thread.
 //!
-//! The straight line of a ray: `frame` (what a render consists of) -> `engine` (what is submitted when) ->
+//! The way of a ray through the code: `frame` (the outline of a render) -> `engine` (decides what is submitted when) ->
 //! `wavefront` (the passes: generate, intersect, shade, accumulate) -> `film` (images) -> the session's published
 //! images. The straight line of a mesh: `oocpt_core::scene` -> `assets` (load, build, tables) -> traversal. Scenes that
 //! do not fit: `streaming`, a path source of the engine.
 //!
-//! Modules use those below them and no other: `cargo xtask check` finds a circle.
+//! Modules use only those below them: `cargo xtask check` fails on a cycle.
 #![forbid(unsafe_code)]
 
 mod adaptive;

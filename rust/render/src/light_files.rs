@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where the bytes of lights' files come from: the host says.
+//! The interface through which the host supplies the files that lights name.
 
 use oocpt_core::scene::AssetRef;
 
@@ -14,22 +14,22 @@ pub struct LightPicture {
     pub texels: Vec<[f32; 3]>,
 }
 
-/// Reads the files that lights name. Called from the render thread; may take its time.
+/// Reads the files that lights name. Called from the render thread; may block.
 pub trait LightFiles: std::fmt::Debug + Send + Sync {
-    /// The picture of a dome or of a rectangle.
+    /// Reads the picture of a dome or of a rectangle.
     ///
     /// # Errors
-    /// Why it cannot be had, for the user.
+    /// The reason why the picture cannot be read, for the user.
     fn picture(&self, asset: &AssetRef) -> Result<LightPicture, String>;
 
-    /// The bytes of an IES profile, at most `limit`.
+    /// Reads the bytes of an IES profile, at most `limit`.
     ///
     /// # Errors
-    /// Why they cannot be had, for the user.
+    /// The reason why the file cannot be read, for the user.
     fn bytes(&self, asset: &AssetRef, limit: u64) -> Result<Vec<u8>, String>;
 }
 
-/// No file can be read.
+/// A reader for which every file is missing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoFiles;
 

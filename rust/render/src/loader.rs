@@ -19,13 +19,13 @@ fn thread_count() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS)
 }
 
-/// What a thread does. Must not panic.
+/// A task of a loader thread. Must not panic.
 pub(crate) type LoaderTask = Box<dyn FnOnce(&Arc<Gpu>, &StagingRing) + Send>;
 
 /// The threads and their staging memory.
 #[derive(Debug)]
 pub(crate) struct Loader {
-    /// What the threads read of meshes at a time.
+    /// The limit on mesh bytes that the threads read at a time.
     reading: Arc<ReadingLimit>,
     tasks: Option<Sender<LoaderTask>>,
     threads: Vec<JoinHandle<()>>,
@@ -57,7 +57,7 @@ impl Loader {
         Ok(Self { reading, tasks: Some(tasks), threads, ring })
     }
 
-    /// What the threads read of meshes at a time.
+    /// The limit on mesh bytes that the threads read at a time.
     pub(crate) fn reading(&self) -> &Arc<ReadingLimit> {
         &self.reading
     }
@@ -72,7 +72,7 @@ impl Loader {
         thread_count() as u64 * RING_PER_THREAD
     }
 
-    /// Whether its threads live: what they were given will come.
+    /// Returns true if the threads run, so that the tasks given to them will be carried out.
     pub(crate) fn lives(&self) -> bool {
         !self.threads.iter().any(JoinHandle::is_finished)
     }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The report that `oocpt:materialReport` names: every material of the scene as text for people, one JSON object.
+//! The report that `oocpt:materialReport` names: every material of the scene as readable text, in one JSON object.
 //! `oocpt material show` reads it.
 //!
-//! A file that is no such report is left as it is: its name may come from a scene of strangers.
+//! A file that is not such a report is never overwritten: its name may come from a scene of strangers.
 
 use crate::error_report::begins_with_or_is_empty;
 use oocpt_core::material::{MaterialText, describe};
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 /// The version of the format.
 pub const VERSION: u32 = 1;
-/// What a report begins with.
+/// The bytes that every report begins with.
 const MAGIC: &[u8] = b"{\"oocptMaterialReport\":";
 /// Longest report that is read, bytes.
 const LONGEST: u64 = 1 << 30;
@@ -21,37 +21,37 @@ const LONGEST: u64 = 1 << 30;
 /// All materials of a scene, whether a mesh shows them or not.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MaterialReport {
-    /// [`VERSION`]; tells such a report from other files.
+    /// [`VERSION`]; distinguishes such a report from other files.
     #[serde(rename = "oocptMaterialReport", default)]
     pub version: u32,
-    /// In the order of their paths.
+    /// The materials in the order of their paths.
     #[serde(default)]
     pub materials: Vec<MaterialText>,
 }
 
-/// Why there is no report.
+/// The reasons why a report was not written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum MaterialReportError {
-    /// The file cannot be written or read, or has something else in it.
+    /// The file cannot be written or read, or holds something else.
     #[error("material report {path}: {source}")]
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         source: Error,
     },
-    /// It is of another version.
+    /// The report is of another version.
     #[error("material report {path}: version {version} is not known")]
     Version {
         /// The file.
         path: PathBuf,
-        /// The version that it has.
+        /// The version of the report.
         version: u32,
     },
 }
 
 impl MaterialReport {
-    /// Tells of the materials of a scene; compiles each once more.
+    /// Describes the materials of a scene; compiles each once more.
     #[must_use]
     pub fn of(scene: &SceneDb) -> Self {
         Self { version: VERSION, materials: scene.materials().map(describe).collect() }
@@ -60,7 +60,7 @@ impl MaterialReport {
     /// Writes the report.
     ///
     /// # Errors
-    /// [`MaterialReportError::File`], also when the file has something else in it.
+    /// [`MaterialReportError::File`], also if the file holds something else.
     pub fn write(&self, path: &Path) -> Result<(), MaterialReportError> {
         let refused =
             || Error::new(ErrorKind::AlreadyExists, "the file is no report of materials and is left as it is");
@@ -74,7 +74,7 @@ impl MaterialReport {
     /// Reads a report.
     ///
     /// # Errors
-    /// See [`MaterialReportError`].
+    /// [`MaterialReportError`] if the file cannot be read, holds something else or is of another version.
     pub fn read(path: &Path) -> Result<Self, MaterialReportError> {
         let fail = |source: Error| MaterialReportError::File { path: path.into(), source };
         let json = oocpt_files::read(path, LONGEST).map_err(fail)?;
@@ -95,7 +95,7 @@ mod tests {
         let path = std::env::temp_dir().join(format!("oocpt-material-report-{}", std::process::id()));
         let text = MaterialText { path: "/m \"a\"".to_owned(), lookups: 3, ..MaterialText::default() };
         let report = MaterialReport { version: VERSION, materials: vec![text] };
-        // The second time over the first.
+        // The second time overwrites the first.
         for _ in 0..2 {
             report.write(&path).expect("a temporary file");
             assert_eq!(MaterialReport::read(&path).expect("a report"), report);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! When the film is asked for its error, and what it answers.
+//! The times at which the film measures its error, and the results.
 //!
 //! Samples are added to the film in pieces that end where every pixel has a power of two of them (`pieces`), so that an
-//! octave is measured at exactly that many, wherever waves and segments are cut: the same render says the same of its
-//! error each time. What is measured goes to a slot of its own and is read when its submission has ended. Render thread
+//! octave is measured at exactly that many samples, wherever waves and segments are cut: the same render gives the same
+//! error each time. Each measurement has a slot of its own and is read when its submission has ended. Render thread
 //! only.
 
 use crate::film::Film;
@@ -12,10 +12,10 @@ use oocpt_core::convergence;
 use oocpt_core::stats::WorstPixel;
 use oocpt_gpu::GpuError;
 
-/// Worst pixels that are told.
+/// Number of worst pixels that are reported.
 const WORST: usize = 8;
 
-/// What the film said of its error.
+/// One measurement of the film's error.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MeasuredError {
     pub(crate) sums: convergence::ErrorSums,
@@ -23,13 +23,13 @@ pub(crate) struct MeasuredError {
     pub(crate) worst: Vec<WorstPixel>,
     /// Fewest samples of a pixel.
     pub(crate) fewest: u32,
-    /// Most.
+    /// Most samples of a pixel.
     pub(crate) most: u32,
     /// Rays traced by then.
     pub(crate) rays: u64,
 }
 
-/// Reads a slot, once its commands are done; none without colour.
+/// Reads a slot, once its commands are done; `None` if the film has no colour.
 pub(crate) fn read(film: &Film, slot: u32, [width, height]: [u32; 2]) -> Result<Option<MeasuredError>, GpuError> {
     let Some((parts, counters)) = film.error(slot)? else { return Ok(None) };
     let sum = |of: fn(&ErrorSums) -> f32| parts.iter().map(|part| f64::from(of(part))).sum();

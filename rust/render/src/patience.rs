@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Waiting for loads: slow files are no fault, so it goes on as long as the loader's threads live, and is told once a
-//! minute. Pure.
+//! Waiting for loads: slow files are not a fault, so a wait goes on as long as the loader's threads live, and is
+//! reported once a minute. Pure.
 
 use std::time::{Duration, Instant};
 
-/// How often it is told.
+/// The interval between two reports.
 const MINUTE: Duration = Duration::from_secs(60);
 
-/// What to do about a wait.
+/// The action to take in a wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum WaitVerdict {
-    /// Wait on.
+    /// Keep waiting.
     Wait,
-    /// Tell that nothing has come for so long, and wait on.
+    /// Report that nothing has come for so long, and keep waiting.
     Tell(Duration),
     /// Nothing will come any more: the threads have ended.
     Over,
@@ -27,30 +27,30 @@ pub(crate) struct LoadWait {
 }
 
 impl LoadWait {
-    /// A wait that begins now.
+    /// Begins a wait at `now`.
     pub(crate) fn new(now: Instant) -> Self {
         Self { since: now, every: MINUTE, told: 0 }
     }
 
-    /// Tells more or less often.
+    /// Sets the interval between two reports.
     #[cfg(any(test, feature = "faults"))]
     pub(crate) fn telling_every(self, every: Duration) -> Self {
         Self { every, ..self }
     }
 
-    /// Something has come.
+    /// Notes that something has come.
     pub(crate) fn came(&mut self, now: Instant) {
         (self.since, self.told) = (now, 0);
     }
 
-    /// Something has come last at that time.
+    /// Notes the time at which something came last.
     pub(crate) fn came_at(&mut self, last: Instant) {
         if last > self.since {
             self.came(last);
         }
     }
 
-    /// Asked again and again; `lives`: the threads that load do.
+    /// Decides how to go on; called repeatedly. `lives`: true if the loader's threads run.
     pub(crate) fn check(&mut self, now: Instant, lives: bool) -> WaitVerdict {
         if !lives {
             return WaitVerdict::Over;
@@ -64,7 +64,7 @@ impl LoadWait {
     }
 }
 
-/// What is told.
+/// The text of the report.
 pub(crate) fn told(what: &str, count: usize, waited: Duration) -> String {
     let s = if count == 1 { "" } else { "s" };
     format!("still waiting for {count} {what}{s} to be loaded: nothing has come for {} s", waited.as_secs())

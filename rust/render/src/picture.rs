@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Pictures as EXR files that say how they were made: `oocpt:` attributes with the time they took, their samples and
-//! rays, the error they are thought to have. Linear light, four floats of 32 bits a pixel, colour premultiplied by
-//! alpha.
+//! rays, and their estimated error. Linear light, four 32-bit floats a pixel, colour premultiplied by alpha.
 //!
-//! Hosts write the files of their own renders, and Hydra gives a render buffer no way to tell them of attributes; for
-//! those, the same numbers stand in the report that `oocpt:report` names. Files that are read come from anywhere: only
-//! their headers are, and of these a bounded part. Any thread.
+//! Hosts write the files of their own renders, and Hydra gives a render buffer no way to pass attributes to them; for
+//! those, the same numbers are in the report that `oocpt:report` names. Files that are read may come from strangers:
+//! only a bounded part of their headers is read. Any thread.
 
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{Encoding, Image, Layer, LayerAttributes, MetaData, SpecificChannels, Vec2, WritableImage as _};
@@ -14,17 +13,18 @@ use serde::Serialize;
 use std::io::{BufReader, BufWriter};
 use std::path::Path;
 
-/// What the names of our attributes begin with.
+/// The prefix of our attributes' names.
 const PREFIX: &str = "oocpt:";
-/// Most attributes that are read, and longest text of one, characters.
+/// Most attributes that are read.
 const MOST: usize = 64;
+/// Longest text of an attribute that is read, characters.
 const LONGEST: usize = 400;
 
 /// An attribute's value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum PictureAttribute {
-    /// Words.
+    /// A text.
     Text(String),
     /// A number; counts are exact below 2^53.
     Number(f64),
@@ -39,21 +39,21 @@ impl std::fmt::Display for PictureAttribute {
     }
 }
 
-/// How a picture was made: names without `oocpt:`, and values.
+/// The attributes of a picture: names without `oocpt:`, and values.
 pub type PictureAttributes = Vec<(String, PictureAttribute)>;
 
-/// Why a picture was not written or read.
+/// The reasons why a picture was not written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
-    /// As the file's library says.
+    /// The file and the error of the EXR library.
     #[error("{0}: {1}")]
     File(String, String),
-    /// So many floats are no such picture.
+    /// The number of floats does not match the size of the picture.
     #[error("{0} floats are no picture of {1} x {2}")]
     Size(usize, u32, u32),
 }
 
-/// Attributes of the picture that a render has made.
+/// Collects the attributes of a finished render's picture.
 #[expect(clippy::cast_precision_loss, reason = "counts are exact below 2^53")]
 pub(crate) fn attributes(
     stats: &RenderStats,
@@ -126,7 +126,7 @@ pub fn write(path: &Path, size: [u32; 2], rgba: &[f32], attributes: &PictureAttr
     written.map_err(|error| PictureError::File(path.display().to_string(), error.to_string()))
 }
 
-/// The `oocpt:` attributes of an EXR file, sorted by name; without any it was made by something else.
+/// Reads the `oocpt:` attributes of an EXR file, sorted by name; a file without any was not made by OocPT.
 ///
 /// # Errors
 /// [`PictureError::File`].
@@ -154,7 +154,7 @@ pub fn read_attributes(path: &Path) -> Result<PictureAttributes, PictureError> {
     Ok(found)
 }
 
-/// What can be shown of a text from a file.
+/// The printable characters of a text from a file.
 fn printable(text: &str) -> String {
     text.chars().filter(|c| !c.is_control()).take(LONGEST).collect()
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The progress bar of command line renders: elapsed time, samples, time left, drawn over itself on standard error.
+//! The progress bar of command line renders: elapsed time, samples and time left, drawn over itself on standard error.
 //!
-//! Render thread only. The host's process may be blocked in the host's own loop meanwhile, which is why the bar is
-//! drawn here and not there.
+//! Render thread only. The bar is drawn here and not in the host because the host's thread may be blocked in a loop of
+//! its own meanwhile.
 
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
@@ -16,7 +16,7 @@ const CELLS: usize = 24;
 /// Columns of the line.
 const COLUMNS: usize = 78;
 
-/// A bar that has been drawn, or not yet.
+/// A bar, drawn or not yet.
 #[derive(Debug)]
 pub(crate) struct ProgressBar {
     next: Instant,
@@ -26,7 +26,7 @@ pub(crate) struct ProgressBar {
 }
 
 impl ProgressBar {
-    /// A bar that draws from now on.
+    /// Creates a bar that starts to draw now.
     pub(crate) fn new() -> Self {
         let over = std::io::stderr().is_terminal();
         Self { next: Instant::now(), interval: if over { INTERVAL } else { LINE_INTERVAL }, over, drawn: false }

@@ -117,8 +117,8 @@ impl PublishedImages {
         });
     }
 
-    /// The version of the image of `kind` if there is one of exactly `out.len()` bytes, which is copied unless it is
-    /// the `known` one; else 0.
+    /// Copies the image of `kind` to `out` if it has exactly `out.len()` bytes and is not the `known` version; returns
+    /// its version, or 0 if there is no such image.
     pub(crate) fn copy(&self, kind: AovKind, known: u64, out: &mut [u8]) -> u64 {
         let Some(image) = self.images.iter().find(|have| have.kind == kind && have.bytes.len() == out.len()) else {
             return 0;

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How much of the meshes that files have is in host memory at a time on its way to the device. Any thread.
+//! Bounds the bytes of meshes from files that are in host memory at a time on their way to the device. Any thread.
 
 use crate::sync::lock;
 use std::sync::{Condvar, Mutex, PoisonError};
 
-/// See the module.
+/// The limit on mesh bytes in transit, and the bytes taken of it.
 #[derive(Debug)]
 pub(crate) struct ReadingLimit {
     state: Mutex<ReadingState>,
-    /// Something ended, or the limit is another one.
+    /// Signalled when a read ends or the limit changes.
     changed: Condvar,
 }
 
@@ -26,14 +26,14 @@ impl Default for ReadingLimit {
 }
 
 impl ReadingLimit {
-    /// Sets the most bytes. What is under way goes on.
+    /// Sets the limit; reads that are under way go on.
     pub(crate) fn set_limit(&self, bytes: u64) {
         lock(&self.state).limit = bytes;
         self.changed.notify_all();
     }
 
-    /// Waits until there is room for `bytes` or nothing else is under way. Who has to wait calls `before` first, to let
-    /// go of what others may wait for.
+    /// Waits until there is room for `bytes` or nothing else is under way. A caller that has to wait calls `before`
+    /// first, to release what others may wait for.
     pub(crate) fn begin<E>(&self, bytes: u64, before: impl FnOnce() -> Result<(), E>) -> Result<ReadingPermit<'_>, E> {
         let mut state = lock(&self.state);
         if !state.has_room(bytes) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A picture to compare with, from an EXR file, and how far another one is from it.
+//! A reference picture from an EXR file, and the error of another picture against it.
 //!
 //! Errors are in linear light and double precision; FLIP (Andersson et al. 2020) is that of the two pictures as sRGB in
 //! 8 bits, at 67 pixels per degree. The file comes from the user: its size is checked before its pixels are read.
@@ -20,20 +20,20 @@ pub(crate) struct ReferencePicture {
     width: u32,
     height: u32,
     pixels: Vec<[f32; 3]>,
-    /// As sRGB in 8 bits, top row first.
+    /// The picture as sRGB in 8 bits, top row first.
     display: Vec<u8>,
 }
 
-/// Why there is nothing to compare with.
+/// The reasons why there is nothing to compare with.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum ReferenceError {
-    /// No such picture.
+    /// The file holds no readable picture.
     #[error("{0}")]
     Read(String),
-    /// It is one of another size.
+    /// The picture has another size.
     #[error("the picture is {0} x {1} pixels, the reference {2} x {3}")]
     Size(u32, u32, usize, usize),
-    /// It has pixels that are no numbers.
+    /// The picture has pixels that are not finite.
     #[error("the reference has pixels that are not finite")]
     NotFinite,
 }
@@ -75,7 +75,7 @@ impl ReferencePicture {
         Ok(Self { width, height, display: display(width, &pixels), pixels })
     }
 
-    /// Compares with the colour that is published; none when there is none of this size.
+    /// Compares with the published colour; `None` if there is none of this size.
     pub(crate) fn compare(&self, published: &PublishedImages) -> Option<TrueError> {
         let mut bytes = vec![0_u8; self.pixels.len() * AovKind::Color.pixel_bytes()];
         if published.copy(AovKind::Color, 0, &mut bytes) == 0 {
@@ -102,7 +102,7 @@ impl ReferencePicture {
     }
 }
 
-/// As sRGB in 8 bits (IEC 61966-2-1), top row first.
+/// Converts to sRGB in 8 bits (IEC 61966-2-1), top row first.
 fn display(width: u32, pixels: &[[f32; 3]]) -> Vec<u8> {
     pixels.chunks_exact((width as usize).max(1)).rev().flatten().flatten().map(|v| srgb8(*v)).collect()
 }

@@ -24,7 +24,7 @@ pub struct RenderRequest {
 }
 
 impl RenderRequest {
-    /// Checks the image size against what the renderer supports.
+    /// Checks the image size against the limits of the renderer.
     pub fn validate(&self) -> Result<(), RenderError> {
         let (width, height) = (self.width, self.height);
         let area = u64::from(width) * u64::from(height);
@@ -40,10 +40,10 @@ impl RenderRequest {
     }
 }
 
-/// How bad a message is.
+/// The severity of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
-    /// How a picture came out.
+    /// The outcome of a picture.
     Status,
     /// Something was dropped or is not supported; the render goes on.
     Warning,
@@ -54,7 +54,7 @@ pub enum Severity {
 /// One message for the user; each problem is reported once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// How bad it is.
+    /// The severity of the message.
     pub severity: Severity,
     /// One line, with the prim path where there is one.
     pub text: String,

@@ -2,15 +2,16 @@
 //! Cuts a render into waves. Pure: sizes and measured times in, ranges of paths out.
 //!
 //! Path `p` of an image of `n` pixels is sample `p / n` of pixel `p % n`; a wave is a contiguous range of paths. The
-//! image does not depend on where the cuts fall, so wave sizes may follow the clock: they aim at a time per wave short
-//! enough for watchdogs and for pause and stop to be felt at once, and long enough to keep the device busy.
+//! image does not depend on where the cuts fall, so wave sizes may follow the clock: they aim at a time per wave that
+//! is short enough for watchdogs and for pause and stop to take effect at once, and long enough to keep the device
+//! busy.
 
 use crate::wave::{Wave, next_boundary};
 use oocpt_gpu::DeviceKind;
 
-/// Paths of the first wave, when nothing was measured yet: so few that it is short on the slowest device of its kind
-/// (some 10 000 paths a second, a million on a card), and not too few for the fastest. From there waves grow as the
-/// clock says.
+/// Paths of the first wave, before anything was measured: few enough to be short on the slowest device of its kind
+/// (some 10 000 paths a second, a million on a card), and not too few for the fastest. Later waves grow by the measured
+/// times.
 pub(crate) fn first_wave(kind: DeviceKind) -> u32 {
     match kind {
         DeviceKind::Cpu => 1 << 12,
@@ -19,7 +20,7 @@ pub(crate) fn first_wave(kind: DeviceKind) -> u32 {
     }
 }
 
-/// Hands out waves until all paths are given out.
+/// Hands out waves until no path is left.
 #[derive(Clone, Debug)]
 pub(crate) struct WaveSchedule {
     total: u64,
@@ -28,14 +29,14 @@ pub(crate) struct WaveSchedule {
     min: u32,
     max: u32,
     target_secs: f64,
-    /// Pixels, if waves end where the samples of all are a power of two.
+    /// The number of pixels, if waves end where the samples of all are a power of two.
     octaves_of: Option<u64>,
-    /// Paths that no wave may go across, ascending.
+    /// Paths that no wave may cross, ascending.
     cuts: Vec<u64>,
 }
 
 impl WaveSchedule {
-    /// `total` paths in waves of `start` at first, never more than `max`, aiming at `target_secs` a wave.
+    /// Cuts `total` paths into waves of `start` at first, never more than `max`, aiming at `target_secs` a wave.
     pub(crate) fn new(total: u64, start: u32, max: u32, target_secs: f64) -> Self {
         let min = 4096.min(max);
         Self { total, next: 0, size: start.clamp(min, max), min, max, target_secs, octaves_of: None, cuts: Vec::new() }
@@ -46,7 +47,7 @@ impl WaveSchedule {
         Self { octaves_of: Some(pixels), ..self }
     }
 
-    /// The first wave begins at this path.
+    /// Lets the first wave begin at this path.
     pub(crate) fn begin_at(&mut self, path: u64) {
         self.next = path;
     }
@@ -56,7 +57,7 @@ impl WaveSchedule {
         self.cuts = cuts;
     }
 
-    /// The next wave, or none when all paths are given out, or all before `open`.
+    /// The next wave, or `None` if no path is left, or none before `open`.
     pub(crate) fn next(&mut self, open: u64) -> Option<Wave> {
         let mut left = self.total.min(open).saturating_sub(self.next);
         if let Some(cut) = self.cuts.iter().find(|cut| **cut > self.next) {
@@ -64,7 +65,7 @@ impl WaveSchedule {
         }
         if let Some(pixels) = self.octaves_of {
             left = left.min(next_boundary(self.next, pixels).1 - self.next);
-            // In equal parts, so that none is too small for the device.
+            // The rest is cut into equal parts, so that none is too small for the device.
             left = left.div_ceil(left.div_ceil(u64::from(self.size)).max(1));
         }
         let count = u32::try_from(left.min(u64::from(self.size))).unwrap_or(self.size);
@@ -73,13 +74,14 @@ impl WaveSchedule {
         (count > 0).then_some(wave)
     }
 
-    /// Learns from a wave of `count` paths that took `secs`.
+    /// Adjusts the size of waves to one of `count` paths that took `secs`.
     pub(crate) fn measured(&mut self, count: u32, secs: f64) {
         if count < self.min.min(self.size) || secs.is_nan() || secs <= 0.0 {
             return;
         }
         let ideal = f64::from(count) * self.target_secs / secs;
-        // At most a factor two a step: one odd measurement must not make a wave that trips a watchdog.
+        // The size changes at most by a factor of two a step: one odd measurement must not make a wave that trips a
+        // watchdog.
         let bounded = ideal.clamp(f64::from(self.size) * 0.5, f64::from(self.size) * 2.0);
         let rounded = (bounded / 4096.0).round() * 4096.0;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to u32 limits here")]
@@ -117,8 +119,7 @@ mod tests {
         assert!(schedule.next(u64::MAX).is_some(), "the rest when it is open");
     }
 
-    /// Seconds of the longest of many waves on a device of so many paths a second, a quarter of that from the 30th wave
-    /// on.
+    /// Longest time of a wave, seconds, on a device of so many paths a second; a quarter of that from the 30th wave on.
     fn longest(kind: DeviceKind, rate: f64) -> f64 {
         let mut schedule = WaveSchedule::new(u64::MAX, first_wave(kind), 1 << 22, 0.2);
         let mut longest = 0.0_f64;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the host's threads and the render thread share: who wants what, images, stats, messages; and the gate that a
-//! frame asks whether it may go on.
+//! The state that the host's threads and the render thread share: control, images, stats and messages; and the gate
+//! that a frame asks whether it may go on.
 
 use crate::error::RenderError;
 use crate::job::RenderJob;
@@ -15,13 +15,13 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// What the host wants of the render thread.
+/// The host's requests to the render thread.
 #[derive(Debug, Default)]
 pub(crate) struct RenderControl {
     pub(crate) job: Option<Arc<RenderJob>>,
     /// Grows with every posted or restarted job.
     pub(crate) generation: u64,
-    /// Generation that the thread has finished with (rendered, failed or given up).
+    /// Generation that the thread has finished (rendered, failed or given up).
     pub(crate) finished: u64,
     /// Generation that is to end with the samples that it has.
     pub(crate) ends_early: u64,
@@ -45,12 +45,12 @@ pub(crate) struct SharedState {
     pub(crate) stats: Mutex<RenderStats>,
     pub(crate) timings: Mutex<RenderTimings>,
     pub(crate) device: Mutex<Option<DeviceReport>>,
-    /// A generation, and samples of each of its pixels that are done.
+    /// A generation, and the finished samples of each of its pixels.
     pub(crate) reached: Mutex<(u64, u32)>,
-    /// Reports of error that renders of this session have begun.
+    /// Error reports that renders of this session have begun.
     pub(crate) reports: Mutex<Vec<String>>,
     pub(crate) messages: Mutex<Vec<Message>>,
-    /// The last render had samples that are not finite, which was told.
+    /// True if the user was told that the last render had samples that are not finite.
     pub(crate) nonfinite_told: AtomicBool,
     #[cfg(feature = "faults")]
     pub(crate) witness: Mutex<crate::faults::FaultWitness>,
@@ -85,7 +85,7 @@ impl SharedState {
         }
     }
 
-    /// Goes on with a wait for `count` of `what`, as long as the threads that load live; tells about it.
+    /// Decides whether to keep waiting for `count` of `what` while the loader's threads live; reports long waits.
     pub(crate) fn wait_for_loads(
         &self,
         patience: &mut LoadWait,
@@ -137,8 +137,8 @@ impl<'a> FrameGate<'a> {
         self.until.is_some_and(|until| Instant::now() < until) && !lock(&self.shared.published).shows(self.generation)
     }
 
-    /// Waits out a pause; false when the image is to be given up (stop, a newer job, the end of the session), or
-    /// to end with the samples that it has.
+    /// Waits out a pause; returns false if the image is to be given up (stop, a newer job, the end of the session) or
+    /// is to end with the samples that it has.
     pub(crate) fn proceed(&self) -> bool {
         let mut control = self.shared.control();
         loop {
@@ -153,7 +153,7 @@ impl<'a> FrameGate<'a> {
         }
     }
 
-    /// A wait for loads that begins now.
+    /// Begins a wait for loads.
     pub(crate) fn patience(&self) -> LoadWait {
         let patience = LoadWait::new(Instant::now());
         #[cfg(feature = "faults")]
@@ -166,7 +166,7 @@ impl<'a> FrameGate<'a> {
         patience
     }
 
-    /// Where results go.
+    /// The state to which results are written.
     pub(crate) fn shared(&self) -> &SharedState {
         self.shared
     }

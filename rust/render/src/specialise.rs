@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What this scene and camera need of the passes, and what is left out for them.
+//! Derives the features that a scene and a camera need of the passes.
 //!
 //! Pure. The answer becomes specialisation constants: pipelines are compiled without the absent parts, and the host
 //! does not make their buffers. To measure what that saves, benches and tests compile parts in that the scene does not
@@ -15,7 +15,7 @@ use oocpt_core::mesh::LeafKind;
 use oocpt_core::scene::Snapshot;
 use std::collections::BTreeSet;
 
-/// What the frame decides, whatever the snapshot says.
+/// The features that the frame decides, independent of the snapshot.
 const OF_FRAME: Features = Features::DOME
     .union(Features::DISTANT)
     .union(Features::LOCAL_LIGHTS)
@@ -27,7 +27,7 @@ pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRa
     let mut features = lights.features | (snapshot.features - OF_FRAME) | of_leaves(&snapshot.leaf_kinds);
     features.set(Features::LENS, rays.lens_u != [0.0; 3] || rays.lens_v != [0.0; 3]);
     features.set(Features::INSTANCING, scene.max_levels > 1);
-    // Without images there are no tables of them.
+    // There are no texture tables without images.
     features.set(Features::TEXTURES, features.contains(Features::TEXTURES) && scene.textures != 0);
     features.set(Features::CUTOUTS, features.contains(Features::CUTOUTS) && scene.has_cutouts);
     let has_masks = features.contains(Features::CUTOUTS | Features::TEXTURES) && scene.has_opacity_masks;
@@ -36,12 +36,12 @@ pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRa
     features
 }
 
-/// What the leaves of its meshes need.
+/// The features that the kinds of leaves need.
 fn of_leaves(kinds: &BTreeSet<LeafKind>) -> Features {
     kinds.iter().map(|&kind| kind.row().needs).fold(Features::empty(), Features::union)
 }
 
-/// Whether some material makes surfaces be there or not.
+/// Returns true if a material can make surfaces transparent to rays.
 pub(crate) fn has_cutouts(snapshot: &Snapshot) -> bool {
     snapshot.features.contains(Features::CUTOUTS)
 }
@@ -68,7 +68,7 @@ pub(crate) fn list(features: Features, carried: Features) -> Vec<FeatureUse> {
     FEATURES.iter().map(entry).collect()
 }
 
-/// What was left out, in words for the stats.
+/// The absent features in words, for the stats.
 pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
     let always = Features::STREAMING | Features::CHUNK_COUNTS | Features::DOME_SHADOW_RAYS;
     let absent =

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The render thread: waits for a job, renders it wave by wave, reports how it ended.
 //!
-//! A panic of the renderer itself is caught here, reported as an error, and the renderer is started afresh: the host
-//! lives.
+//! A panic of the renderer itself is caught here and reported as an error, and the renderer is started afresh, so that
+//! the host process survives.
 
 use crate::error::RenderError;
 use crate::frame::Renderer;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where the time of a render went, for benches and reports.
+//! The time that the parts of a render took, for benches and reports.
 
 use oocpt_core::stats::RenderUsage;
 
@@ -14,40 +14,40 @@ pub struct PassTime {
     pub runs: u64,
 }
 
-/// A moment of a render that streams.
+/// The state of a streamed render at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LeftMoment {
-    /// Since the first sample was begun.
+    /// Seconds since the first sample was begun.
     pub seconds: f64,
     /// Paths not finished yet.
     pub paths_left: u64,
     /// Loads that completed since the render began, tiles of textures among them.
     pub loads: u64,
-    /// Their bytes.
+    /// Bytes of these loads.
     pub bytes_paged: u64,
 }
 
-/// Where the time of the current or last render went.
+/// The time and counts of the current or last render.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RenderTimings {
-    /// Making meshes, instance records and tables ready and handing them to the device, seconds.
+    /// Seconds for preparing meshes, instance records and tables and handing them to the device.
     pub upload_secs: f64,
-    /// Filling the tables that rays go through, seconds.
+    /// Seconds for filling the tables that rays traverse.
     pub build_secs: f64,
-    /// Waiting for tiles of textures that waves had asked for, in core, seconds.
+    /// Seconds of waiting for tiles of textures that waves had asked for, in core.
     pub tile_secs: f64,
-    /// Tiles that came so.
+    /// Tiles of textures that were loaded in these waits.
     pub tiles: u64,
-    /// Their bytes.
+    /// Bytes of these tiles.
     pub tile_bytes: u64,
-    /// Waves of which paths were traced again when their tiles were there.
+    /// Waves with paths that were traced again when their tiles had come.
     pub retraced_waves: u64,
-    /// Compiling the passes for this scene, seconds; zero when they were compiled before.
+    /// Seconds for compiling the passes for this scene; zero if they were compiled before.
     pub compile_secs: f64,
-    /// Pipelines that the driver was made to translate before the first wave: on a software renderer, those that were
-    /// never used.
+    /// Pipelines that the driver was made to translate before the first wave: on a software renderer, those never used
+    /// before.
     pub translated: u64,
-    /// From the first wave's submission to the last wave's end, seconds.
+    /// Seconds from the first wave's submission to the last wave's end.
     pub trace_secs: f64,
     /// Times that the tables of lights were made and sent: none where the lights are those of the frame before.
     pub light_tables: u64,
@@ -61,15 +61,15 @@ pub struct RenderTimings {
     pub paths: u64,
     /// Waves submitted.
     pub waves: u64,
-    /// How the paths ran out: the first moments at which at most 50, 10, 1, 0.1, 0.01, 0 % of them were left, and
-    /// others. Only when streaming.
+    /// The number of unfinished paths over time: the first moments at which at most 50, 10, 1, 0.1, 0.01, 0 % of them
+    /// were left, and others. Only when streaming.
     pub left: Vec<LeftMoment>,
     /// GPU time by pass.
     pub passes: Vec<PassTime>,
 }
 
 impl RenderTimings {
-    /// `usage` with what these timings say of it.
+    /// Adds the figures of these timings to `usage`.
     pub(crate) fn add_to(&self, usage: RenderUsage) -> RenderUsage {
         RenderUsage {
             seconds_uploading: self.upload_secs,

@@ -2,11 +2,12 @@
 //! Decides whether a scene that fits the device is uploaded before it is rendered, or streamed while it is uploaded.
 //! Pure, one thread.
 //!
-//! Streaming traces while chunks are loaded, and loads only what rays ask for, so the first image of a large scene is
-//! there earlier. But a streamed picture takes longer to trace than one in core. So small pictures are streamed, until
+//! Streaming traces while chunks are loaded, and loads only what rays ask for, so the first image of a large scene
+//! appears earlier. But a streamed picture takes longer to trace than one in core. So small pictures are streamed until
 //! together they have cost as much as the upload would have (the ski rental problem).
 
-/// Scenes of which fewer bytes are missing are uploaded first: compiling the passes of streaming takes what is won.
+/// Scenes of which fewer bytes are missing are uploaded first: compiling the streaming passes would take the time that
+/// streaming saves.
 const LEAST: u64 = 4 << 30;
 /// The number of missing bytes for which one path may be streamed: more than it costs (decisions/0050).
 const BYTES_A_PATH: u64 = 100;
@@ -18,7 +19,8 @@ pub(crate) struct UploadDecision {
 }
 
 impl UploadDecision {
-    /// Whether to stream the next picture, which has `paths` paths. `missing`: bytes that are not on the device yet.
+    /// Returns true if the next picture, which has `paths` paths, is to be streamed. `missing`: bytes that are not on
+    /// the device yet.
     pub(crate) fn streams(&mut self, missing: u64, paths: u64) -> bool {
         let paths = self.paths.saturating_add(paths);
         let streams = missing >= LEAST && paths <= missing / BYTES_A_PATH;

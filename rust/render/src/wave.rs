@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Ranges of paths, and where they are cut.
+//! Ranges of paths, and the places where they are cut.
 //!
 //! Path `p` of an image of `n` pixels is sample `p / n` of pixel `p % n`. Samples are added to the film in pieces that
 //! end where every pixel has a power of two of them, so that an octave is measured at exactly that many, wherever waves
 //! and segments are cut. Pure.
 
-/// Slots for what `measure_error` says: octaves 0 to 24 of the samples, and the end.
+/// Slots for the results of `measure_error`: octaves 0 to 24 of the samples, and the end.
 pub(crate) const ERROR_SLOTS: u32 = 26;
-/// The slot of what is measured at the end.
+/// The slot of the measurement at the end.
 pub(crate) const LAST_SLOT: u32 = ERROR_SLOTS - 1;
 
 /// A contiguous range of paths.
@@ -20,15 +20,15 @@ pub(crate) struct Wave {
 /// A part of a wave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct WavePiece {
-    /// Its paths.
+    /// The paths of the piece.
     pub(crate) wave: Wave,
     /// Paths of the whole wave before it.
     pub(crate) offset: u32,
-    /// With it every pixel has two to the power of this many samples.
+    /// The octave that the piece completes: with it, every pixel has two to the power of this many samples.
     pub(crate) completes: Option<u32>,
 }
 
-/// Cuts a wave where the samples of all `pixels` are a power of two, and leaves out paths from `end` on.
+/// Cuts a wave where the samples of all `pixels` are a power of two, and drops paths from `end` on.
 pub(crate) fn pieces(wave: Wave, pixels: u64, end: u64) -> Vec<WavePiece> {
     let end = end.min(wave.first + u64::from(wave.count));
     let mut pieces = Vec::new();
@@ -45,7 +45,7 @@ pub(crate) fn pieces(wave: Wave, pixels: u64, end: u64) -> Vec<WavePiece> {
     pieces
 }
 
-/// The octave that is completed next after `paths` paths, and the paths that do.
+/// The octave that is completed next after `paths` paths, and the number of paths that completes it.
 pub(crate) fn next_boundary(paths: u64, pixels: u64) -> (u32, u64) {
     let pixels = pixels.max(1);
     let octave = (paths / pixels).checked_ilog2().map_or(0, |octave| octave + 1);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The hard budget by the driver's own account. A process of its own: the driver counts all that the process holds.
+//! The hard budget by the driver's own figures. It runs in a process of its own because the driver counts all memory of
+//! a process.
 
 #[path = "gpu/lights/test_files.rs"]
 mod light_files;
@@ -20,8 +21,8 @@ use oocpt_core::settings::Settings;
 use oocpt_render::{Session, SessionOptions};
 use streaming_scenes::{BEACH, Scene};
 
-/// What the driver keeps for itself (its context, pipelines, page tables) may grow so much between a first small render
-/// and the end of a streaming one, bytes.
+/// Bytes by which the driver's own memory (its context, pipelines, page tables) may grow between a first small render
+/// and the end of a streaming one.
 const DRIVERS_OWN: u64 = 32 << 20;
 
 /// Renders under a budget for all memory, MiB; the peaks by the driver's count and by ours.
@@ -45,14 +46,15 @@ fn peaks_of(scene: &Scene, samples: u32, budget_mib: u32, force_streaming: bool)
 fn after_every_step_the_driver_counts_no_more_than_the_budget() {
     let (small_driver, small_ours) = peaks(&BEACH, 1, 24);
     if small_driver == 0 {
-        // A software renderer, or a driver that does not say: the stats have to say so too, whatever is rendered.
+        // A software renderer, or a driver that does not report its memory: the stats have to say so too, whatever is
+        // rendered.
         assert_eq!(peaks(&BEACH, 2, 48).0, 0, "nothing is made up");
         assert_eq!(peaks_of(&BEACH, 2, 1024, false).0, 0, "in core neither");
         return;
     }
     assert!(peaks_of(&BEACH, 2, 1024, false).0 > 0, "it is asked in core, too");
     let own = small_driver.saturating_sub(small_ours);
-    // All of them smaller than what the scene and its paths would take.
+    // All of them are smaller than the scene and its paths would take.
     for budget_mib in [28, 36, 48] {
         let (driver, ours) = peaks(&BEACH, 16, budget_mib);
         let limit = (u64::from(budget_mib) << 20) + own + DRIVERS_OWN;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A ball with hair, a cloud of points, a creature as a subdivision surface: what leaves that are no plain triangles
-//! cost.
+//! A ball with hair, a cloud of points, a creature as a subdivision surface, to measure the cost of leaves that are not
+//! plain triangles.
 
 use anyhow::Result;
 use glam::DVec3;
@@ -13,7 +13,7 @@ use oocpt_core::scene::{
 use super::forest::{self, grid, prim};
 use super::island::KeyedRandom;
 
-/// What is shown.
+/// The subject of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum FurSubject {
     /// Cubic B-splines of five points, pinned, on a ball.
@@ -22,7 +22,7 @@ pub enum FurSubject {
     Points,
     /// A bumpy surface of quads, cut to the dicing rate.
     Limit,
-    /// The same quads, as they are.
+    /// The same quads without subdivision.
     Polygons,
 }
 

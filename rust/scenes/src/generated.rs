@@ -18,7 +18,7 @@ pub enum GeneratedScene {
     Woods,
     /// Instanced cards with an opaque picture.
     Leaves,
-    /// The same, cut out by a picture.
+    /// Instanced cards that the alpha of a picture cuts out.
     Cutouts,
     /// The forest by night, a lamp for every ten blobs.
     Lamps,

@@ -9,7 +9,7 @@ use oocpt_core::scene::{LightDesc, LightKind, PrimDesc, SceneDb, ShapingCone};
 use super::forest::{self, HALF_SIDE, ground};
 use super::island::KeyedRandom;
 
-/// Where the dome of the forest is.
+/// The path of the forest's dome.
 const DOME: &str = "/dome";
 
 /// Fills `db` with a forest of `instances` and `lamps` lamps.
@@ -26,7 +26,7 @@ pub(crate) fn build(db: &mut SceneDb, instances: u32, lamps: u32) -> Result<()> 
             2 => LightKind::Disk { radius: 0.3 },
             _ => LightKind::Cylinder { length: 0.6, radius: 0.05, treat_as_line: false },
         };
-        // Looks down; every eighth is a spot.
+        // The lamp looks down; every eighth is a spot.
         let transform = DMat4::from_translation(at) * DMat4::from_rotation_x(-0.5 * std::f64::consts::PI);
         let shaping = (lamp % 8 == 2).then(|| ShapingCone {
             cone_angle_degrees: 35.0,

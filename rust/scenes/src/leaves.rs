@@ -11,7 +11,7 @@ use super::forest::{self, grid, prim};
 use super::island::KeyedRandom;
 use super::preview::{PreviewPicture, cards, material};
 
-/// How leaves are there.
+/// The opacity of the leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeafModel {
     /// The colour of a picture, no opacity.
@@ -78,7 +78,7 @@ pub fn camera(width: u32, height: u32) -> Camera {
 fn scatter(count: u32) -> Result<InstancerDesc> {
     let mut random = KeyedRandom::new(&[5]);
     let (mut translations, mut rotations) = (Vec::new(), Vec::new());
-    // Eight times the box's front in leaves, however many there are.
+    // The area of all leaves is eight times the box's front, whatever their number.
     let half = (8.0 * HALF_SIDE * HALF_SIDE / f64::from(count.max(1))).sqrt();
     for _ in 0..count {
         let mut coordinate = || random.range(-HALF_SIDE, HALF_SIDE);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A wall that fills the picture, under a dome, by materials of different cost: each path meets it once, so what a
-//! material costs is a difference of times over the number of paths.
+//! A wall that fills the picture, under a dome, by materials of different cost: each path meets it once, so the cost of
+//! a material is a difference of times over the number of paths.
 
 use anyhow::{Context as _, Result, ensure};
 use glam::DVec3;
@@ -17,10 +17,10 @@ use super::preview::dress;
 const QUADS: u32 = 64;
 /// Half the side of the wall, scene units.
 const HALF_SIDE: f64 = 12.0;
-/// Where the camera is.
+/// Distance of the camera, scene units.
 const DISTANCE: f64 = 4.0;
 
-/// What the wall is made of: `open_pbr_surface` by networks of `MaterialX` nodes.
+/// The material of the wall: `open_pbr_surface` by networks of `MaterialX` nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WallPattern {
     /// Constants.
@@ -195,7 +195,7 @@ mod tests {
             let mut db = SceneDb::new();
             build(&mut db, pattern, 64).expect("MaterialX's data libraries are there")
         });
-        // The surface is one more.
+        // The surface is one node more.
         assert_eq!(told.each_ref().map(|text| text.nodes.len() - 1), [0, 3, 10, 60]);
         assert_eq!(told.each_ref().map(|text| text.lookups), [0, 2, 0, 0]);
         let instructions = told.each_ref().map(|text| text.program.instructions.len());

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Pictures for the textured scenes, made when they are read: no files, the same texels always. Every level is there,
-//! as in a tiled file with mip maps.
+//! Pictures for the textured scenes, generated when they are read: no files, always the same texels. Every level is
+//! there, as in a tiled file with mip maps.
 //!
 //! A picture is called `kind:side:seed`; kinds: `bark` (colour), `surface` (three numbers, raw), `leaf` (colour, alpha
 //! in the shape of a leaf) and `sheet` (the same colour, opaque all over). Texels are value noise of several octaves,
-//! about as dear as decoding them from a compressed file.
+//! about as costly as decoding them from a compressed file.
 
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{MAX_SIDE, TexelFormat};
@@ -51,8 +51,7 @@ impl GeneratedPicture {
         Some(Self { kind, side, seed: parts.next()?.parse().ok()? })
     }
 
-    /// Noise at a place of the unit square, 0 to 1; `finest`: cells along a side of the finest octave that is not left
-    /// out.
+    /// Noise at a place of the unit square, 0 to 1; `finest`: cells along a side of the finest octave that is included.
     fn noise(&self, s: f32, t: f32, finest: u32) -> f32 {
         let (mut sum, mut total, mut weight) = (0.0, 0.0, 1.0);
         for (octave, cells) in [8_u32, 32, 128, 512].into_iter().enumerate() {
@@ -112,7 +111,8 @@ impl SourceImage for GeneratedPicture {
     }
 }
 
-/// How much of a texel of width `step` is leaf: pointed at both ends, a third as wide as long, with a serrated rim.
+/// The share of a texel of width `step` that the leaf covers: pointed at both ends, a third as wide as long, with a
+/// serrated rim.
 fn leaf(s: f32, t: f32, step: f32) -> f32 {
     // A parabola for the blade, and triangles for its teeth.
     let teeth = (t * 12.0).fract();

@@ -9,7 +9,7 @@ use oocpt_core::scene::{
     Primvar,
 };
 
-/// A picture, and which of its outputs go to which inputs of the surface.
+/// A picture, and the connections from its outputs to the inputs of the surface.
 pub(crate) struct PreviewPicture<'a> {
     pub(crate) name: String,
     pub(crate) outputs: &'a [(&'a str, &'a str)],
@@ -19,7 +19,7 @@ pub(crate) struct PreviewPicture<'a> {
 pub(crate) fn material(path: &str, pictures: &[PreviewPicture<'_>], threshold: Option<f32>) -> MaterialDesc {
     let own = threshold.map(|value| ParamDesc { name: "opacityThreshold".into(), value: ParamValue::Float(value) });
     let mut surface = node("UsdPreviewSurface", own.into_iter().collect());
-    // Nodes: the surface, the reader, then pictures.
+    // The nodes are the surface, the reader, then pictures.
     let reader = node(
         "UsdPrimvarReader_float2",
         vec![ParamDesc { name: "varname".into(), value: ParamValue::Text("st".into()) }],

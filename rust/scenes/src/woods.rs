@@ -15,7 +15,7 @@ use super::forest::{self, HALF_SIDE, grid, ground, prim};
 use super::island::KeyedRandom;
 use super::preview::{PreviewPicture, cards, dress, material};
 
-/// What determines the woods.
+/// The parameters that determine the woods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::Args, serde::Serialize)]
 pub struct WoodsParameters {
     /// Different trees; each has its meshes and three pictures.

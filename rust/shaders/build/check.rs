@@ -7,7 +7,7 @@ use rspirv::dr::{Instruction, Module, Operand};
 use rspirv::spirv::{Decoration, Op};
 use std::collections::{BTreeSet, HashMap};
 
-/// Where a member is. As `oocpt_abi::MemberLayout`.
+/// The place of a member, as `oocpt_abi::MemberLayout`.
 #[derive(Debug, Clone)]
 pub(crate) struct HostMember {
     /// Name.
@@ -18,7 +18,7 @@ pub(crate) struct HostMember {
     pub(crate) size: u64,
 }
 
-/// How the host lays a struct out.
+/// The host's layout of a struct.
 #[derive(Debug, Clone)]
 pub(crate) struct HostLayout {
     /// Name.
@@ -29,7 +29,7 @@ pub(crate) struct HostLayout {
     pub(crate) members: Vec<HostMember>,
 }
 
-/// What a module says about its types.
+/// The types of a module.
 struct ModuleTypes<'m> {
     by_id: HashMap<u32, &'m Instruction>,
     names: HashMap<u32, &'m str>,
@@ -164,7 +164,7 @@ impl<'m> ModuleTypes<'m> {
         self.names.get(&id).copied().unwrap_or_default()
     }
 
-    /// Bytes of a type in memory; None for types that have no place there.
+    /// Bytes of a type in memory; `None` for types that are never in memory.
     fn size(&self, id: u32) -> Option<u64> {
         let instruction = self.by_id.get(&id)?;
         let operands = &instruction.operands;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Forbids drivers to merge floating-point operations, so that one expression gives the same bits in every pass and
-//! under every specialisation. Where a merged operation is wanted, the shaders say `fma`.
+//! under every specialisation. Where a merged operation is wanted, the shaders call `fma`.
 //!
 //! Shared by `build.rs` and the tests. Pure; any thread. Source: SPIR-V 1.5, 2.3 (physical layout), 2.4 (logical
 //! layout), 3.20 (`NoContraction`).
@@ -15,9 +15,9 @@ const NO_CONTRACTION: u32 = 42;
 /// `OpTypeVoid` to `OpTypeForwardPointer`: the first of them ends the annotations.
 const TYPES: std::ops::RangeInclusive<u32> = 19..=39;
 
-/// Whether an instruction computes floats in a way that could be merged with another one.
+/// Returns true if an instruction computes floats in a way that could be merged with another one.
 fn is_float_arithmetic(opcode: u32) -> bool {
-    // FNegate; FAdd, FSub, FMul, FDiv, FRem, FMod; VectorTimesScalar to OuterProduct; Dot.
+    // These are FNegate; FAdd, FSub, FMul, FDiv, FRem, FMod; VectorTimesScalar to OuterProduct; Dot.
     matches!(opcode, 127 | 129 | 131 | 133 | 136 | 140 | 141 | 142..=148)
 }
 

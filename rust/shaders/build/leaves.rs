@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! GLSL of the table of leaf kinds: what goes through all of them but triangles, written once.
+//! Writes the GLSL functions that dispatch over all leaf kinds but triangles, from the table.
 //!
-//! Pure. `shaders/geometry/leaf.glsl` says which functions a kind has.
+//! Pure. `shaders/geometry/leaf.glsl` specifies the functions of a kind.
 
 use oocpt_abi::{LEAVES, LeafType};
 use std::fmt::Write as _;
 
-/// The kinds' files and numbers, and whether there may be any.
+/// The includes and numbers of the kinds, and the constant that is true if there may be any.
 fn head() -> String {
     let mut text = String::from("// Written by rust/shaders/build.rs, from rust/abi/src/leaves.rs.\n\n");
     for LeafType { name, .. } in others() {
@@ -33,7 +33,7 @@ uint leaf_kind(const uint flags) {{
     text
 }
 
-/// `generated/leaves.glsl`: that, and functions over all of them.
+/// `generated/leaves.glsl`: the head, and functions over all kinds.
 pub(crate) fn functions() -> String {
     let tubes: Vec<String> = others().filter(|leaf| leaf.is_tube).map(is).collect();
     let mut text = head();
@@ -115,7 +115,8 @@ float leaf_radius(const uint kind, const vec3 v0, const vec3 v1, const vec3 v2, 
     text
 }
 
-/// All but triangles, which call sites handle themselves: without other kinds nothing but that is compiled.
+/// All kinds but triangles, which call sites handle themselves: without other kinds only the code for triangles is
+/// compiled.
 fn others() -> impl Iterator<Item = &'static LeafType> {
     LEAVES.iter().filter(|leaf| leaf.number != LeafType::TRIANGLE.number)
 }
@@ -131,12 +132,12 @@ fn has(leaf: &LeafType) -> String {
     needs.join(" && ")
 }
 
-/// Whether it is compiled in and the kind that is asked about.
+/// The condition that a kind is compiled in and is the requested one.
 fn is(leaf: &LeafType) -> String {
     format!("({} && kind == {})", has(leaf), constant(leaf))
 }
 
-/// A line for each kind that `counts`, with its name in the place of `NAME`.
+/// A line for each kind for which `counts` is true, with its name in place of `NAME`.
 fn each(call: &str, counts: impl Fn(&LeafType) -> bool) -> String {
     let line = |leaf: &LeafType| format!("    if {} {};\n", is(leaf), call.replace("NAME", leaf.name));
     others().filter(|leaf| counts(leaf)).map(line).collect()

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! GLSL of the table of shapes of lights: what goes through all of them, written once.
+//! Writes the GLSL functions that dispatch over all shapes of lights, from the table.
 //!
-//! Pure. `shaders/light/shape.glsl` says which functions a shape has.
+//! Pure. `shaders/light/shape.glsl` specifies the functions of a shape.
 
 use oocpt_abi::{LIGHT_SHAPES, LightShape};
 use std::fmt::Write as _;
@@ -75,7 +75,7 @@ fn constant(shape: &LightShape) -> String {
     format!("LIGHT_{}", shape.name.to_uppercase())
 }
 
-/// A line for each shape that `counts`, with its name in the place of `NAME`.
+/// A line for each shape for which `counts` is true, with its name in place of `NAME`.
 fn each(call: &str, counts: impl Fn(&LightShape) -> bool) -> String {
     let line =
         |shape: &LightShape| format!("    if (kind == {}) {};\n", constant(shape), call.replace("NAME", shape.name));

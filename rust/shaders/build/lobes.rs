@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! GLSL of the table of lobes: what goes through all of them, written once.
+//! Writes the GLSL functions that dispatch over all lobes, from the table.
 //!
-//! Pure. `shaders/material/bsdf/lobe.glsl` says which functions a lobe has.
+//! Pure. `shaders/material/bsdf/lobe.glsl` specifies the functions of a lobe.
 
 use oocpt_abi::{self as abi, LobeNormal, LobePart, LobeRow, LobeSides};
 use std::fmt::Write as _;
@@ -25,7 +25,7 @@ pub(crate) fn types() -> String {
     text
 }
 
-/// `generated/lobe_functions.glsl`: the lobes' files, and what goes through all of them.
+/// `generated/lobe_functions.glsl`: the lobes' files, and the functions over all lobes.
 pub(crate) fn functions() -> String {
     let mut text = String::from(HEAD);
     for LobeRow { name, .. } in abi::LOBES {

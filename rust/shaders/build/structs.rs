@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! GLSL of the structs that host and shaders share.
+//! Writes the GLSL of the structs that host and shaders share.
 //!
-//! Pure. What is wrong here does not pass the comparison with the SPIR-V (`check.rs`).
+//! Pure. Errors here do not pass the comparison with the SPIR-V (`check.rs`).
 
 use oocpt_abi::{LAYOUTS, MemberLayout};
 use std::fmt::Write as _;
@@ -20,7 +20,7 @@ pub(crate) fn structs() -> Result<String, String> {
     Ok(text)
 }
 
-/// The GLSL type of a member: what stands before its name, and behind.
+/// The GLSL type of a member: the text before its name, and behind.
 fn type_of(member: &MemberLayout) -> Result<(String, String), String> {
     if let Some(glsl) = member.glsl {
         let (base, sides) = glsl.split_at(glsl.find('[').unwrap_or(glsl.len()));
@@ -48,7 +48,7 @@ fn glsl(rust: &str, size: usize) -> Result<(String, String), String> {
         let known = LAYOUTS.iter().any(|layout| layout.name == rust);
         return if known { plain(rust) } else { Err(format!("no type of GLSL is known for {rust}")) };
     };
-    // A length with a name is told by the sizes.
+    // A length with a name follows from the sizes.
     let named = || LAYOUTS.iter().find(|layout| layout.name == element).map(|layout| size / layout.size);
     let count = count.parse().ok().or_else(named).ok_or_else(|| format!("{rust}: how many?"))?;
     let (base, sides) = glsl(element, size / count.max(1))?;

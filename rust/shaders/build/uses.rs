@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What of the specialisation constants a module reads, so that scenes which differ in something else share its
+//! Finds the specialisation constants that a module reads, so that scenes which differ only in others share its
 //! pipelines.
 //!
 //! Shared by `build.rs` and the tests. Pure; any thread. Source: SPIR-V 1.5, 2.4 (logical layout), 3.32.7
@@ -9,20 +9,20 @@ use rspirv::dr::{Instruction, Module, Operand};
 use rspirv::spirv::{Decoration, Op};
 use std::collections::{BTreeSet, HashMap};
 
-/// What a module reads.
+/// The specialisation constants that a module reads.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct ModuleUses {
     /// Ids (`SpecId`) of the constants.
     pub(crate) constants: BTreeSet<u32>,
-    /// Bits of those constants that are words of flags, by their ids.
+    /// Bits that are read of those constants that are words of flags, by their ids.
     pub(crate) bits: HashMap<u32, u32>,
 }
 
-/// What the entry point, and all that it may call, reads of the specialisation constants; `flags` are those that are
-/// words of flags, read bit by bit.
+/// The specialisation constants that the entry point, and all functions that it may call, read; `flags` are those that
+/// are words of flags, read bit by bit.
 ///
 /// # Errors
-/// If the words are no module with one entry point.
+/// The words are not a module with one entry point.
 pub(crate) fn uses(words: &[u32], flags: &[u32]) -> Result<ModuleUses, String> {
     let module = rspirv::dr::load_words(words).map_err(|error| format!("not a SPIR-V module: {error:?}"))?;
     let mut seen =
@@ -59,7 +59,7 @@ fn ids(instruction: &Instruction) -> impl Iterator<Item = u32> {
     instruction.result_type.into_iter().chain(instruction.operands.iter().filter_map(Operand::id_ref_any))
 }
 
-/// Every id that the functions name which the entry point may call.
+/// Every id that the functions use which the entry point may call.
 fn reachable(module: &Module) -> Result<Vec<u32>, String> {
     let [entry] = module.entry_points.as_slice() else {
         return Err(format!("{} entry points", module.entry_points.len()));
@@ -96,7 +96,7 @@ struct UseCollector<'m> {
 }
 
 impl UseCollector<'_> {
-    /// Notes what the global of this id reads, and gives the ids that it names.
+    /// Notes the uses of the global of this id, and returns the ids that it uses.
     fn read(&mut self, id: u32) -> Vec<u32> {
         let Some(&global) = self.globals.get(&id) else {
             return Vec::new();

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Leaves out of a module what its specialisation constants make unreachable, before a driver sees it.
+//! Removes the code of a module that its specialisation constants make unreachable, before a driver sees it.
 //!
 //! A pass is one module for all scenes, most of which is dead for any one of them. Drivers fold specialisation
 //! constants late: Mesa's software driver takes all of a module through its front end and inlines all functions first,
-//! at every start of a process, since only what comes behind is kept on disk. Here branches on conditions that are
-//! known become jumps, and blocks and functions that nothing reaches go. The global section stays but for names and
-//! for decorations of what is gone, so the driver is given the same constants as before.
+//! at every start of a process, since only the later stages are cached on disk. Here branches on known conditions
+//! become jumps, and unreachable blocks and functions are removed. The global section stays, except names and
+//! decorations of removed ids, so the driver is given the same constants as before.
 //!
-//! Only selections are folded, never the tests of loops, and a module that is not as expected stays as it is. Sources:
+//! Only selections are folded, never the tests of loops, and a module of an unexpected form stays as it is. Sources:
 //! SPIR-V 1.5, 2.3 (physical layout), 2.4 (logical layout), 2.11 (structured control flow). Pure; any thread.
 
 mod blocks;
@@ -59,12 +59,12 @@ pub(crate) struct SpirvInstruction<'w> {
 }
 
 impl SpirvInstruction<'_> {
-    /// A word of it, 0 where it has fewer.
+    /// The word at a position, 0 beyond the end.
     pub(crate) fn word(&self, at: usize) -> u32 {
         self.words.get(at).copied().unwrap_or(0)
     }
 
-    /// What it defines, of instructions in functions.
+    /// The id that an instruction in a function defines.
     pub(crate) fn result(&self) -> Option<u32> {
         match self.op {
             op::LABEL => Some(self.word(1)),
@@ -80,7 +80,7 @@ pub(crate) const fn head(op: u32, words: u32) -> u32 {
     words << 16 | op
 }
 
-/// The instructions of a module; `None` if it is none.
+/// The instructions of a module; `None` if it is not a module.
 fn instructions(words: &[u32]) -> Option<Vec<SpirvInstruction<'_>>> {
     let mut all = Vec::with_capacity(words.len() / 4);
     let mut at = HEADER;
@@ -93,8 +93,8 @@ fn instructions(words: &[u32]) -> Option<Vec<SpirvInstruction<'_>>> {
     Some(all)
 }
 
-/// `words` without what is unreachable when specialisation constants are `(id, value)`, as they have to be when the
-/// driver is given the result. `None`: it is to be used as it is.
+/// `words` without the code that is unreachable if specialisation constants are `(id, value)`; the driver must be given
+/// the same values with the result. `None` if the module is to be used as it is.
 pub(crate) fn fold(words: &[u32], spec: &[(u32, u32)]) -> Option<Vec<u32>> {
     let all = instructions(words)?;
     let first = all.iter().position(|instruction| instruction.op == op::FUNCTION)?;
@@ -111,7 +111,7 @@ pub(crate) fn fold(words: &[u32], spec: &[(u32, u32)]) -> Option<Vec<u32>> {
     let called = called(&functions, entry)?;
     let kept: Vec<&SpirvFunction<'_>> = functions.iter().filter(|function| called.contains(&function.id)).collect();
 
-    // What decorations may be about: all that is global, and what is left of the functions.
+    // Decorations may only refer to global ids, and to the remaining ones of the functions.
     let gone: HashSet<u32> = code.iter().filter_map(SpirvInstruction::result).collect();
     let left: HashSet<u32> = kept.iter().flat_map(|function| function.results()).collect();
     let mut out = words[..HEADER].to_vec();
@@ -132,7 +132,7 @@ pub(crate) fn fold(words: &[u32], spec: &[(u32, u32)]) -> Option<Vec<u32>> {
     Some(out)
 }
 
-/// The functions that the one of id `entry` may call, and itself.
+/// The function of id `entry` and those that it may call.
 fn called(functions: &[SpirvFunction<'_>], entry: u32) -> Option<HashSet<u32>> {
     let by_id: HashMap<u32, &SpirvFunction<'_>> = functions.iter().map(|function| (function.id, function)).collect();
     let mut known = HashSet::from([entry]);

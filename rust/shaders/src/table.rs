@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The table of passes: everything that is declared about a wavefront pass, once.
+//! The table of passes: the one declaration of every wavefront pass.
 //!
-//! Compilation, recording, the inventory of a render, the table of `shaders/README.md` and the tests of the passes take
-//! it from here. A pass has one name: its shader is `shaders/wavefront/NAME.comp`, and it shows under `NAME` in
+//! Compilation, recording, the inventory of a render, the table of `shaders/README.md` and the tests of the passes are
+//! derived from it. A pass has one name: its shader is `shaders/wavefront/NAME.comp`, and it appears under `NAME` in
 //! timings, debuggers and errors. Pure, any thread.
 
 use crate::{ShaderModule, modules::passes};
 use oocpt_abi::{Features, WavefrontCounters};
 
-/// When a frame has a pass.
+/// The condition under which a frame has a pass: all members must hold.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PassCondition {
-    /// All of these features,
+    /// All of these features are needed.
     pub with: Features,
-    /// none of these,
+    /// None of these features may be present.
     pub without: Features,
-    /// and this image is wanted.
+    /// This image must be wanted.
     pub image: Option<PassImage>,
 }
 
@@ -43,18 +43,18 @@ impl PassCondition {
         Self { image: Some(image), ..Self::ALWAYS }
     }
 
-    /// Whether a frame with these features has the pass; `wants` tells which images it wants.
+    /// Returns true if a frame with these features has the pass; `wants` returns true for the images it wants.
     pub fn holds(&self, features: Features, wants: impl Fn(PassImage) -> bool) -> bool {
         features.contains(self.with) && !features.intersects(self.without) && self.image.is_none_or(wants)
     }
 }
 
-/// How many threads a dispatch has.
+/// The number of threads of a dispatch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DispatchSize {
-    /// As many as the host says; in words.
+    /// The number that the host gives; described in words.
     Direct(&'static str),
-    /// As many workgroups as the `IndirectArgs` at this offset of [`WavefrontCounters`] say.
+    /// The workgroups of the `IndirectArgs` at this offset of [`WavefrontCounters`].
     Indirect(u64),
 }
 
@@ -65,13 +65,13 @@ pub struct PassInfo {
     pub pass: Pass,
     /// Its shader.
     pub module: &'static ShaderModule,
-    /// When a frame has it.
+    /// The condition under which a frame has it.
     pub when: PassCondition,
-    /// How it is launched, where one way is all there is.
+    /// The size of its dispatch, if it is always launched in the same way.
     pub launch: DispatchSize,
-    /// What it reads of a frame, in words.
+    /// The data of a frame that it reads, in words.
     pub reads: &'static str,
-    /// What it writes, in words.
+    /// The data that it writes, in words.
     pub writes: &'static str,
 }
 
@@ -113,21 +113,21 @@ passes! {
     /// Writes the arguments of the passes that come next.
     PrepareDispatch = PREPARE_DISPATCH, When::ALWAYS, Direct("1"),
         "WavefrontCounters" => "WavefrontCounters: arguments, totals, and zero in the queues that come next";
-    /// The closest hit of each ray of a round.
+    /// Finds the closest hit of each ray of a round.
     IntersectClosest = INTERSECT_CLOSEST, When::ALWAYS, Indirect(WavefrontCounters::TRACE_ARGS),
         "`ray_queue[r & 1]`, `rays`, scene; streaming: what waiting rays keep"
         => "`hits`; pushes to `surface_queue`, `escaped_queue` or `settle_queue[0]`; streaming: `progress`, pending \
             lists, flags of rays, pushes to `deferred`";
-    /// Whether something is in the way of each shadow ray.
+    /// Tests whether something is in the way of each shadow ray.
     IntersectShadow = INTERSECT_SHADOW, When::ALWAYS, Indirect(WavefrontCounters::SHADOW_ARGS),
         "`shadow_queue`, `shadow_rays`, scene; streaming: what waiting rays keep"
         => "adds to `radiance`; pushes to `settle_queue[1]`; streaming: as `intersect_closest`";
-    /// The closest hit of the rays whose hit depends on a cutout's texture.
+    /// Finds the closest hit of the rays whose hit depends on a cutout's texture.
     SettleClosest = SETTLE_CLOSEST, When::with(Features::DEFERRED_CUTOUTS),
         Indirect(WavefrontCounters::SETTLE_CLOSEST_ARGS),
         "`settle_queue[0]`, `settle_hits[0]`, `hits`, `rays`, scene, textures"
         => "`hits`; pushes to `surface_queue` or `escaped_queue`; requests of tiles";
-    /// Whether something is in the way of the shadow rays that met nothing but what depends on a cutout's texture.
+    /// Tests the shadow rays that met only candidates that depend on a cutout's texture.
     SettleShadow = SETTLE_SHADOW, When::with(Features::DEFERRED_CUTOUTS),
         Indirect(WavefrontCounters::SETTLE_SHADOW_ARGS),
         "`settle_queue[1]`, `settle_hits[1]`, `shadow_rays`, scene, textures"
@@ -135,16 +135,16 @@ passes! {
     /// Keeps the surfaces that rays met in this round.
     RecordSurfaces = RECORD_SURFACES, When::with(STREAMING), Indirect(WavefrontCounters::RAY_ARGS),
         "`ray_queue[r & 1]`, `hits`, scene" => "`surfaces` of hits found in this round";
-    /// Works out what surfaces are made of.
+    /// Evaluates the materials of surfaces.
     ResolveMaterials = RESOLVE_MATERIALS, When::with(TEXTURES).without(Features::MESH_LIGHT_VALUES),
         Indirect(WavefrontCounters::RESOLVE_ARGS),
         "`resolve_queue`, `surfaces`, textures"
         => "`resolved`, `resolve_progress`; pushes to `surface_queue` or `deferred`";
-    /// In place of `resolve_materials` where the emission of lights is a texture's or a primvar's.
+    /// Replaces `resolve_materials` if the emission of lights is a texture's or a primvar's.
     ResolveLights = RESOLVE_LIGHTS, When::with(TEXTURES.union(Features::MESH_LIGHT_VALUES)),
         Indirect(WavefrontCounters::RESOLVE_ARGS),
         "the same, and lights" => "the same; the last lookups are the emission of the light that will be asked";
-    /// Adds what shines where rays leave the scene.
+    /// Adds the emission of lights at infinity to rays that leave the scene.
     ShadeBackground = SHADE_BACKGROUND, When::ALWAYS, Indirect(WavefrontCounters::ESCAPED_ARGS),
         "`escaped_queue`, `rays`, `paths`, lights" => "adds to `radiance`; streaming: `progress`, `segments`, `free_slots`";
     /// Shades the surfaces that rays met: light, the next ray, a shadow ray.
@@ -164,19 +164,19 @@ passes! {
     /// Estimates the error of the picture.
     MeasureError = MEASURE_ERROR, When::ALWAYS, Direct("at most 1024 workgroups"),
         "`film`" => "`ErrorSums` of each workgroup, behind the film";
-    /// Makes the picture of what the film holds.
+    /// Resolves the film to the picture.
     Resolve = RESOLVE, When::ALWAYS, Direct("`width * height`"), "`film`" => "`color`";
-    /// Answers the questions of cutouts that rays left.
+    /// Answers the questions about cutouts that rays left.
     ResolveCutouts = RESOLVE_CUTOUTS, When::with(TEXTURES.union(Features::CUTOUTS)),
         Indirect(WavefrontCounters::DEFERRED_ARGS),
         "`deferred`, textures" => "`questions`";
     /// Counts the waiting rays that may go on, by chunk.
     SortDeferredCount = SORT_DEFERRED_COUNT, When::with(STREAMING), Indirect(WavefrontCounters::DEFERRED_ARGS),
         "`deferred`, pending lists, chunks, meshes" => "adds to `sort_counts`";
-    /// Sums those counts.
+    /// Sums the counts of `SortDeferredCount`.
     SortDeferredScan = SORT_DEFERRED_SCAN, When::with(STREAMING), Direct("`sort_blocks` workgroups, then 1"),
         "`sort_counts`, `sort_sums`" => "the same; WavefrontCounters: room in the queues, the other list";
-    /// Sends the waiting rays on that may go on, chunk by chunk.
+    /// Sends on the waiting rays that may go on, chunk by chunk.
     SortDeferredScatter = SORT_DEFERRED_SCATTER, When::with(STREAMING), Indirect(WavefrontCounters::DEFERRED_ARGS),
         "`deferred`, pending lists, chunks, meshes" => "`ray_queue`, `shadow_queue`, chunk by chunk; pushes to `deferred`";
     /// Counts waiting rays by unit.
@@ -185,13 +185,13 @@ passes! {
     /// Lists the units that rays wait for.
     ListDemand = LIST_DEMAND, When::with(STREAMING), Direct("at most 64 workgroups"),
         "`demanded`, `demand`" => "pushes to `demand_list`; `demand` = 0";
-    /// Takes the radiance of ended paths out of their slots.
+    /// Moves the radiance of ended paths out of their slots.
     RetirePaths = RETIRE_PATHS, When::with(STREAMING), Indirect(WavefrontCounters::RETIRE_ARGS),
         "`free_slots`, `places`, `radiance`" => "`ended_radiance`";
     /// Estimates the level of radiance of the picture.
     RouletteLevel = ROULETTE_LEVEL, When::with(ROULETTE), Direct("64, for the last paths"),
         "`segments`, `ended_radiance`" => "`RouletteStats`";
-    /// Estimates what waiting rays may bring.
+    /// Estimates the contribution of waiting rays.
     RouletteWorth = ROULETTE_WORTH, When::with(ROULETTE), Indirect(WavefrontCounters::DEFERRED_ARGS),
         "`deferred`, pending lists, what the rays carry, `segments`, `ended_radiance`, `film`, `RouletteStats`"
         => "adds to `worth`, `worth_sums`";
@@ -202,14 +202,14 @@ passes! {
 }
 
 impl Pass {
-    /// Its row of [`PASSES`].
+    /// The row of [`PASSES`].
     #[must_use]
     pub fn info(self) -> &'static PassInfo {
-        // A row per variant, in their order.
+        // The table has a row per variant, in their order.
         &PASSES[self as usize]
     }
 
-    /// Its name.
+    /// The name of the pass.
     #[must_use]
     pub fn name(self) -> &'static str {
         self.info().module.name

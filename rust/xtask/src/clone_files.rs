@@ -9,7 +9,7 @@ use anyhow::{Context as _, Result};
 use crate::places::RootFolders;
 use crate::process::capture;
 
-/// Files of the clone that git knows or would take, with forward slashes, relative to the root.
+/// Files of the clone that git tracks or would add, with forward slashes, relative to the root.
 pub(crate) fn tracked_files(places: &RootFolders) -> Result<Vec<String>> {
     let mut git = Command::new("git");
     git.current_dir(&places.repo).args(["ls-files", "-z", "--cached", "--others", "--exclude-standard"]);
@@ -21,7 +21,7 @@ pub(crate) fn tracked_files(places: &RootFolders) -> Result<Vec<String>> {
     Ok(files)
 }
 
-/// A file of the clone.
+/// The absolute path of a file of the clone.
 pub(crate) fn path(places: &RootFolders, file: &str) -> PathBuf {
     places.repo.join(file)
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `cargo xtask`: the one door of OocPT for people and CI.
+//! `cargo xtask`: the single entry point of OocPT for people and CI.
 //!
-//! Each command sets up what it needs (system packages, wheel host, Python environments, build) and is quick when that
-//! is done. Answers go to stdout, everything else to stderr. Paths are in [`places`], the wheel host is described in
+//! Each command sets up what it needs (system packages, wheel host, Python environments, build) and is quick if that is
+//! done. Answers go to stdout, everything else to stderr. Paths are in [`places`], the wheel host is described in
 //! [`host`].
 #![forbid(unsafe_code)]
 
@@ -225,7 +225,7 @@ fn doctor(places: &RootFolders, arguments: &[OsString]) -> Result<()> {
     let mut cargo = product::cargo(places, "run");
     cargo.args(["--quiet", "--profile", product::PROFILE, "--package", "oocpt-cli", "--bin", "oocpt", "--", "doctor"]);
     if names_one_of(arguments, &["--scene"]) {
-        // A USD file is asked about through the host that `record` takes.
+        // A USD file is inspected through the host that `record` uses.
         let (settings, _) = settings_for_recording(places)?;
         shell::apply(&settings, &mut cargo);
     }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Benches through real hosts: Python programs below `tests/bench` that need no cargo, so that they can be carried to a
-//! machine that has only a GPU. Here they are given their interpreter and their paths. What needs no host is measured
-//! by `oocpt bench`.
+//! Benches through real hosts: Python programs below `tests/bench` that need no cargo, so that they can be copied to a
+//! machine that has only a GPU. They get their interpreter and their paths here. Benches that need no host are in
+//! `oocpt bench`.
 
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt as _;
@@ -16,10 +16,10 @@ use crate::shell;
 /// The benches and their programs.
 const PROGRAMS: [(&str, &str); 2] = [("sets", "measure_sets.py"), ("beside", "beside.py")];
 
-/// The program that the first argument names, and what is left for it.
+/// The program that the first argument names, and the remaining arguments.
 ///
 /// # Errors
-/// If it names none.
+/// The first argument names no program.
 pub(crate) fn script_of(arguments: &[OsString]) -> Result<(&'static str, &[OsString])> {
     if let Some((first, rest)) = arguments.split_first()
         && let Some((_, script)) = PROGRAMS.iter().find(|(name, _)| first == name)

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Pictures to look at and to compare with: the gallery, and references made with Mitsuba 3 or `MaterialX`'s shaders.
+//! Pictures to view and to compare with: the gallery, and references made with Mitsuba 3 or `MaterialX`'s shaders.
 //!
-//! Mitsuba is a test tool in an environment of its own; nothing of the product and none of its tests needs it. The work
-//! is done by Python programs below `tests/gallery` and `tests/reference`; here they are given their interpreter and
-//! their paths.
+//! Mitsuba is a test tool in an environment of its own; the product and its tests do not need it. The work is done by
+//! Python programs below `tests/gallery` and `tests/reference`, which get their interpreter and their paths here.
 
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt as _;
@@ -44,8 +43,8 @@ pub(crate) fn reference(places: &RootFolders, interpreter: &PythonInterpreter, a
     Err(reference.arg(script).args(rest).exec()).context("cannot start the reference renderer")
 }
 
-/// The program that the first argument names, and what is left for it; words with a dash are options of the default
-/// one.
+/// The program that the first argument names, and the remaining arguments; words with a dash are options of the default
+/// program.
 fn program_of(arguments: &[OsString]) -> (String, &[OsString]) {
     const PROGRAMS: &[&str] = &["make_references", "to_mitsuba", "check_answers", "time_to_error", "curves", "nodes"];
     match arguments.split_first() {

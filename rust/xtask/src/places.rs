@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Every path the door uses, in one table.
+//! Every path that `cargo xtask` uses, in one table.
 //!
 //! The clone holds `build/` (plugin, `CMake` trees) and cargo's target folder; everything downloaded lives in a cache
 //! outside of it, `$OOCPT_CACHE` or `~/.cache/oocpt`, so that clones share it. Nothing here touches the disk.

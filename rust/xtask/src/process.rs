@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context as _, Result, bail};
 
-/// Tells the user what is being done, on stderr.
+/// Prints what is being done for the user, on stderr.
 pub(crate) fn say(what: impl Display) {
     #[expect(clippy::print_stderr, reason = "the door talks to a person or to a CI log")]
     {
@@ -51,7 +51,7 @@ pub(crate) fn capture(command: &mut Command) -> Result<String> {
     String::from_utf8(output.stdout).with_context(|| format!("`{}` wrote no UTF-8", quoted(command)))
 }
 
-/// Whether `program` can be started and succeeds with `args`, all output dropped.
+/// Returns true if `program` can be started and succeeds with `args`, all output dropped.
 pub(crate) fn succeeds<I, S>(program: impl AsRef<OsStr>, args: I) -> bool
 where
     I: IntoIterator<Item = S>,

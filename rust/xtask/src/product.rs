@@ -18,7 +18,7 @@ use crate::process::{capture, run, say, shell_word};
 /// cargo profile of everything that is built to be run from the clone.
 pub(crate) const PROFILE: &str = "fast";
 
-/// What people get: the bridge of the plugin, and the command.
+/// The shipped crates: the bridge of the plugin, and the command.
 const PRODUCT: [&str; 2] = [BRIDGE, "oocpt-cli"];
 const BRIDGE: &str = "oocpt-bridge";
 const BRIDGE_FILE: &str = "liboocpt_bridge.a";
@@ -55,7 +55,7 @@ pub(crate) fn build_tests(places: &RootFolders) -> Result<String> {
 /// themselves, so that they turn on nothing in the product.
 ///
 /// # Errors
-/// If cargo, `CMake` or the build fails; in CI also if there are warnings.
+/// Cargo, `CMake` or the build fails; in CI also if there are warnings.
 pub(crate) fn build_for_tests(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
     let mut build = cargo(places, "build");
     build.args(packages()).args(["--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
@@ -66,13 +66,13 @@ pub(crate) fn build_for_tests(places: &RootFolders, interpreter: &PythonInterpre
     build_plugin_for_wheel(places, interpreter)
 }
 
-/// Whether one of cargo's messages is a warning about a crate of the clone.
+/// Returns true if one of cargo's messages is a warning about a crate of the clone.
 fn is_warning(line: &str) -> bool {
     let message: Option<Value> = serde_json::from_str(line).ok();
     message.is_some_and(|message| message["reason"] == "compiler-message" && message["message"]["level"] == "warning")
 }
 
-/// Whether warnings are errors and `Cargo.lock` is taken as it is.
+/// Returns true if this is CI: warnings are errors and `Cargo.lock` may not change.
 fn is_ci() -> bool {
     env::var_os("CI").is_some()
 }
@@ -82,12 +82,12 @@ pub(crate) fn packages() -> Vec<OsString> {
     PRODUCT.iter().flat_map(|package| ["--package", package]).map(OsString::from).collect()
 }
 
-/// Where a file of the product is kept: other builds put their own, with what tests turn on, at cargo's place.
+/// The path at which a file of the product is kept: builds with the features of tests put theirs at cargo's place.
 pub(crate) fn kept(places: &RootFolders, profile: &str, file: &str) -> PathBuf {
     places.target.join("product").join(profile).join(file)
 }
 
-/// Keeps what cargo has just built. A file that is the same stays, so that nothing is linked anew.
+/// Keeps the file that cargo has just built. An unchanged file stays, so that nothing is linked anew.
 fn keep(places: &RootFolders, profile: &str, file: &str) -> Result<()> {
     let (built, kept) = (places.target.join(profile).join(file), kept(places, profile, file));
     let bytes = fs::read(&built).with_context(|| format!("cargo left no {}", built.display()))?;
@@ -100,10 +100,10 @@ fn keep(places: &RootFolders, profile: &str, file: &str) -> Result<()> {
     Ok(())
 }
 
-/// Builds the plugin for the wheel host around the bridge that is there.
+/// Builds the plugin for the wheel host around the existing bridge.
 ///
 /// # Errors
-/// If `CMake` or the build fails.
+/// `CMake` or the build fails.
 fn build_plugin_for_wheel(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
     let mut options = bridge_options(places, PROFILE);
     options.push(("OOCPT_HOST".into(), "wheel".into()));
@@ -172,8 +172,8 @@ fn bridge_options(places: &RootFolders, profile: &str) -> Vec<(String, String)> 
     ]
 }
 
-/// A cargo subcommand in the clone, by the same cargo that runs this; in CI (`CI` is set)
-/// it may not change `Cargo.lock`.
+/// A cargo subcommand in the clone, by the same cargo that runs this; in CI (`CI` is set) it may not change
+/// `Cargo.lock`.
 pub(crate) fn cargo(places: &RootFolders, subcommand: &str) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.current_dir(&places.repo).env("CARGO_TARGET_DIR", &places.target).args(subcommand.split(' '));
@@ -225,7 +225,7 @@ fn program_script(places: &RootFolders, script: &str) -> String {
     let runner = shell_word(&path(&places.repo.join(script)));
     let resources = shell_word(&path(&places.wheel_resources()));
     let materialx = shell_word(&path(&places.materialx()));
-    // -I: a PYTHONPATH that leads to another OpenUSD must not get into this process.
+    // With -I, a PYTHONPATH that leads to another OpenUSD cannot affect this process.
     format!(
         "#!/bin/sh\n# Written by `cargo xtask \
         build`.\nPXR_PLUGINPATH_NAME={resources}${{PXR_PLUGINPATH_NAME:+:$PXR_PLUGINPATH_NAME}}\n\

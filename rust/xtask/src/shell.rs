@@ -14,15 +14,15 @@ use crate::process::shell_word;
 /// The plugin's resources below an install prefix, to be named in `PXR_PLUGINPATH_NAME`.
 pub(crate) const INSTALLED_RESOURCES: &str = "plugin/usd/hdOocPT/resources";
 
-/// Where OpenUSD and the renderer look for `MaterialX`'s data libraries.
+/// The variable with which OpenUSD and the renderer find `MaterialX`'s data libraries.
 const MATERIALX: &str = "PXR_MTLX_STDLIB_SEARCH_PATHS";
 
-/// A variable and how it is set.
+/// A variable and the way in which it is set.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum VariableSetting {
     /// Put in front of a colon-separated list.
     Prepend(&'static str, PathBuf),
-    /// Set, whatever it was.
+    /// Set, whatever the previous value was.
     Set(&'static str, PathBuf),
     /// Set where it is not set, or empty.
     Default(&'static str, PathBuf),
@@ -50,7 +50,7 @@ pub(crate) fn for_wheel(places: &RootFolders) -> Vec<VariableSetting> {
     settings
 }
 
-/// What the tests need to start other interpreters: one that imports the wheel host's `pxr`, one that imports
+/// Variables for tests that start other interpreters: one that imports the wheel host's `pxr`, one that imports
 /// usd-core's.
 pub(crate) fn interpreters(places: &RootFolders) -> Vec<VariableSetting> {
     vec![
@@ -87,7 +87,7 @@ pub(crate) fn exports(settings: &[VariableSetting]) -> String {
     settings.iter().map(line).collect()
 }
 
-/// Gives the settings to a child process.
+/// Passes the settings to a child process.
 pub(crate) fn apply(settings: &[VariableSetting], command: &mut std::process::Command) {
     for setting in settings {
         match setting {

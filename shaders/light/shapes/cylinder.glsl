@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The cylinder y^2 + z^2 = 1, |x| <= 1 without caps; shines outwards. Points are sampled on the side that is seen.
-// light/shape.glsl says what the functions are.
+// The cylinder y^2 + z^2 = 1, |x| <= 1 without caps; shines outwards. Points are sampled on the visible side.
+// light/shape.glsl specifies the functions.
 #ifndef OOCPT_LIGHT_SHAPES_CYLINDER_GLSL
 #define OOCPT_LIGHT_SHAPES_CYLINDER_GLSL
 
@@ -12,7 +12,7 @@ bool cylinder_hit(const vec3 o, const vec3 d, out vec3 q, out float t) {
     return round_hit(o, d, vec3(0.0, 1.0, 1.0), q, t) && abs(q.x) <= 1.0;
 }
 
-// Half the angle about the axis that is seen: a point is when its normal looks at the receiver.
+// Half the visible angle about the axis: a point is visible if its normal faces the receiver.
 float cylinder_seen(const vec3 o) {
     return acos(min(inversesqrt(dot(o.yz, o.yz)), 1.0));
 }

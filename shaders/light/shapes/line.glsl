@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The segment |x| <= 1 of the x axis; shines with the sine of the angle to it. light/shape.glsl says what the functions
-// are.
+// The segment |x| <= 1 of the x axis; shines with the sine of the angle to it. light/shape.glsl specifies the
+// functions.
 #ifndef OOCPT_LIGHT_SHAPES_LINE_GLSL
 #define OOCPT_LIGHT_SHAPES_LINE_GLSL
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The origin; shines the same in all directions. light/shape.glsl says what the functions are.
+// The origin; shines the same in all directions. light/shape.glsl specifies the functions.
 #ifndef OOCPT_LIGHT_SHAPES_POINT_GLSL
 #define OOCPT_LIGHT_SHAPES_POINT_GLSL
 

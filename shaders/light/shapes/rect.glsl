@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The square |x| <= 1, |y| <= 1 in the plane z = 0; shines to -z. light/shape.glsl says what the functions are.
+// The square |x| <= 1, |y| <= 1 in the plane z = 0; shines to -z. light/shape.glsl specifies the functions.
 #ifndef OOCPT_LIGHT_SHAPES_RECT_GLSL
 #define OOCPT_LIGHT_SHAPES_RECT_GLSL
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The unit sphere; shines outwards. Points are sampled in the cone that it fills. light/shape.glsl says what the
-// functions are.
+// The unit sphere; shines outwards. Points are sampled in the cone that it fills. light/shape.glsl specifies the
+// functions.
 #ifndef OOCPT_LIGHT_SHAPES_SPHERE_GLSL
 #define OOCPT_LIGHT_SHAPES_SPHERE_GLSL
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The light that rust/book/src/extending.md adds; compiled for tests alone. The triangle x, y >= -1, x + y <= 0 in the
-// plane z = 0: half of the square of a rect; shines to -z. light/shape.glsl says what the functions are.
+// plane z = 0: half of the square of a rect; shines to -z. light/shape.glsl specifies the functions.
 #ifndef OOCPT_LIGHT_SHAPES_TOY_LIGHT_GLSL
 #define OOCPT_LIGHT_SHAPES_TOY_LIGHT_GLSL
 
@@ -12,7 +12,7 @@ bool toy_light_hit(const vec3 o, const vec3 d, out vec3 q, out float t) {
     return plane_hit(o, d, q, t) && min(q.x, q.y) >= -1.0 && q.x + q.y <= 0.0;
 }
 
-// The square, folded at its diagonal.
+// Points of the square are folded at its diagonal.
 vec3 toy_light_point(const vec3 o, const vec2 u) {
     const vec2 v = u.x + u.y > 1.0 ? 1.0 - u : u;
     return vec3(2.0 * v - 1.0, 0.0);

@@ -9,7 +9,7 @@
 #ifndef OOCPT_BSDF_EON_GLSL
 #define OOCPT_BSDF_EON_GLSL
 
-// What Lambert's values become: c times `single`, c_ms times `multiple`.
+// The factors of Lambert's values: c times `single`, c_ms times `multiple`.
 struct Eon {
     float roughness; // 0: none of this
     float a;         // A

@@ -3,22 +3,21 @@
 // Refraction through Rough Surfaces"; visible normals as in ggx.glsl). The lobes are lobes/glass.glsl, single
 // scattering, and lobes/glass_scatter.glsl. With N = index there / index here, h the normal that refracts o to i:
 //   reflection  F(o.h) D G2(o, i) / (4 o.z), height-correlated
-//   refraction  (1 - F(o.h)) D G1(o) G1(i) |o.h| |i.h| N^2 / (o.z (o.h + N i.h)^2), times |cosine| F is exact; in the
-//               specular workflow it is Schlick's of specular_color, at the cosine on the side of the lower index. It
-//               transports basic radiance (L / n^2), so refracted light is not scaled by n^2, and what is symmetric is
-//               value / (n^2 |cosine| there).
+//   refraction  (1 - F(o.h)) D G1(o) G1(i) |o.h| |i.h| N^2 / (o.z (o.h + N i.h)^2), times |cosine|
+// F is exact; in the specular workflow it is Schlick's of specular_color, at the cosine on the side of the lower index.
+// The BSDF transports basic radiance (L / n^2), so refracted light is not scaled by n^2, and the symmetric quantity is
+// value / (n^2 |cosine| there).
 //
-// What single scattering loses, U = 1 - E on either side (table_glass), comes back as a lobe to both sides as Kulla and
-// Conty (2017) have it for reflection: U(o) U(i) / (pi (avg U_1 + N^2 avg U_2)), indices of the two sides and light to
-// either by n^2: symmetric, and nothing is lost. In the specular workflow E is not known, and single scattering is all
-// there is.
+// The loss of single scattering, U = 1 - E on either side (table_glass), comes back as a lobe to both sides as Kulla
+// and Conty (2017) have it for reflection: U(o) U(i) / (pi (avg U_1 + N^2 avg U_2)), indices of the two sides and light
+// to either by n^2: symmetric, and nothing is lost. In the specular workflow E is not known, and there is single
+// scattering only.
 //
-// Where alpha times what refraction bends is below what f32 directions resolve, the interface is sharp; so is one of
-// ior 1, which bends nothing. Thin walls (THIN_WALLS) bend nothing either: what is not reflected goes straight on,
-// of rough ones as blurred as what is reflected; what single scattering loses is that of reflection with F = 1
-// (tables.glsl), and goes to either side by the mean reflectance of both interfaces. A coat has the index of the
-// glass: between the two there is nothing to see, and what shows of it is its roughness. An ior below 1 is a denser
-// outside.
+// If alpha times the bending by refraction is below the resolution of f32 directions, the interface is sharp; so is one
+// of ior 1, which bends nothing. Thin walls (THIN_WALLS) bend nothing either: transmitted light goes straight on, for
+// rough ones as blurred as reflected light; the loss of single scattering is that of reflection with F = 1
+// (tables.glsl), and goes to either side by the mean reflectance of both interfaces. A coat has the index of the glass:
+// between the two there is no reflection, and only the coat's roughness shows. An ior below 1 is a denser outside.
 #ifndef OOCPT_BSDF_GLASS_GLSL
 #define OOCPT_BSDF_GLASS_GLSL
 
@@ -36,13 +35,13 @@ bool is_thin(const Bsdf b) {
     return HAS_THIN_WALLS && is(b, BSDF_THIN);
 }
 
-// What the interface reflects, with the film on it.
+// The reflectance of the interface with the film on it.
 vec3 with_film(const Bsdf b, vec3 bare, float outer) {
     if (!HAS_THIN_FILM || b.film.x <= 0.0) return bare;
     return mix(bare, film_reflectance(b.film, b.bare_glass, outer), b.film.x);
 }
 
-// Sets what is about glass; b.o and b.glass are set.
+// Sets the members for glass; b.o and b.glass must be set.
 void set_glass(inout Bsdf b, const Shading s, vec3 wo) {
     const bool inside = (dot(s.geometric_normal, wo) < 0.0) != (s.ior < 1.0);
     b.glass_ior = s.ior < 1.0 ? 1.0 / max(s.ior, 1.0e-3) : s.ior;

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// What single scattering by rough glass loses, looked up; after the tables of tables.glsl. Twin of
-// rust/render/src/bsdf_tables/glass.rs, which says how it is made, and asserts that it is right to 1e-3.
+// Lookups of the loss of single scattering by rough glass; the table follows those of tables.glsl. Twin of
+// rust/render/src/bsdf_tables/glass.rs, which computes it and asserts that it is right to 1e-3.
 //   nodes       vec4 [GLASS_IOR][GLASS_ROUGHNESS][2]: 1 / alpha, cosine of total reflection, factor and offset of the
-//               columns of the side of the
-//               lower index; those of the other's, averages of U over the hemispheres of either side
+//               columns of the side of the lower index; those of the other's, averages of U over the hemispheres of
+//               either side
 //   U           16 bits [GLASS_IOR][GLASS_ROUGHNESS][GLASS_COSINES], of 0..1: first the columns of the side of the
-//               lower index, then the other's A lookup is bilinear over the nodes, at the place of the index
-//               (glass_place, which follows alpha) and the row of the roughness; in each node it is linear over the
-//               node's own columns, so averages are bilinear over the nodes, to rounding.
+//               lower index, then the other's
+// A lookup is bilinear over the nodes, at the place of the index (glass_place, which follows alpha) and the row of the
+// roughness; in each node it is linear over the node's own columns, so averages are bilinear over the nodes, to
+// rounding.
 #ifndef OOCPT_BSDF_GLASS_TABLE_GLSL
 #define OOCPT_BSDF_GLASS_TABLE_GLSL
 
@@ -21,7 +22,7 @@ const uint GLASS_COSINES = GLASS_COSINE_LIGHT + GLASS_COSINE_DENSE;
 
 const uint64_t TABLE_GLASS_LOSSES = TABLE_GLASS + uint64_t(32u * GLASS_IOR * GLASS_ROUGHNESS);
 
-// Where an index of refraction >= 1 is among the nodes of this alpha, 0..1.
+// The position of an index of refraction >= 1 among the nodes of this alpha, 0..1.
 float glass_place(float ior, float alpha) {
     const float near = 0.3 * alpha;
     const float least = sqrt(min(2.4e-5 / alpha, 0.2));

@@ -46,8 +46,8 @@ float scaled_bessel(float x) {
     return sum * inversesqrt(x);
 }
 
-// atan(y, x) to 1e-7 (Abramowitz and Stegun 4.4.49). What devices have may be off by 4096 units in the last place,
-// which narrow lobes show.
+// atan(y, x) to 1e-7 (Abramowitz and Stegun 4.4.49). The functions of devices may be off by 4096 units in the last
+// place, which narrow lobes show.
 float exact_angle(float y, float x) {
     const float low = min(abs(x), abs(y));
     const float high = max(abs(x), abs(y));
@@ -68,7 +68,7 @@ float longitudinal(vec2 o, vec2 i, float v) {
     return exp(-0.5 * dot(chord, chord) / v) * scaled_bessel(a) / (v * (1.0 - exp(-2.0 / v)));
 }
 
-// What of 2 pi fits is taken away: -pi..pi.
+// The angle modulo 2 pi, in -pi..pi.
 float wrapped(float angle) {
     return angle - 2.0 * GGX_PI * floor(angle / (2.0 * GGX_PI) + 0.5);
 }
@@ -80,7 +80,7 @@ float azimuthal(float x, float s) {
     return e / (s * (1.0 + e) * (1.0 + e) * whole);
 }
 
-// A sample of it.
+// A sample of the trimmed logistic.
 float sample_azimuthal(float u, float s) {
     const float whole = tanh(min(0.5 * GGX_PI / s, 20.0));
     // The distribution function from the middle: (tanh(x / 2 s)) / 2.
@@ -96,7 +96,7 @@ float lobe_azimuthal(Hair hair, uint p, float phi) {
     return p == 3u ? 0.5 / GGX_PI : azimuthal(wrapped(phi - hair.phi[p]), hair.spread[p]);
 }
 
-// `across_it`: where HairShading::offset grows. `normal`: on the viewer's side, that of a tube.
+// `across_it`: the direction in which HairShading::offset grows. `normal`: on the viewer's side, that of a tube.
 Hair make_hair(HairShading s, vec3 tangent, vec3 across_it, vec3 normal, float ior, vec3 wo) {
     Hair hair;
     vec3 x = tangent;
@@ -114,7 +114,7 @@ Hair make_hair(HairShading s, vec3 tangent, vec3 across_it, vec3 normal, float i
     else tangents(x, hair.y, unused);
     hair.z = cross(x, hair.y);
 
-    // The normal across the fibre; of what is met at its end no more is known than the middle.
+    // The normal across the fibre; for a hit on the end of a tube only its middle is known.
     const vec3 side = normal - x * dot(x, normal);
     const float side2 = dot(side, side);
     float h = 0.0;

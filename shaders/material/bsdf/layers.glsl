@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The BSDF's parameters, and how much light goes through its layers: U and its averages. What the letters mean is in
-// bsdf.glsl.
+// The BSDF's parameters, and how much light goes through its layers: U and its averages. bsdf.glsl explains the
+// letters.
 #ifndef OOCPT_BSDF_LAYERS_GLSL
 #define OOCPT_BSDF_LAYERS_GLSL
 
@@ -73,7 +73,8 @@ bool is_plain(const Bsdf b) {
     return !HAS_MATERIALS || is(b, BSDF_PLAIN);
 }
 
-// The true surface's, on the viewer's side. A ray that goes through (dot(wi, this) < 0) starts on its other side.
+// The true surface's normal, on the viewer's side. A ray that goes through (dot(wi, this) < 0) starts on its other
+// side.
 vec3 bsdf_normal(const Bsdf b) {
     return b.g;
 }
@@ -101,8 +102,8 @@ vec3 under_specular(const Bsdf b, float cosine, out vec2 e) {
     return clamp(1.0 - (b.base_0 + b.base_l * e.x + b.base_b * e.y), 0.0, 1.0);
 }
 
-// U of all for light that goes down to the diffuse lobe or comes up from it; `lost`: that of sheen and coat times
-// U1, what single scattering with F = 1 loses.
+// U of all layers for light that goes down to the diffuse lobe or comes up from it; `lost`: that of sheen and coat
+// times U1, the loss of single scattering with F = 1.
 vec3 under_all(const Bsdf b, float cosine, out float lost) {
     const float coat = under_coat(b, cosine) * under_sheen(b, cosine);
     vec2 e;
@@ -162,7 +163,8 @@ float largest(vec3 c) {
     return max(c.x, max(c.y, c.z));
 }
 
-// F0, F90 and what hangs on them; `color`: F_ms, 0 for sharp lobes; `through`: the share that is glass.
+// Sets F0, F90 and the members that depend on them; `color`: F_ms, 0 for sharp lobes; `through`: the share that is
+// glass.
 void set_fresnel(inout Bsdf b, const Shading s, float opacity, out vec3 color, out float through) {
     const float r = (1.0 - s.ior) / (1.0 + s.ior);
     const float f0 = r * r;

@@ -22,7 +22,7 @@
 #include "material/lambert.glsl"
 #include "material/bsdf/layers.glsl"
 
-// What albedos are made of.
+// The inputs from which lobes compute their albedos.
 struct LobeInputs {
     Shading shading;
     vec3 wo;
@@ -68,12 +68,12 @@ float spread_density(float alpha, float cosine) {
     return 1.0 / (2.0 * GGX_PI * (cosine + alpha) * log(1.0 + 1.0 / alpha));
 }
 
-// Its cosine, for u in 0..1.
+// The cosine that u in 0..1 selects with that density.
 float spread_cosine(float alpha, float u) {
     return clamp(alpha * (exp(u * log(1.0 + 1.0 / alpha)) - 1.0), 1.0e-7, 1.0);
 }
 
-// A direction of it about the shading normal, on the viewer's side (1) or beyond (-1).
+// A direction of that density about the shading normal, on the viewer's side (1) or beyond (-1).
 vec3 spread_sample(const Bsdf b, float alpha, float side, vec2 u) {
     vec3 x, y;
     tangents(b.l, x, y);
@@ -89,7 +89,7 @@ float half_cosine(const Bsdf b, vec3 i) {
     return dot(b.o, h) * inversesqrt(max(dot(h, h), 1.0e-30));
 }
 
-// A reflection by a layer of GGX; false: it would go below.
+// Samples a reflection by a layer of GGX; false if it would go below the surface.
 bool ggx_layer_sample(const Bsdf b, float alpha, const Stretch stretch, vec2 u, out LobeSample s) {
     const vec3 h = lobe_sample(alpha, stretch, b.o, u);
     const vec3 i = 2.0 * dot(b.o, h) * h - b.o;
@@ -97,7 +97,7 @@ bool ggx_layer_sample(const Bsdf b, float alpha, const Stretch stretch, vec2 u, 
     return i.z > 0.0;
 }
 
-// The reflection by a sharp one, of this weight.
+// The reflection by a sharp lobe, with this weight.
 LobeSample mirror_sample(const Bsdf b, vec3 weight) {
     return LobeSample(on_side(b, from_frame(b, vec3(-b.o.xy, b.o.z)), 1.0), true, weight);
 }

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sheen: fibres that stand up from the surface, on top of the opaque part. With e = 1 / roughness, h the half vector
 // and t its angle:
-//   value    sheen_color scale (2 + e) sin(t)^e / (2 pi) / (4 (o.z + i.z - o.z i.z)), times cosine (Conty and Kulla
-//            2017; Neubelt and Pettineo 2013 for what stands for masking). It is symmetric; `scale` is below 1 for
-//            roughnesses where it would give more than it gets. What is below is scaled by the lesser of U at either
-//            end, U = 1 - E of sheen's strongest colour, but for the diffuse lobe and multiple scattering, which lose
-//            nothing: they have U(o) U(i) over its average (layers.glsl). Directions are sampled by their cosine alone,
-//            crowded at the horizon: weights are below (2 + e) / 2.
+//   value    sheen_color scale (2 + e) sin(t)^e / (2 pi) / (4 (o.z + i.z - o.z i.z)), times cosine
+// (Conty and Kulla 2017; Neubelt and Pettineo 2013 for the substitute for masking). It is symmetric; `scale` is below 1
+// for roughnesses at which it would reflect more than it receives. The layers below are scaled by the lesser of U at
+// either end, U = 1 - E of sheen's strongest colour, except the diffuse lobe and multiple scattering, which lose
+// nothing: they have U(o) U(i) over its average (layers.glsl). Directions are sampled by their cosine alone, crowded at
+// the horizon: weights are below (2 + e) / 2.
 //
-// Only with HAS_SHEEN. Table, after what tables.glsl and glass_table.glsl say (twin:
+// Only with HAS_SHEEN. The table follows those of tables.glsl and glass_table.glsl (twin:
 // rust/render/src/bsdf_tables/sheen.rs):
 //   E           float [SHEEN_ROUGHNESS][SHEEN_COSINE], scaled, bilinear at row and cosine^(1/2)
 //   averages    float [SHEEN_ROUGHNESS]
@@ -32,7 +32,7 @@ const uint64_t SHEEN_AVERAGES = uint64_t(4u * SHEEN_ROUGHNESS * SHEEN_COSINE);
 const uint64_t SHEEN_SCALES = SHEEN_AVERAGES + uint64_t(4u * SHEEN_ROUGHNESS);
 const uint64_t SHEEN_PRODUCTS = SHEEN_SCALES + uint64_t(4u * SHEEN_ROUGHNESS);
 
-// Where a roughness is among the rows, 0..1.
+// The position of a roughness among the rows, 0..1.
 float sheen_row(float roughness) {
     const float first = sqrt(SHEEN_SHARPEST);
     return clamp((sqrt(max(roughness, SHEEN_SHARPEST)) - first) / (1.0 - first), 0.0, 1.0);

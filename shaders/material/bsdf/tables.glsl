@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Directional albedos of GGX, looked up. Twin of rust/render/src/bsdf_tables.rs, which computes them in f64.
+// Lookups of directional albedos of GGX. Twin of rust/render/src/bsdf_tables.rs, which computes them in f64.
 //
 // For a Schlick Fresnel f0 + (f90 - f0) (1 - c)^5 the single-scattering directional albedo is f0 (1 - L - B) + f90 B; L
-// is what is lost with F = 1, itself in the table since it is small where it is a difference. Tables, one after the
-// other:
+// is the loss with F = 1, which is in the table itself because as a difference it would lose its digits. Tables, one
+// after the other:
 //   L, B        vec2 [TABLE_ROUGHNESS][TABLE_COSINE], bilinear at row (table_row) and cosine^(1/3)
 //   averages    vec2 [TABLE_ROUGHNESS]: of L and B over the hemisphere, cosine weighted
 //   products    vec4 [TABLE_ROUGHNESS][TABLE_ROUGHNESS]: averages of L L', L B', B L', B B' for two roughnesses
-//               Averages are those of the interpolated albedos, so what is normalised by them is normalised to
-//               rounding. With HAS_ROUGH_TRANSMISSION what bsdf/glass_table.glsl says lies after them.
+// Averages are those of the interpolated albedos, so a lobe normalised by them is normalised to rounding. With
+// HAS_ROUGH_TRANSMISSION the table of bsdf/glass_table.glsl follows.
 #ifndef OOCPT_BSDF_TABLES_GLSL
 #define OOCPT_BSDF_TABLES_GLSL
 
@@ -32,7 +32,7 @@ uint table_cell(float x, uint size, out float part) {
     return index;
 }
 
-// Where a roughness of SHARP_ROUGHNESS..1 is among the rows, 0..1; alpha is its square.
+// The position of a roughness of SHARP_ROUGHNESS..1 among the rows, 0..1; alpha is its square.
 float table_row(float roughness) {
     const float first = 0.15848932; // SHARP_ROUGHNESS^0.4
     return clamp((pow(max(roughness, 1.0e-3), 0.4) - first) / (1.0 - first), 0.0, 1.0);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What moves while the shutter is open, as it crosses the boundary. Pure; any thread.
+//! Converts the motion of prims while the shutter is open, as it crosses the boundary. Pure; any thread.
 
 use crate::convert::ConversionWarnings;
 use crate::ffi;
@@ -18,7 +18,7 @@ pub(crate) fn transform_samples(numbers: &[f64]) -> Vec<TransformSample> {
     numbers.chunks_exact(SAMPLE).filter_map(sample).collect()
 }
 
-/// How points move.
+/// The motion of points.
 pub(crate) fn points_motion(desc: ffi::MotionDesc, path: &str, complaints: &mut ConversionWarnings) -> PointsMotion {
     let sample = |sample: ffi::MotionSampleDesc| PointsSample {
         time: sample.time,
@@ -34,7 +34,7 @@ pub(crate) fn points_motion(desc: ffi::MotionDesc, path: &str, complaints: &mut 
     }
 }
 
-/// How instances move. Samples that cannot be read are left out with all others.
+/// The motion of instances. If one sample cannot be read, all are left out.
 pub(crate) fn instancer_motion(
     desc: ffi::MotionDesc,
     path: &str,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Solids of revolution, as they cross the boundary. Pure; any thread.
 //!
-//! Numbers: the axis (0 x, 1 y, 2 z), whether half balls end it (0 or 1), then four for each size: part of the shutter,
-//! radii at the lower and the upper end, height. The first size is the frame's own.
+//! Numbers: the axis (0 x, 1 y, 2 z), 1 if half balls end it, else 0, then four for each size: fraction of the shutter
+//! interval, radii at the lower and the upper end, height. The first size is the frame's own.
 
 use crate::convert::ConversionWarnings;
 use crate::ffi;
@@ -12,7 +12,7 @@ use oocpt_core::scene::{SolidDesc, SolidSize};
 const SOLID: u8 = 3;
 
 impl ConversionWarnings {
-    /// The solid that a prim is, if it is one.
+    /// The solid of a prim, if it is one.
     pub(super) fn solid(&mut self, path: &str, desc: &ffi::ShapeDesc) -> Option<SolidDesc> {
         if desc.kind != SOLID {
             return None;

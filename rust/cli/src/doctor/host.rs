@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Asks a Hydra host what a USD file needs: `usdrecord` renders a tiny picture of it, and the renderer's own report
-//! (`oocpt:report`) says what that was made of. So a file goes the way that it goes in every host: composition, scene
-//! index, delegate.
+//! (`oocpt:report`) lists the parts of that render. So a file passes through composition, scene index and delegate as
+//! in every host.
 
 use anyhow::{Context, Result};
 use oocpt_command::host::{Picture, temporary};
@@ -10,7 +10,7 @@ use std::ffi::OsStr;
 use std::path::Path;
 use std::time::Duration;
 
-/// How to ask.
+/// The query of a host.
 #[derive(Debug)]
 pub(super) struct HostQuery<'a> {
     pub(super) file: &'a Path,
@@ -23,15 +23,15 @@ pub(super) struct HostQuery<'a> {
     pub(super) timeout: Duration,
 }
 
-/// What a host that rendered gave.
+/// The answer of a host that rendered.
 #[derive(Debug)]
 pub(super) struct HostAnswer {
     pub(super) report: ErrorReport,
-    /// What it said on standard error: prims with bad data, files that are not there.
+    /// The warnings on its standard error: prims with bad data, missing files.
     pub(super) warnings: Vec<String>,
 }
 
-/// Renders the file and gives the report of the last render, and what the host said.
+/// Renders the file; returns the report of the last render, and the host's warnings.
 pub(super) fn ask(question: &HostQuery<'_>) -> Result<HostAnswer> {
     let file =
         std::fs::canonicalize(question.file).with_context(|| format!("cannot open {}", question.file.display()))?;
@@ -68,7 +68,7 @@ mod tests {
         HostQuery { file, usdrecord, camera: None, width: 4, samples: 1, bounces: 0, device: "", timeout }
     }
 
-    /// What `ask` says when the host is this script.
+    /// The result of `ask` if the host is this script.
     fn said(name: &str, text: &str) -> String {
         let program = script(name, text);
         let error = ask(&question(&program, program.as_os_str())).expect_err("no report comes");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt doctor`: what this machine can render with; with `--scene`, what a scene needs of the renderer ([`scene`]).
+//! `oocpt doctor`: lists the devices of this machine; with `--scene`, what a scene needs of the renderer ([`scene`]).
 
 mod host;
 mod needs;
@@ -40,7 +40,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// What each device lacks, and what helps.
+/// The missing capabilities of each device, and advice.
 fn advice(devices: &[DeviceReport]) -> String {
     let lacks = |device: &DeviceReport| format!("{} lacks {}", device.name, device.missing.join(", "));
     let lacking: Vec<String> = devices.iter().filter(|device| !device.missing.is_empty()).map(lacks).collect();

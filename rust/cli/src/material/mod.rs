@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt material show`: what became of the materials of a scene.
+//! `oocpt material show`: the materials of a scene as the renderer compiled them.
 //!
 //! A Hydra host reads the scene, as for `oocpt doctor --scene`: composition, resolver and the translation of networks
-//! are those of its renders. It renders a few pixels, and the renderer writes `oocpt:materialReport`, before it opens a
-//! device; so materials are told also where the picture fails, with a warning. Hydra hands on materials that something
-//! shows; so that any can be asked for by its path, a layer over the file has a triangle that shows it.
+//! are those of its renders. It renders a few pixels, and the renderer writes `oocpt:materialReport` before it opens a
+//! device; so materials are shown also if the render fails, with a warning. Hydra passes on only materials that
+//! something shows; so that any can be requested by its path, a layer over the file has a triangle that shows it.
 
 mod text;
 
@@ -20,7 +20,7 @@ use oocpt_command::host::{Picture, temporary, usdrecord};
 
 /// Side of the picture, pixels.
 const WIDTH: u32 = 4;
-/// Names of other materials that are told where one is not found.
+/// Most names of other materials that are suggested if one is not found.
 const LIKE: usize = 5;
 
 /// Options of `oocpt material`.
@@ -53,12 +53,12 @@ struct ShowArguments {
     timeout: u64,
 }
 
-/// What is told of a scene.
+/// The materials of a scene for output.
 #[derive(Debug, Serialize)]
 struct MaterialListing<'a> {
     scene: &'a Path,
     materials: Vec<&'a MaterialText>,
-    /// What the host said beside: of the material, where one is named.
+    /// Other warnings of the host: about the material, if one is named.
     warnings: Vec<String>,
 }
 
@@ -70,7 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         None => report.materials.iter().collect(),
         Some(path) => vec![find(&report, path).with_context(|| show.scene.display().to_string())?],
     };
-    // What it said of materials stands with them.
+    // Warnings about materials are printed with them.
     said.retain(|line| !report.materials.iter().any(|material| is_told(material, line)));
     if let (Some(_), [material]) = (&show.path, &materials[..]) {
         said.retain(|line| line.contains(&material.path) || !line.starts_with("OocPT: /"));
@@ -87,14 +87,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Whether a line of the host's is of this material, all of whose warnings are told.
+/// Returns true if a line of the host's is about this material, all of whose warnings are printed.
 fn is_told(material: &MaterialText, line: &str) -> bool {
     let of = line.strip_prefix("OocPT: ").and_then(|line| line.strip_prefix(material.path.as_str()));
     let words = of.and_then(|rest| rest.strip_prefix(": "));
     words.is_some_and(|words| material.warnings.first().is_some_and(|warning| words.starts_with(warning.as_str())))
 }
 
-/// Has a host say what the materials are, and what else it says.
+/// Makes a host report the materials; also returns its other warnings.
 fn ask(show: &ShowArguments) -> Result<(MaterialReport, Vec<String>)> {
     let file = std::fs::canonicalize(&show.scene).with_context(|| format!("cannot open {}", show.scene.display()))?;
     let folder = temporary("material")?;
@@ -207,7 +207,7 @@ mod tests {
         assert_eq!(nothing, "there is no material /m, and nothing shows another");
     }
 
-    /// A report counts also where the picture failed after it; without one, why is one message.
+    /// A report counts even if the render failed after it; without a report, the reason is one message.
     #[test]
     fn a_written_report_is_used_although_the_host_failed() {
         let report = r#"{"oocptMaterialReport":1,"materials":[{"path":"/m","warnings":["w"]}]}"#;

@@ -4,7 +4,7 @@
 use oocpt_core::material::{MaterialText, ProgramText};
 use std::fmt::Write as _;
 
-/// What a material is, in a word or two.
+/// A material's kind in a word or two.
 fn kind(material: &MaterialText) -> &str {
     match (material.is_understood, material.surface.as_str()) {
         (_, "") => "no surface",
@@ -18,7 +18,7 @@ fn count(number: usize, what: &str) -> String {
     format!("{number} {what}{plural}")
 }
 
-/// A line for each material.
+/// One line for each material.
 pub(super) fn list(materials: &[&MaterialText]) -> String {
     let longest = materials.iter().map(|material| material.path.chars().count()).max().unwrap_or(0);
     let mut text = String::new();
@@ -38,7 +38,7 @@ pub(super) fn list(materials: &[&MaterialText]) -> String {
     text
 }
 
-/// All of a material.
+/// The whole of a material.
 pub(super) fn whole(material: &MaterialText) -> String {
     let mut text = String::new();
     line(&mut text, &format!("{}: {}", material.path, kind(material)));
@@ -105,7 +105,7 @@ fn program(text: &mut String, title: &str, program: &ProgramText) {
     }
 }
 
-/// Warnings below a title; nothing for none.
+/// Warnings below a title; empty if there are none.
 pub(super) fn warnings(title: &str, warnings: &[String]) -> String {
     let mut text = String::new();
     if !warnings.is_empty() {

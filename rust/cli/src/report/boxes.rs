@@ -8,7 +8,7 @@ use oocpt_render::chunk_report::{ChunkReport, ReportCamera};
 /// Boxes that one pixel blends.
 pub(crate) const LAYERS: usize = 6;
 
-/// Where a ray enters a box.
+/// The point where a ray enters a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct BoxEntry {
     /// Number of the chunk instance.
@@ -17,7 +17,7 @@ pub(crate) struct BoxEntry {
     pub(crate) t: f64,
     /// Axis of the face entered.
     pub(crate) axis: usize,
-    /// The ray passes within a pixel of an edge of the face.
+    /// True if the ray passes within a pixel of an edge of the face.
     pub(crate) is_edge: bool,
     /// Size of the box as a part of the picture's width, at the distance of entry.
     pub(crate) size: f64,
@@ -38,7 +38,7 @@ struct PixelRay {
     origin: DVec3,
     inverse: DVec3,
     direction: DVec3,
-    /// At distance 0, and its growth to distance 1.
+    /// The size at distance 0, and its growth to distance 1.
     pixel: [f64; 2],
 }
 
@@ -91,7 +91,7 @@ impl BoxHierarchy {
         let extent = (Vec3::from(bounds.max) - Vec3::from(bounds.min)).max_element();
         let size = f64::from(extent) / (self.width * ray.pixel_at(t)).max(1e-30);
         let entry = BoxEntry { instance, t, axis, is_edge: ray.is_at_edge(bounds, t, axis), size };
-        // Ties by number, so that the picture does not depend on the walk.
+        // Ties are ordered by number, so that the picture does not depend on the walk.
         let place = found.partition_point(|other| (other.t, other.instance) < (t, instance));
         found.insert(place, entry);
         found.truncate(LAYERS);
@@ -99,7 +99,7 @@ impl BoxHierarchy {
 }
 
 impl PixelRay {
-    /// Entry, exit and axis of entry.
+    /// Distances of entry and exit, and the axis of entry.
     fn hit(&self, bounds: &Aabb) -> Option<(f64, f64, usize)> {
         let (min, max) = (Vec3::from(bounds.min).as_dvec3(), Vec3::from(bounds.max).as_dvec3());
         let (a, b) = ((min - self.origin) * self.inverse, (max - self.origin) * self.inverse);
@@ -113,13 +113,13 @@ impl PixelRay {
         self.pixel[0] + self.pixel[1] * t
     }
 
-    /// Whether the point at `t` on the face of `axis` is within a pixel of the face's border.
+    /// Returns true if the point at `t` on the face of `axis` is within a pixel of the face's border.
     fn is_at_edge(&self, bounds: &Aabb, t: f64, axis: usize) -> bool {
         let point = self.origin + self.direction * t;
         let width = self.pixel_at(t);
         (0..3).filter(|&k| k != axis).any(|k| {
             let (low, high) = (f64::from(bounds.min[k]), f64::from(bounds.max[k]));
-            // Seen at an angle a pixel covers more, but thin lines are what is wanted.
+            // Seen at an angle a pixel covers more, but thin lines are wanted.
             (point[k] - low).min(high - point[k]) < width
         })
     }

@@ -11,7 +11,7 @@ const SIZE: (u32, u32) = (860, 520);
 const PAPER: RGBColor = RGBColor(20, 20, 26);
 const GRID: RGBColor = RGBColor(51, 51, 61);
 const INK: RGBColor = RGBColor(230, 230, 230);
-/// Distinct for most eyes (Okabe and Ito 2008).
+/// Colours that most eyes can tell apart (Okabe and Ito 2008).
 const COLORS: [RGBColor; 6] = [
     RGBColor(86, 180, 233),
     RGBColor(230, 159, 0),
@@ -25,15 +25,15 @@ const COLORS: [RGBColor; 6] = [
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ChartCurve {
     pub(crate) name: String,
-    /// x, y, and the interval of y; all above 0, others are left out.
+    /// x, y, and the interval of y; points with values that are not above 0 are left out.
     pub(crate) points: Vec<[f64; 4]>,
-    /// Drawn with dashes and without intervals.
+    /// True if it is drawn with dashes and without intervals.
     pub(crate) is_dashed: bool,
-    /// Takes the colour of the curve this many before it.
+    /// The number of curves before this one whose colour it takes.
     pub(crate) color_of: usize,
 }
 
-/// See the module.
+/// A chart with its axes and curves.
 #[derive(Clone, Debug)]
 pub(crate) struct Chart {
     pub(crate) curves: Vec<ChartCurve>,
@@ -50,7 +50,7 @@ fn decades(values: impl Iterator<Item = f64>) -> (f64, f64) {
     if low > high {
         return (-1.0, 1.0);
     }
-    // More decades than these are no chart.
+    // A chart with more decades than these would not be readable.
     let (low, high) = (low.floor().max(high.ceil() - 24.0), high.ceil());
     (low, high.max(low + 1.0))
 }
@@ -81,7 +81,7 @@ impl Chart {
         let solid = || self.curves.iter().filter(|curve| !curve.is_dashed).flat_map(|curve| &curve.points);
         let (x0, x1) = decades(solid().map(|p| p[0]));
         let (y0, y1) = decades(solid().map(|p| p[1]));
-        // A hair wider, or rounding loses the labels of the ends.
+        // The range is slightly wider, because rounding would lose the labels of the ends.
         let range = |low: f64, high: f64| (10_f64.powf(low - 1e-6)..10_f64.powf(high + 1e-6)).log_scale();
         letters::register()?;
         area.fill(&PAPER)?;
@@ -132,14 +132,14 @@ impl Chart {
         Ok(())
     }
 
-    /// As SVG.
+    /// Draws the chart as SVG.
     pub(crate) fn svg(&self) -> Result<String> {
         let mut text = String::new();
         self.draw(&SVGBackend::with_string(&mut text, SIZE).into_drawing_area()).context("cannot draw the chart")?;
         Ok(text)
     }
 
-    /// As a picture.
+    /// Draws the chart as a picture.
     pub(crate) fn picture(&self) -> Result<RgbImage> {
         let (width, height) = SIZE;
         let mut pixels = vec![0; width as usize * height as usize * 3];

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt report plot`: draws error against time of the reports that `oocpt:report` made, and tells the time to given
+//! `oocpt report plot`: draws error over time from the reports that `oocpt:report` made, and prints the time to given
 //! errors.
 //!
-//! Of each file the last render counts. The error is the true relMSE where there is a reference, else the estimate with
+//! The last render of each file counts. The error is the true relMSE if there is a reference, else the estimate with
 //! its interval. The dashed line falls as the inverse of the time from the last row on: relMSE is a squared error, so
 //! that is the slope -1/2 of the root.
 
@@ -13,7 +13,7 @@ use oocpt_render::error_report::ErrorReport;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-/// Errors whose time is told.
+/// Errors whose time is printed.
 const TARGETS: [f64; 3] = [1e-1, 1e-2, 1e-3];
 
 /// Options of `oocpt report plot`.
@@ -43,7 +43,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Seconds and error of a row, with the ends of the interval, 0 when it is no estimate.
+/// Seconds and error of a row, with the ends of the interval, which are 0 for a true error.
 fn point(row: &ErrorRow) -> Option<[f64; 4]> {
     let point = match (row.truth, row.estimate) {
         (Some(truth), _) => [row.seconds_tracing, truth.rel_mse, 0.0, 0.0],
@@ -68,8 +68,8 @@ fn chart(reports: &[(String, ErrorReport)]) -> Chart {
     Chart { curves, x_title: "seconds tracing", y_title: "relMSE" }
 }
 
-/// Seconds at which the error falls to `target` for good, between two rows as a straight line of the logarithms; none
-/// if it never does.
+/// Seconds at which the error falls to `target` for good, interpolated linearly in the logarithms between two rows;
+/// `None` if it never does.
 pub(crate) fn time_to(rows: &[ErrorRow], target: f64) -> Option<f64> {
     let points: Vec<[f64; 4]> = rows.iter().filter_map(point).collect();
     let last_above = points.iter().rposition(|p| p[1] > target);
@@ -83,8 +83,8 @@ pub(crate) fn time_to(rows: &[ErrorRow], target: f64) -> Option<f64> {
     }
 }
 
-/// The table: samples, seconds, estimate and what a reference says at the end, and the seconds to each target: of the
-/// true error where there is a reference.
+/// The table: samples, seconds, estimate and the error against a reference at the end, and the seconds to each target:
+/// of the true error if there is a reference.
 fn table(reports: &[(String, ErrorReport)]) -> String {
     let mut text =
         format!("{:<24}{:>9}{:>11}{:>12}{:>25}", "report", "samples", "seconds", "estimate", "95 % interval");

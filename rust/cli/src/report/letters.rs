@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The letters of charts and legends: a font that the program carries, so that pictures are the same everywhere.
+//! The font of charts and legends, which is part of the program, so that pictures are the same everywhere.
 
 use anyhow::{Result, anyhow};
 use image::RgbImage;
@@ -10,11 +10,11 @@ use plotters::style::register_font;
 pub(super) const FONT: &str = "monospace";
 /// Pixels from a letter to the next at [`SIZE`].
 pub(super) const ADVANCE: u32 = 8;
-/// Pixels.
+/// Size of the font, pixels.
 const SIZE: i32 = 13;
 
-/// Registers Hack (<https://sourcefoundry.org/hack/>, MIT and Bitstream Vera licences) with plotters. More than once
-/// does no harm.
+/// Registers Hack (<https://sourcefoundry.org/hack/>, MIT and Bitstream Vera licences) with plotters. Repeated calls do
+/// no harm.
 pub(super) fn register() -> Result<()> {
     register_font(FONT, FontStyle::Normal, epaint_default_fonts::HACK_REGULAR)
         .map_err(|_invalid| anyhow!("a broken font"))

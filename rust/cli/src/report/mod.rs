@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt report plot`: see [`error_plot`]. `oocpt report picture`: see [`picture`]. `oocpt report chunks`: draws what
-//! `oocpt:chunkReport` wrote.
+//! `oocpt report plot`: see [`error_plot`]. `oocpt report picture`: see [`picture`]. `oocpt report chunks`: draws the
+//! report that `oocpt:chunkReport` wrote.
 //!
 //! `loads.png` and `rays.png` show the boxes of all chunk instances from the render's camera, coloured by the chunk's
-//! loads and by the rays that visited it, on a logarithmic scale; grey is zero. `progress.txt` says how the paths ran
-//! out.
+//! loads and by the rays that visited it, on a logarithmic scale; grey is zero. `progress.txt` lists the number of
+//! unfinished paths over time.
 
 mod boxes;
 mod chart;
@@ -23,12 +23,13 @@ use std::path::{Path, PathBuf};
 
 use boxes::BoxHierarchy;
 
-/// Part of a box's colour in what is seen through its faces, and in its edges.
+/// Share of a box's colour in a pixel seen through its faces.
 const FACE: f64 = 0.45;
+/// Share of a box's colour in a pixel of its edges.
 const EDGE: f64 = 0.92;
 /// Brightness of faces by axis: the light comes from above.
 const SHADE: [f64; 3] = [0.74, 1.0, 0.86];
-/// Longest side of a picture; a report is data from strangers.
+/// Longest side of a picture; a report may come from strangers.
 const MAX_SIDE: u32 = 1 << 14;
 /// Lines of the progress table.
 const LINES: usize = 40;
@@ -111,7 +112,7 @@ fn draw(report: &ChunkReport, title: &str, value: fn(&ReportChunk) -> u64) -> Re
     Ok(image)
 }
 
-/// The colour of a pixel: the nearest boxes over each other.
+/// The colour of a pixel: the nearest boxes blended over each other.
 fn blend(boxes: &BoxHierarchy, colors: &[[f64; 3]], x: f64, y: f64) -> [f64; 3] {
     let entries = boxes.enter(x, y);
     entries.iter().rev().fold(paint::BACKGROUND, |behind, entry| {

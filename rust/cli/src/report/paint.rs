@@ -5,14 +5,14 @@ use super::letters::{ADVANCE, write};
 use anyhow::Result;
 use image::{Rgb, RgbImage};
 
-/// Behind everything.
+/// The background colour.
 pub(crate) const BACKGROUND: [f64; 3] = [0.06, 0.06, 0.08];
-/// A chunk whose number is zero.
+/// The colour of a chunk whose number is zero.
 pub(crate) const NEVER: [f64; 3] = [0.28, 0.28, 0.31];
 /// Height of the legend below the picture, pixels.
 pub(crate) const LEGEND: u32 = 34;
 
-/// Dark blue over green to yellow, like matplotlib's viridis; sRGB at equal steps.
+/// Colours from dark blue over green to yellow, like matplotlib's viridis; sRGB at equal steps.
 const RAMP: [[f64; 3]; 9] = [
     [0.267, 0.005, 0.329],
     [0.278, 0.176, 0.483],
@@ -42,12 +42,12 @@ pub(crate) fn color(value: u64, max: u64) -> [f64; 3] {
     }
 }
 
-/// `a` to `b` by `t`.
+/// Interpolates from `a` to `b` by `t`.
 pub(crate) fn mix(a: [f64; 3], b: [f64; 3], t: f64) -> [f64; 3] {
     [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * t)
 }
 
-/// As a pixel.
+/// Converts a colour to a pixel.
 pub(crate) fn pixel(color: [f64; 3]) -> Rgb<u8> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in 0..=255 by the clamp")]
     Rgb(color.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8))

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt report picture`: how a picture was made. EXR files that our own programs write say it in their attributes;
-//! for those that a host writes, the report that `oocpt:report` named stands beside them, and its last render is told
-//! in the same words.
+//! `oocpt report picture`: tells how a picture was made. EXR files that our own programs write have attributes for it;
+//! for those that a host writes, the report that `oocpt:report` named lies beside them, and its last render is
+//! described in the same words.
 
 use anyhow::{Context, Result, ensure};
 use oocpt_core::stats::ErrorRow;
@@ -45,7 +45,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// What an EXR file would say of the last render of a report.
+/// The attributes that an EXR file would have for the last render of a report.
 #[expect(clippy::cast_precision_loss, reason = "counts are exact below 2^53")]
 fn of_report(file: &Path) -> Result<PictureAttributes> {
     let renders = ErrorReport::read_all(file).with_context(|| format!("cannot read {}", file.display()))?;

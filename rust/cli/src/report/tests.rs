@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Pictures of reports whose answer is known.
+//! Pictures of reports with known results.
 
 use oocpt_render::chunk_report::{ChunkReport, ReportCamera, ReportChunk, ReportInstance, ReportMoment};
 
@@ -27,7 +27,7 @@ fn report() -> ChunkReport {
     }
 }
 
-/// What a face towards the camera shows over the background.
+/// The colour of a face towards the camera over the background.
 fn face(color: [f64; 3]) -> [u8; 3] {
     paint::pixel(paint::mix(paint::BACKGROUND, color.map(|c| c * SHADE[2]), FACE)).0
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Prims to a USD file: raw arrays and a table of contents in a temporary folder, from which `tests/scenes/island.py`
-//! makes the stage in a Python that has usd-core.
+//! Writes prims to a USD file: raw arrays and a table of contents go to a temporary folder, from which
+//! `tests/scenes/island.py` makes the stage in a Python that has usd-core.
 
 use anyhow::{Context, Result, bail};
 use glam::DMat4;
@@ -77,12 +77,12 @@ fn write_parts(prims: &IslandPrims, camera: &StageCamera, report: Option<&Path>,
 struct ArrayFile {
     file: BufWriter<File>,
     end: u64,
-    /// Where an array of this address and length is.
+    /// The places of arrays by address and length.
     known: FxHashMap<(usize, usize), u64>,
 }
 
 impl ArrayFile {
-    /// Appends an array unless it is there; gives its place and type for numpy.
+    /// Appends an array unless it was added before; returns its place and type for numpy.
     fn add(&mut self, array: &TypedArray) -> Result<Value> {
         let (kind, width, size) = match array.element() {
             ElementType::I32 => ("i4", 1, 4),
@@ -137,7 +137,7 @@ impl ArrayFile {
     }
 }
 
-/// As `GfMatrix4d` takes it: rows, for row vectors; these are our columns.
+/// The matrix for `GfMatrix4d`: its rows, for row vectors, are our columns.
 fn matrix(m: &DMat4) -> Vec<f64> {
     m.to_cols_array().to_vec()
 }

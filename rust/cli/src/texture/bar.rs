@@ -3,11 +3,12 @@
 
 use std::io::{IsTerminal as _, Write as _};
 
-/// Columns of the bar itself, and of the name behind it.
+/// Columns of the bar itself.
 const COLUMNS: u64 = 24;
+/// Columns of the name behind the bar.
 const NAME: usize = 40;
 
-/// See the module.
+/// A progress bar, or nothing if there is no terminal.
 #[derive(Debug)]
 pub(super) struct TerminalBar {
     is_drawn: bool,
@@ -20,7 +21,7 @@ impl TerminalBar {
         Self { is_drawn: is_wanted && std::io::stderr().is_terminal(), done: 0 }
     }
 
-    /// One more of so many is done.
+    /// Notes that one more of so many files is done.
     pub(super) fn step(&mut self, count: u64, name: &str) {
         self.done += 1;
         if self.is_drawn {
@@ -28,13 +29,13 @@ impl TerminalBar {
         }
     }
 
-    /// A line that stays.
+    /// Prints a line above the bar.
     pub(super) fn line(&self, text: &str) {
         let text: String = text.chars().filter(|c| !c.is_control()).collect();
         say(&if self.is_drawn { format!("\r\x1b[2K{text}\n") } else { format!("{text}\n") });
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub(super) fn end(&self) {
         if self.is_drawn {
             say("\r\x1b[2K");

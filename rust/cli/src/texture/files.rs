@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Names on the command line become files: folders those below them, patterns the members of their sets.
+//! Expands names on the command line to files: folders to the files below them, patterns to the members of their sets.
 
 use anyhow::{Context as _, Result};
 use std::collections::BTreeSet;
@@ -13,12 +13,12 @@ const MEMBERS: std::ops::RangeInclusive<u32> = 1001..=1100;
 /// Deepest folder below a named one.
 const DEEPEST: u32 = 32;
 
-/// What the names mean.
+/// The files that the names expand to.
 #[derive(Debug, Default)]
 pub(super) struct ExpandedFiles {
     /// Absolute paths, each once, in order. Members of packages (`scene.usdz[a.png]`) are there as they were named.
     pub(super) files: Vec<String>,
-    /// Names that mean nothing, and why.
+    /// Names that match no file, and the reason.
     pub(super) missing: Vec<(String, String)>,
 }
 
@@ -51,7 +51,7 @@ pub(super) fn expand(names: &[PathBuf]) -> Result<ExpandedFiles> {
     Ok(ExpandedFiles { files: found.into_iter().collect(), missing })
 }
 
-/// All files with one of the endings. Links to folders are not followed: they may lead in a circle.
+/// All files with one of the endings. Links to folders are not followed: they may be circular.
 fn walk(folder: &Path, depth: u32, found: &mut BTreeSet<String>) -> std::io::Result<()> {
     for entry in std::fs::read_dir(folder)? {
         let entry = entry?;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The program that looks at files inside the host: `oocpt-texture-host` (plugin/texture-host). It is told a file a
-//! line and answers a line for each, in any order. Its answers are bounded and checked: files come from strangers.
+//! Runs the program that inspects files inside the host: `oocpt-texture-host` (plugin/texture-host). It reads one file
+//! a line and answers with a line for each, in any order. Its answers are bounded and checked: files may come from
+//! strangers.
 
 use anyhow::{Context as _, Result, ensure};
 use oocpt_command::stop;
@@ -12,7 +13,7 @@ use std::process::{Child, Command, Stdio};
 /// Longest line that is read, bytes.
 const LONGEST: u64 = 1 << 20;
 
-/// What the host says of one file; all but `file` and `space` are empty where `error` is not.
+/// The host's answer about one file; all but `file` and `space` are empty if `error` is not.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub(super) struct TextureAnswer {
@@ -33,7 +34,7 @@ pub(super) struct TextureAnswer {
     pub(super) cache: CachedTexture,
 }
 
-/// What the cache has of it.
+/// The entry in the cache.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub(super) struct CachedTexture {
@@ -49,17 +50,17 @@ impl TextureAnswer {
     }
 }
 
-/// A line of the host's.
+/// A line of the host's output.
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
 pub(super) enum HostLine {
-    /// How many answers will come.
+    /// The number of answers to come.
     Count { files: u64 },
-    /// One of them.
+    /// One answer.
     Answer(Box<TextureAnswer>),
 }
 
-/// A host that is running; ended when it is dropped.
+/// A running host; killed when it is dropped.
 #[derive(Debug)]
 pub(super) struct TextureHost {
     child: Child,
@@ -70,7 +71,7 @@ pub(super) struct TextureHost {
 
 impl Drop for TextureHost {
     fn drop(&mut self) {
-        // One that has ended is not ended again; what there is to know was said.
+        // A host that has ended is not killed again; its status was reported.
         if matches!(self.child.try_wait(), Ok(None)) && self.child.kill().is_ok() {
             let ended = self.child.wait();
             tracing::debug!(?ended, "the host was ended");
@@ -96,7 +97,7 @@ impl TextureHost {
         Ok(Self { child, name, _started: started })
     }
 
-    /// Asks for all of the files with their color spaces; `each` gets every line as it comes.
+    /// Asks for all of the files with their color spaces; `each` gets every line as it arrives.
     pub(super) fn ask(mut self, files: &[(&str, &str)], mut each: impl FnMut(HostLine)) -> Result<()> {
         let mut input = self.child.stdin.take().context("no way to the host")?;
         let output = self.child.stdout.take().context("no way from the host")?;
@@ -109,9 +110,9 @@ impl TextureHost {
         let mut output = BufReader::new(output);
         let (mut expected, mut answered) = (None, 0);
         let heard = std::thread::scope(|scope| {
-            // It may begin to answer before it has read all.
+            // The host may begin to answer before it has read all lines.
             let told = scope.spawn(move || input.write_all(lines.as_bytes()));
-            // Libraries complain there about files that are told anyway.
+            // Libraries print complaints there about files that are reported anyway.
             let complaints = scope.spawn(move || end_of(errors));
             let mut heard = Ok(());
             let mut line = String::new();
@@ -134,11 +135,11 @@ impl TextureHost {
                         answered += 1;
                         each(HostLine::Answer(answer));
                     }
-                    // Hosts and their plugins say things of their own.
+                    // Hosts and their plugins print lines of their own.
                     Ok(_) | Err(_) => tracing::debug!(line, "the host says"),
                 }
             }
-            // A host that ends early does not take all files; its status tells.
+            // A host that ends early does not read all files; its status shows that.
             let told = told.join();
             tracing::debug!(?told, "files were told");
             heard.map(|()| complaints.join().unwrap_or_default())
@@ -152,7 +153,7 @@ impl TextureHost {
     }
 }
 
-/// The last bytes of what a host says beside its answers, on one line.
+/// The last bytes of a host's output beside its answers, on one line.
 fn end_of(mut errors: impl Read) -> String {
     const KEPT: usize = 2048;
     let (mut all, mut part) = (Vec::new(), [0; 4096]);
@@ -169,7 +170,7 @@ mod tests {
     use super::*;
     use std::path::PathBuf;
 
-    /// What is heard of a script in place of the host.
+    /// The answers of a script in place of the host.
     fn hear(name: &str, script: &str) -> (Vec<String>, Result<()>) {
         let path: PathBuf = std::env::temp_dir().join(format!("oocpt-texture-host-{name}-{}", std::process::id()));
         std::fs::write(&path, format!("#!/bin/sh\n{script}\n")).expect("a temporary file");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt texture`: texture files and the cache of decoded ones. The work is done inside a Hydra host ([`host`]): what
-//! a file is, and by which key renders look for it, is for the host's resolver and the plugin's readers to say.
+//! `oocpt texture`: texture files and the cache of decoded ones. The work is done inside a Hydra host ([`host`]): only
+//! the host's resolver and the plugin's readers know the properties of a file, and the key by which renders look for
+//! it.
 
 mod bar;
 mod files;
@@ -38,8 +39,7 @@ struct CommonArguments {
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// `sourceColorSpace` of the textures that will read the files, several after commas; for each the cache keeps
-    /// another entry. Scenes say it
-    /// themselves.
+    /// another entry. Scenes say it themselves.
     #[arg(long, value_delimiter = ',', default_value = "auto")]
     color_space: Vec<String>,
     /// Where the cache is: a folder; empty = the user's own.
@@ -92,7 +92,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             failed
         }
         TextureCommand::Info(info) => {
-            // In the order in which they were named, not in which they were done.
+            // Answers are printed in the order in which files were named, not in which they were done.
             let mut answers = Vec::new();
             let failed = ask(&info.common, "info", |_, answer| answers.push(answer))?;
             answers.sort_by(|a, b| (&a.file, &a.space).cmp(&(&b.file, &b.space)));
@@ -109,7 +109,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Has the host answer for all files; how many failed. `each` gets how many there are in all, and an answer.
+/// Lets the host answer for all files; returns how many failed. `each` gets the number of all files, and an answer.
 fn ask(common: &CommonArguments, command: &str, mut each: impl FnMut(u64, TextureAnswer)) -> Result<u64> {
     let wanted = files::expand(&common.files)?;
     let cache = common.cache.as_deref();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is known of a file, in words.
+//! The properties of a file in words.
 
 use super::host::TextureAnswer;
 
@@ -9,7 +9,7 @@ pub(super) fn mib(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
-/// Some lines.
+/// A description in some lines.
 pub(super) fn describe(answer: &TextureAnswer) -> String {
     let plain = |text: &str| -> String { text.chars().filter(|c| !c.is_control()).collect() };
     let TextureAnswer { size, levels, channels, format, .. } = answer;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Libraries with the definitions of documents that scenes reference: kept, and read again when a document changes. Any
-//! thread; reading waits for the disk.
+//! Libraries with the definitions of documents that scenes reference: cached, and read again when a document changes.
+//! Any thread; reading blocks on the disk.
 
 use std::fs;
 use std::path::PathBuf;
@@ -12,14 +12,14 @@ use super::NodeLibrary;
 /// Most libraries that are kept.
 const MOST_KEPT: usize = 32;
 
-/// A file, and what tells that it is another one.
+/// A file, and the time and size by which a change is noticed.
 type FileStamp = (PathBuf, Option<SystemTime>, u64);
 type KeptLibraries = Vec<(Vec<FileStamp>, Arc<NodeLibrary>)>;
 
 static KEPT: Mutex<KeptLibraries> = Mutex::new(Vec::new());
 
-/// [`NodeLibrary::with_files`] of the same library of a process. One that was made of the same files is given again
-/// while they have not changed.
+/// [`NodeLibrary::with_files`] of the same library of a process. A library made of the same files is returned again as
+/// long as they have not changed.
 pub fn with_documents(library: &NodeLibrary, files: &[PathBuf]) -> Arc<NodeLibrary> {
     let stamp = |path: &PathBuf| {
         let data = fs::metadata(path).ok();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Library files (XML) made into definitions.
+//! Parses library files (XML) into definitions.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -15,20 +15,20 @@ use crate::value::{FileRef, PortType, PortValue};
 const MAX_GRAPH_NODES: usize = 4096;
 /// Most elements of a file.
 const MAX_ELEMENTS: u32 = 1 << 20;
-/// Definitions that inherit from one another, one after the other.
+/// Longest chain of definitions that inherit from one another.
 const MAX_INHERITANCE: usize = 8;
 
-/// What was read so far.
+/// The elements that were read so far.
 #[derive(Default)]
 pub(super) struct LibraryParser {
     definitions: Vec<(NodeDef, Option<Arc<str>>)>,
     graphs: HashMap<Arc<str>, Arc<NodeGraph>>,
-    /// Graph by definition.
+    /// Names of graphs by definition.
     implementations: HashMap<Arc<str>, Arc<str>>,
 }
 
 impl LibraryParser {
-    /// Reads a file; what it names lies beside it.
+    /// Reads a file; the files that it names lie beside it.
     pub(super) fn file(&mut self, path: &Path, text: &str) -> Result<(), roxmltree::Error> {
         let text = &declared(text);
         let document = Document::parse_with_options(text, options())?;
@@ -87,7 +87,7 @@ impl LibraryParser {
         self.definitions.push((definition, element.attribute("inherit").map(|name| file.qualified(name))));
     }
 
-    /// The definitions, with what they inherit and their graphs.
+    /// The definitions, with inherited inputs and their graphs.
     pub(super) fn finish(self) -> Vec<NodeDef> {
         let Self { definitions, graphs, implementations } = self;
         let by_name: HashMap<Arc<str>, usize> =
@@ -119,7 +119,7 @@ fn options<'a>() -> ParsingOptions<'a> {
     ParsingOptions { nodes_limit: MAX_ELEMENTS, ..ParsingOptions::default() }
 }
 
-/// The text of a file, with the prefix of includes, which nobody declares.
+/// The text of a file, with a declaration of the prefix of includes, which files use without one.
 fn declared(text: &str) -> Cow<'_, str> {
     match text.contains("<xi:include") && !text.contains("xmlns:xi") {
         true => text.replacen("<materialx", "<materialx xmlns:xi=\"http://www.w3.org/2001/XInclude\"", 1).into(),
@@ -127,7 +127,7 @@ fn declared(text: &str) -> Cow<'_, str> {
     }
 }
 
-/// Files that a file includes, as it names them; none where it cannot be read.
+/// Files that a file includes, as it names them; empty if it cannot be read.
 pub(super) fn included(text: &str) -> Vec<String> {
     let text = declared(text);
     let Ok(document) = Document::parse_with_options(&text, options()) else { return Vec::new() };
@@ -135,14 +135,14 @@ pub(super) fn included(text: &str) -> Vec<String> {
     elements.filter_map(|element| element.attribute("href")).map(str::to_owned).collect()
 }
 
-/// Where elements come from.
+/// The file and namespace of elements.
 struct ElementOrigin<'a> {
     folder: &'a Path,
     namespace: Option<&'a str>,
 }
 
 impl ElementOrigin<'_> {
-    /// A name in the namespace. One that says its own keeps it.
+    /// A name in the namespace. A name with a namespace of its own keeps it.
     fn qualified(&self, name: &str) -> Arc<str> {
         match self.namespace {
             Some(space) if !space.is_empty() && !name.is_empty() && !name.contains(':') => {
@@ -166,8 +166,8 @@ impl ElementOrigin<'_> {
     }
 }
 
-/// The colour space that an element of a graph or definition says, or one around it; that of a document says what is
-/// meant where nothing else is said, and is left out.
+/// The colour space of an element of a graph or definition, or of one around it; that of a document is only the
+/// default, and is left out.
 fn color_space(element: Node<'_, '_>) -> Option<Arc<str>> {
     let inner = element.ancestors().take_while(|element| element.tag_name().name() != "materialx");
     inner.filter_map(|element| element.attribute("colorspace")).next().map(Into::into)

@@ -27,7 +27,7 @@ impl NetworkWalker<'_> {
                 self.expressions.component(a, channel)
             }
             "combine2" | "combine3" | "combine4" => {
-                // combine2 may have a colour or vector first, and what follows it.
+                // The first input of combine2 may be a colour or vector, followed by the second.
                 let first = self.input_type(at, "in1").width();
                 let parts: Vec<Val> =
                     ["in1", "in2", "in3", "in4"].into_iter().filter_map(|name| self.number(at, name)).collect();
@@ -54,7 +54,7 @@ impl NetworkWalker<'_> {
                     (3, 4) => self.expressions.swizzle(a, [0, 1, 2, 5]),
                     (2, 3) => self.expressions.swizzle(a, [0, 1, 4, 4]),
                     (2, 4) => self.expressions.swizzle(a, [0, 1, 4, 5]),
-                    // A number is in all components; what is left out does not count.
+                    // A number is in all components; components that are left out do not count.
                     _ => a,
                 }
             }

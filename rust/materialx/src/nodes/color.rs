@@ -50,7 +50,7 @@ impl NetworkWalker<'_> {
         })
     }
 
-    /// What `fg` and `bg` give, mixed into `bg` by `mix`.
+    /// The result of `fg` and `bg`, mixed into `bg` by `mix`.
     #[expect(clippy::too_many_lines, reason = "a line or two of algebra for each operation")]
     fn composite(&mut self, at: NodeAddress, category: &str) -> Option<Val> {
         if !matches!(
@@ -81,7 +81,7 @@ impl NetworkWalker<'_> {
                 let off = e.subtract(back, front);
                 e.unary(Op::Absolute, off)
             }
-            // 1 - (1 - bg) / fg; 0, not mixed, where there is nothing to divide by.
+            // 1 - (1 - bg) / fg; 0, not mixed, if the divisor is 0.
             "burn" => {
                 let rest = e.complement(back);
                 let quotient = e.divide(rest, front);
@@ -126,7 +126,7 @@ impl NetworkWalker<'_> {
                 e.multiply(back, alpha)
             }
             _ => {
-                // disjointover: where the alphas are more than 1 together, the back has what the front leaves.
+                // disjointover: if the alphas add up to more than 1, the back has what the front leaves.
                 let [alpha, below] = alphas(e);
                 let sum = e.add(alpha, below);
                 let rest = e.complement(alpha);

@@ -42,12 +42,12 @@ impl NetworkWalker<'_> {
         })
     }
 
-    /// in1 where the comparison holds, else in2; a comparison alone is 1 or 0.
+    /// in1 if the comparison holds, else in2; a comparison alone is 1 or 0.
     fn condition(&mut self, at: NodeAddress, op: Op) -> Val {
         let (a, b) = (self.number_or(at, "value1", 1.0), self.number_or(at, "value2", 0.0));
         let holds = self.expressions.binary(op, a, b);
         if let Some([holds, ..]) = holds.constant() {
-            // What is not taken is not worked out.
+            // A branch that is not taken is not evaluated.
             return match (self.input_type(at, "in1").width(), holds != 0.0) {
                 (0, _) => Val::number(holds),
                 (_, true) => self.number_or(at, "in1", 0.0),

@@ -30,7 +30,7 @@ impl NetworkWalker<'_> {
             "time" => Val::ZERO,
             "normalmap" => self.normal_map(at),
             "transformnormal" if self.spaces(at).is_some() => self.transformed_normal(at),
-            // Spaces other than the world are not told apart in vectors that come from the surface.
+            // Spaces other than the world are not distinguished in vectors that come from the surface.
             "transformpoint" | "transformvector" | "transformnormal" => {
                 let (from, to) = (self.text(at, "fromspace"), self.text(at, "tospace"));
                 if from != to {
@@ -44,7 +44,8 @@ impl NetworkWalker<'_> {
         })
     }
 
-    /// Whether a node goes from the world, and to it; the other space is the object's. `None`: it knows others.
+    /// Two flags: true if a node transforms from the world, and true if to the world; the other space is the object's.
+    /// `None` for unknown spaces.
     fn spaces(&mut self, at: NodeAddress) -> Option<[bool; 2]> {
         let is_world = |walker: &mut Self, name: &str| match walker.text(at, name).as_deref() {
             Some("world") => Some(true),
@@ -54,7 +55,7 @@ impl NetworkWalker<'_> {
         Some([is_world(self, "fromspace")?, is_world(self, "tospace")?])
     }
 
-    /// A normal of the mesh's frame in the world, or the other way round; unit.
+    /// A normal of the mesh's frame transformed to the world, or the other way round; unit.
     fn transformed_normal(&mut self, at: NodeAddress) -> Val {
         let normal = self.input_in(at);
         match self.spaces(at) {
@@ -120,24 +121,24 @@ impl NetworkWalker<'_> {
         e.op(Op::Select, [rest, ratio, invert], 0)
     }
 
-    /// What is said of an input, or what the surface has.
+    /// The value of an input, or the property of the surface if it is not set.
     fn said_or(&mut self, at: NodeAddress, name: &str, what: Geometry) -> Val {
         let said = if self.is_said(at, name) { self.number(at, name) } else { None };
         said.unwrap_or_else(|| self.expressions.geometry(what))
     }
 
-    /// Whether a normal map is one of tangent space, about the surface's own normal and tangents.
+    /// Returns true if a normal map is one of tangent space, about the surface's own normal and tangents.
     pub(crate) fn is_of_own_tangents(&mut self, at: NodeAddress) -> bool {
         !self.is_of_object(at) && self.is_own_frame(at)
     }
 
-    /// Whether a normal map is one of the object's space, which `MaterialX` 1.38 has.
+    /// Returns true if a normal map is one of the object's space, which `MaterialX` 1.38 has.
     pub(crate) fn is_of_object(&mut self, at: NodeAddress) -> bool {
         self.text(at, "space").as_deref() == Some("object")
     }
 
-    /// What is said, or what the surface has; of a node of `MaterialX` 1.38, which has no such input, it is at right
-    /// angles to what is said of the normal and the tangent.
+    /// The value of the input, or the surface's bitangent; for a node of `MaterialX` 1.38, which has no such input, the
+    /// vector orthogonal to the given normal and tangent.
     fn bitangent(&mut self, at: NodeAddress, normal: Val, tangent: Val) -> Val {
         let is_said = |name: &str| self.is_said(at, name);
         let is_free = is_said("normal") || is_said("tangent");
@@ -149,16 +150,16 @@ impl NetworkWalker<'_> {
         self.said_or(at, "bitangent", Geometry::Bitangent)
     }
 
-    /// Whether a normal is about the surface's own normal and tangents.
+    /// Returns true if a normal is about the surface's own normal and tangents.
     pub(crate) fn is_own_frame(&mut self, at: NodeAddress) -> bool {
         let own = [("normal", Geometry::Normal), ("tangent", Geometry::Tangent), ("bitangent", Geometry::Bitangent)];
         own.into_iter().all(|(name, what)| self.said_or(at, name, what) == self.expressions.geometry(what))
     }
 
-    /// The vector that a normal map says, 2 x - 1, not normalised.
+    /// The vector that a normal map encodes, 2 x - 1, not normalised.
     pub(crate) fn decoded_normal(&mut self, at: NodeAddress) -> Val {
         let mut value = self.number(at, "in").unwrap_or(Val::Constant([0.5, 0.5, 1.0, 0.0]));
-        // Nothing is flat. Of texels it is not asked: a map would not be a texture of the surface any more.
+        // A value of 0 means flat. This is not tested for texels: a map would not be a texture of the surface any more.
         if value.is(0.0, 3) {
             value = Val::Constant([0.5, 0.5, 1.0, 0.0]);
         }
@@ -166,7 +167,7 @@ impl NetworkWalker<'_> {
         self.expressions.subtract(twice, Val::ONE)
     }
 
-    /// The vector in the frame of the surface that a normal map says, not normalised.
+    /// The vector that a normal map encodes in the frame of the surface, not normalised.
     pub(crate) fn tangent_space_normal(&mut self, at: NodeAddress) -> Val {
         let vector = self.decoded_normal(at);
         let scale = self.number_or(at, "scale", 1.0);
@@ -175,7 +176,7 @@ impl NetworkWalker<'_> {
         e.multiply(vector, scale)
     }
 
-    /// In the world.
+    /// A normal map in the world.
     fn normal_map(&mut self, at: NodeAddress) -> Val {
         if self.is_of_object(at) {
             let vector = self.decoded_normal(at);
@@ -185,8 +186,8 @@ impl NetworkWalker<'_> {
         self.in_world(at, local)
     }
 
-    /// A normal of the mesh's frame in the world, unit: by the map that [`MaterialUses::OBJECT_FRAME`] says. Where a
-    /// mesh is displaced its own frame is the world.
+    /// A normal of the mesh's frame in the world, unit: by the map of [`MaterialUses::OBJECT_FRAME`]. For a displaced
+    /// mesh, its own frame is the world.
     pub(super) fn normal_of_object(&mut self, normal: Val) -> Val {
         if self.is_displacing {
             return self.expressions.normalize(normal, 3);
@@ -202,9 +203,9 @@ impl NetworkWalker<'_> {
         e.normalize(sum, 3)
     }
 
-    /// Where the axes of the mesh's frame go as normals, up to a factor.
+    /// The axes of the mesh's frame transformed as normals, up to a factor.
     fn object_frame(&mut self) -> [Val; 3] {
-        // The frame of the world, where there are too many primvars.
+        // The frame of the world is used if there are too many primvars.
         let at_rest = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]];
         let [x, y] = [0, 1].map(|k| self.primvar(MaterialUses::OBJECT_FRAME[k], at_rest[k]));
         let e = &mut self.expressions;
@@ -225,7 +226,7 @@ impl NetworkWalker<'_> {
         [x, y, z]
     }
 
-    /// A vector in the frame of the surface, about the normal that a node says.
+    /// A vector in the frame of the surface, about the normal that a node sets.
     pub(super) fn in_world(&mut self, at: NodeAddress, local: Val) -> Val {
         let normal = self.number(at, "normal").unwrap_or_else(|| self.expressions.geometry(Geometry::Normal));
         let tangent = self.said_or(at, "tangent", Geometry::Tangent);

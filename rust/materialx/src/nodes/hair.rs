@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Utility nodes of the PBR library for hair: roughness and absorption from what artists say.
+//! Utility nodes of the PBR library for hair: roughness and absorption from artistic parameters.
 
 use crate::expression::Val;
 use crate::program::Op;
@@ -15,7 +15,7 @@ impl NetworkWalker<'_> {
         })
     }
 
-    /// A polynomial of `x`; first the coefficient of the highest power.
+    /// A polynomial of `x`, the coefficient of the highest power first.
     fn polynomial(&mut self, x: Val, coefficients: &[f32]) -> Val {
         let e = &mut self.expressions;
         let sum = |sum: Val, c: &f32| e.op(Op::MultiplyAdd, [sum, x, Val::number(*c)], 0);
@@ -23,7 +23,7 @@ impl NetworkWalker<'_> {
     }
 
     /// Variance along the fibre and scale of the logistic across it (Chiang et al. 2016, eq. 7 and 8); TT and TRT are
-    /// as much narrower and wider as is said (Marschner et al. 2003).
+    /// narrower and wider by the given factors (Marschner et al. 2003).
     fn hair_roughness(&mut self, at: NodeAddress, output: &str) -> Val {
         let scale = match output {
             "roughness_TT" => self.number_or(at, "scale_TT", 0.5),
@@ -47,7 +47,7 @@ impl NetworkWalker<'_> {
         e.combine(&[variance, across])
     }
 
-    /// (ln(color) / polynomial)^2 (Chiang et al. 2016, eq. 9).
+    /// Computes (ln(color) / polynomial)^2 (Chiang et al. 2016, eq. 9).
     fn absorption_of_color(&mut self, at: NodeAddress) -> Val {
         let color = self.number_or(at, "color", 1.0);
         let across = self.number_or(at, "azimuthal_roughness", 0.2);

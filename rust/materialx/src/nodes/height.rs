@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Heights made into normals: `heighttonormal` and `bump`.
+//! Normals from heights: `heighttonormal` and `bump`.
 //!
-//! The height's program is worked out at places to either side (central differences): texture coordinates moved by
-//! half of [`STEP`] along u and v, points by as much along tangent and bitangent. So a texture's slope is that of its
-//! filtered texels, and a height of anything else is its own. The convention is `MaterialX`'s (1.39,
+//! The height is evaluated at places to either side (central differences): texture coordinates moved by half of
+//! [`STEP`] along u and v, points by as much along tangent and bitangent. So a texture's slope is that of its filtered
+//! texels, and the slope of any other height is its own. The convention is `MaterialX`'s (1.39,
 //! `mx_heighttonormal_vector3`): the normal is (-dh/du, -dh/dv, 1) with slopes times scale / 16, normalised.
 
 use crate::expression::{Expression, Val};
@@ -12,13 +12,13 @@ use crate::uses::MaterialUses;
 use crate::walk::{NetworkWalker, NodeAddress};
 use std::collections::HashMap;
 
-/// Between the two places of a difference: two texels of a file of 2048.
+/// Distance between the two places of a difference: two texels of a file of 2048.
 const STEP: f32 = 1.0 / 1024.0;
-/// Of `MaterialX`: slopes as Sobel's filter has them.
+/// `MaterialX`'s factor for slopes, which is that of Sobel's filter.
 const SOBEL: f32 = 1.0 / 16.0;
 
 impl NetworkWalker<'_> {
-    /// The vector in the frame of the surface that a height says, not normalised.
+    /// The vector for a height in the frame of the surface, not normalised.
     pub(crate) fn height_normal(&mut self, at: NodeAddress, height: &str) -> Val {
         let height = self.number_or(at, height, 0.0);
         let scale = self.number_or(at, "scale", 1.0);
@@ -26,7 +26,7 @@ impl NetworkWalker<'_> {
         let slopes = [0, 1].map(|axis| {
             let [above, below] = [0.5 * STEP, -0.5 * STEP].map(|by| self.moved(height, axis, by));
             let e = &mut self.expressions;
-            // Below less above: the normal leans away from what rises.
+            // The difference is below less above: the normal leans away from rising heights.
             let fall = e.subtract(below, above);
             let slope = e.multiply(fall, Val::number(SOBEL / STEP));
             e.multiply(slope, scale)
@@ -34,7 +34,7 @@ impl NetworkWalker<'_> {
         self.expressions.combine(&[slopes[0], slopes[1], Val::ONE])
     }
 
-    /// What a value is at a place that is moved along an axis of the surface.
+    /// A value at a place that is moved along an axis of the surface.
     fn moved(&mut self, val: Val, axis: usize, by: f32) -> Val {
         let mut known: HashMap<u32, Val> = HashMap::new();
         let at = |known: &HashMap<u32, Val>, val: Val| match val {
@@ -89,7 +89,7 @@ impl NetworkWalker<'_> {
         }
     }
 
-    /// As a colour of a normal map.
+    /// The normal encoded as a colour of a normal map.
     pub(super) fn height_to_normal(&mut self, at: NodeAddress) -> Val {
         let local = self.height_normal(at, "in");
         let e = &mut self.expressions;
@@ -97,7 +97,7 @@ impl NetworkWalker<'_> {
         e.op(Op::MultiplyAdd, [unit, Val::number(0.5), Val::Constant([0.5, 0.5, 0.5, 0.0])], 0)
     }
 
-    /// In the world.
+    /// The bumped normal in the world.
     pub(super) fn bump(&mut self, at: NodeAddress) -> Val {
         let local = self.height_normal(at, "height");
         self.in_world(at, local)

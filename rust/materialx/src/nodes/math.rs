@@ -6,7 +6,7 @@ use crate::program::Op;
 use crate::value::PortType;
 use crate::walk::{BoundValue, NetworkWalker, NodeAddress};
 
-/// What the operation of one operand is.
+/// The operation of a node with one operand.
 fn unary(category: &str) -> Option<Op> {
     Some(match category {
         "absval" => Op::Absolute,
@@ -27,7 +27,7 @@ fn unary(category: &str) -> Option<Op> {
     })
 }
 
-/// What the operation of two operands is.
+/// The operation of a node with two operands.
 fn binary(category: &str) -> Option<Op> {
     Some(match category {
         "add" => Op::Add,
@@ -112,8 +112,8 @@ impl NetworkWalker<'_> {
         e.add(out_low, share)
     }
 
-    /// in times the matrix; a vector that is shorter than its rows goes on with 1, as a point does. Of matrices that
-    /// are worked out by other nodes nothing is known: a line, and the vector as it is.
+    /// in times the matrix; a vector that is shorter than its rows is extended by 1, as a point is. Matrices that other
+    /// nodes compute are not supported: a line reports it, and the vector stays as it is.
     fn transform_matrix(&mut self, at: NodeAddress) -> Val {
         let a = self.input_in(at);
         let Some(BoundValue::Matrix(rows)) = self.input(at, "mat") else {
@@ -141,7 +141,7 @@ impl NetworkWalker<'_> {
         [self.expressions.unary(Op::Sin, radians), self.expressions.unary(Op::Cos, radians)]
     }
 
-    /// (c x + s y, -s x + c y).
+    /// Computes (c x + s y, -s x + c y).
     fn rotate2d(&mut self, at: NodeAddress) -> Val {
         let (a, amount) = (self.input_in(at), self.number_or(at, "amount", 0.0));
         let [sine, cosine] = self.turn(amount);
@@ -155,7 +155,7 @@ impl NetworkWalker<'_> {
         e.add(straight, crossed)
     }
 
-    /// Rodrigues' formula about -axis: `MaterialX`'s matrix is the transposed one.
+    /// Computes Rodrigues' formula about -axis: `MaterialX`'s matrix is the transposed one.
     fn rotate3d(&mut self, at: NodeAddress) -> Val {
         let (a, amount) = (self.input_in(at), self.number_or(at, "amount", 0.0));
         let axis = self.number(at, "axis").unwrap_or(Val::Constant([0.0, 1.0, 0.0, 0.0]));

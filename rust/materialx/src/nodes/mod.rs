@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The nodes that are no graphs of others, as `MaterialX` 1.39 specifies them; and some that are, where a shorter way
-//! is known. One file for each group of the specification.
+//! The nodes that are not graphs of others, as `MaterialX` 1.39 specifies them; and some that are, if there is a
+//! shorter translation. One file for each group of the specification.
 
 mod channel;
 mod color;
@@ -21,7 +21,7 @@ use crate::value::PortType;
 use crate::walk::{BoundValue, NetworkWalker, NodeAddress};
 
 impl NetworkWalker<'_> {
-    /// The output of a node of `category`, whose type is `ty`; `None` where it is not one of these.
+    /// The output of a node of `category`, whose type is `ty`; `None` if it is not one of these.
     pub(crate) fn node(
         &mut self,
         at: NodeAddress,
@@ -66,12 +66,12 @@ impl NetworkWalker<'_> {
         self.texture_node(at, category, ty, output)
     }
 
-    /// `in`.
+    /// The input `in`.
     fn input_in(&mut self, at: NodeAddress) -> Val {
         self.number_or(at, "in", 0.0)
     }
 
-    /// `in1` and `in2`.
+    /// The inputs `in1` and `in2`.
     fn pair(&mut self, at: NodeAddress) -> [Val; 2] {
         [self.number_or(at, "in1", 0.0), self.number_or(at, "in2", 0.0)]
     }

@@ -5,13 +5,13 @@ use crate::expression::Val;
 use crate::value::PortType;
 use crate::walk::{NetworkWalker, NodeAddress};
 
-/// What a swizzle takes for the number 0 and the number 1.
+/// The swizzle index of the number 0; the next one is the number 1.
 const ZERO: u16 = 4;
 const ONE: u16 = 5;
 
 impl NetworkWalker<'_> {
-    /// `swizzle_color3_float` and the like, which the network names by their definitions; `swizzle` in graphs, and
-    /// where the data libraries are those of 1.38.
+    /// `swizzle_color3_float` and the like, which the network names by their definitions; `swizzle` in graphs, and with
+    /// data libraries of 1.38.
     pub(super) fn older(&mut self, at: NodeAddress, category: &str, ty: PortType) -> Option<Val> {
         let rest = category.strip_prefix("swizzle")?;
         let (from, to) = match rest.strip_prefix('_').and_then(|types| types.split_once('_')) {
@@ -41,7 +41,7 @@ impl NetworkWalker<'_> {
     }
 }
 
-/// The component that a letter of `channels` means, of so many.
+/// The component that a letter of `channels` names, of so many.
 fn channel_of(letter: char, width: u16) -> Option<u16> {
     let at = match letter {
         'r' | 'x' => 0,

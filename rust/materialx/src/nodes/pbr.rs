@@ -28,7 +28,7 @@ impl NetworkWalker<'_> {
                 let roughness = self.number_or(at, "roughness", 0.0);
                 let e = &mut self.expressions;
                 let [along, across] = [0, 1].map(|axis| e.component(roughness, axis));
-                // A negative second one is the first.
+                // A negative second roughness means the first.
                 let is_negative = e.binary(Op::Greater, Val::ZERO, across);
                 let across = e.op(Op::Select, [along, across, is_negative], 0);
                 let both = e.combine(&[along, across]);

@@ -20,7 +20,7 @@ impl NetworkWalker<'_> {
         match category {
             "image" => self.image(at, ty),
             "UsdUVTexture" => self.uv_texture(at, output),
-            // Filters over a neighbourhood have no other place than their own.
+            // Filters over a neighbourhood are evaluated at their own place only.
             "blur" => {
                 self.left_out(at, "is not blurred");
                 Some(self.number_or(at, "in", 0.0))
@@ -36,7 +36,7 @@ impl NetworkWalker<'_> {
         self.problem(format!("`{category}` ({path}) {what}"));
     }
 
-    /// The file that an input names; a problem where there is none.
+    /// The file that an input names; a problem is noted if there is none.
     fn file(&mut self, at: NodeAddress) -> Option<FileRef> {
         let found = match self.input(at, "file") {
             Some(BoundValue::File(file)) => Some(file),
@@ -46,7 +46,7 @@ impl NetworkWalker<'_> {
             _ => None,
         };
         match found {
-            // Of a file that a definition names.
+            // This is a file that a definition names.
             Some(file) if !file.resolved.is_empty() && file.node.is_empty() => {
                 Some(FileRef { node: self.path(at), ..file })
             }
@@ -87,13 +87,13 @@ impl NetworkWalker<'_> {
         if fallback.constant().is_some() {
             return Some(texel);
         }
-        // What other nodes work out cannot lie around the image.
+        // Values that other nodes compute cannot lie around the image.
         let constant = address.map(|mode| mode == AddressMode::Constant);
         let is_outside = self.is_outside(place, constant);
         Some(self.expressions.op(Op::Select, [fallback, texel, is_outside], 0))
     }
 
-    /// Whether a place is outside the unit square along one of these axes.
+    /// Tests whether a place is outside the unit square along one of these axes.
     fn is_outside(&mut self, place: Val, axes: [bool; 2]) -> Val {
         let e = &mut self.expressions;
         let mut found = Val::ZERO;
@@ -108,7 +108,7 @@ impl NetworkWalker<'_> {
         found
     }
 
-    /// `texel * scale + bias`, then an output.
+    /// Computes `texel * scale + bias`, then an output.
     fn uv_texture(&mut self, at: NodeAddress, output: &Arc<str>) -> Option<Val> {
         let fallback = self.number(at, "fallback").unwrap_or(Val::Constant([0.0, 0.0, 0.0, 1.0]));
         let channel = match &**output {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Graphs of closures (`surface` of BSDF and EDF nodes) reduced to one slab: what is layered is a coat, a fuzz or the
-//! base, what is mixed or added is in `mixture`.
+//! Reduces graphs of closures (`surface` of BSDF and EDF nodes) to one slab: layers become a coat, a fuzz or the base;
+//! mixtures and sums are handled in `mixture`.
 
 use crate::expression::Val;
 use crate::program::Op;
 use crate::slab::OpenPbrSlab;
 use crate::walk::{NetworkWalker, NodeAddress};
 
-/// Closures one within the other, at most.
+/// Most closures nested in each other.
 const MAX_CLOSURES: usize = 32;
 
 impl NetworkWalker<'_> {
@@ -23,7 +23,7 @@ impl NetworkWalker<'_> {
         Some(slab)
     }
 
-    /// A node may be read by many: it is worked out once, so the work is that of the nodes there are.
+    /// Emission of a node, which many may read: it is computed once, so the work is proportional to the nodes.
     fn edf(&mut self, at: NodeAddress, depth: usize) -> Val {
         match self.emissions.get(&at) {
             Some(Some(known)) => return *known,
@@ -79,8 +79,8 @@ impl NetworkWalker<'_> {
         self.once(at, depth > MAX_CLOSURES, |walker| walker.bsdf_of(at, depth))
     }
 
-    /// A slab that is worked out once, however many read it: else nodes whose inputs both read the next one would take
-    /// twice as long with each. `None` where it is part of itself or too deep.
+    /// Computes a slab once, however many read it: otherwise nodes whose inputs both read the next one would take twice
+    /// as long with each. `None` if it is part of itself or too deep.
     pub(super) fn once(
         &mut self,
         at: NodeAddress,
@@ -242,8 +242,8 @@ impl NetworkWalker<'_> {
         })
     }
 
-    /// Roughness, ratio and turn of the two alphas that a lobe has: the root of the root of the mean of their squares
-    /// where they are known, else the root of their mean.
+    /// Roughness, ratio and turn of the two alphas of a lobe: the root of the root of the mean of their squares if they
+    /// are known, else the root of their mean.
     fn lobe_roughness(&mut self, at: NodeAddress) -> (Val, Val, Val) {
         let alphas = self.number_or(at, "roughness", 0.05);
         if let Some([x, y, ..]) = alphas.constant()
@@ -259,7 +259,7 @@ impl NetworkWalker<'_> {
         (e.unary(Op::Sqrt, mean), Val::ONE, Val::ZERO)
     }
 
-    /// ((n - 1)^2 + k^2) / ((n + 1)^2 + k^2).
+    /// Computes ((n - 1)^2 + k^2) / ((n + 1)^2 + k^2).
     fn conductor(&mut self, index: Val, extinction: Val) -> Val {
         let e = &mut self.expressions;
         let square = e.multiply(extinction, extinction);
@@ -270,7 +270,7 @@ impl NetworkWalker<'_> {
         e.divide(above, below)
     }
 
-    /// A layer over a slab: fuzz, the dielectric of the base, or a coat where there is one already.
+    /// A layer over a slab: fuzz, the dielectric of the base, or a coat if there is a dielectric already.
     fn layered(&mut self, at: NodeAddress, top: &OpenPbrSlab, base: OpenPbrSlab) -> OpenPbrSlab {
         if top.hair.is_some() || base.hair.is_some() {
             return OpenPbrSlab { hair: self.shared_hair(at, &base, top, Val::ONE), ..base };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A fibre (`chiang_hair_bsdf`): what it says, mixtures of fibres, and where its numbers go among the inputs.
+//! Fibres (`chiang_hair_bsdf`): their parameters, mixtures of fibres, and their packing among the inputs.
 
 use super::{DEFAULTS, Input, LoweredSurface};
 use crate::expression::Val;
@@ -10,7 +10,7 @@ use crate::walk::{NetworkWalker, NodeAddress};
 use oocpt_abi::HAIR_BY_NORMAL;
 
 impl HairSlab {
-    /// The same fibre, brighter or darker.
+    /// This fibre with its tints multiplied by `factor`.
     pub(super) fn multiplied(mut self, walker: &mut NetworkWalker<'_>, factor: Val) -> Self {
         self.tints = self.tints.map(|tint| walker.expressions.multiply(tint, factor));
         self
@@ -19,7 +19,7 @@ impl HairSlab {
 
 impl NetworkWalker<'_> {
     pub(super) fn hair(&mut self, at: NodeAddress) -> HairSlab {
-        // A curve's own are what they should be: of a tube there is no other.
+        // Only the curve's own normal and direction are supported: a tube has no other.
         for name in ["normal", "curve_direction"] {
             if self.is_said(at, name) {
                 let path = self.path(at);
@@ -36,8 +36,8 @@ impl NetworkWalker<'_> {
         }
     }
 
-    /// Two slabs of which one is a fibre, or both: a mixture of fibres is the fibre of mixed numbers; of a fibre and
-    /// something else the fibre is left.
+    /// Two slabs of which one is a fibre, or both: a mixture of fibres is the fibre of mixed numbers; a mixture of a
+    /// fibre and something else is the fibre.
     pub(super) fn shared_hair(
         &mut self,
         at: NodeAddress,
@@ -62,19 +62,19 @@ impl NetworkWalker<'_> {
         }
     }
 
-    /// See [`Input`]: tints are colours of the slab, roughnesses and the tilt are packed where anisotropy and the film
-    /// are.
+    /// Packs a fibre, see [`Input`]: tints are colours of the slab, roughnesses and the tilt are packed in the places
+    /// of anisotropy and film.
     pub(super) fn lower_hair(&mut self, slab: &OpenPbrSlab, hair: &HairSlab) -> LoweredSurface {
         let slot = self.uses.primvar(MaterialUses::ACROSS, [HAIR_BY_NORMAL; 4]);
         let across = match slot {
             Some(_) => self.primvar(MaterialUses::ACROSS, [HAIR_BY_NORMAL; 4]),
-            // Two other primvars are read: ribbons are seen as if they were tubes.
+            // Two other primvars are read already: ribbons are shaded as if they were tubes.
             None => Val::number(HAIR_BY_NORMAL),
         };
         let e = &mut self.expressions;
         let parts = |e: &mut crate::expression::ExpressionGraph, val: Val| [0, 1].map(|k| e.component(val, k));
         let [of_r, of_tt, of_trt] = hair.roughnesses.map(|val| parts(e, val));
-        // 0..1 is -pi / 2..pi / 2.
+        // The range 0..1 is -pi / 2..pi / 2.
         let half_turn = [Val::number(std::f32::consts::PI), Val::number(-std::f32::consts::FRAC_PI_2)];
         let cuticle = e.op(Op::Clamp, [hair.cuticle, Val::ZERO, Val::ONE], 0);
         let tilt = if cuticle.is(0.5, 1) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Inputs of the renderer's BSDF: what surfaces are brought to.
+//! The inputs of the renderer's BSDF, to which surfaces are reduced.
 
 pub use oocpt_abi::MaterialInput as Input;
 
-/// The value where nothing is said; by [`Input`].
+/// Default values by [`Input`].
 pub(crate) const DEFAULTS: [[f32; 4]; Input::COUNT] = [
     [0.8, 0.8, 0.8, 1.0],
     [0.0, 0.0, 0.0, 1.0],

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Mixtures and sums of slabs: one slab of mixed parameters where that is what is asked for, else one of the two by
-//! chance.
+//! Mixtures and sums of slabs: one slab of mixed parameters if that is exact, otherwise one of the two by chance.
 //!
 //! A BSDF is linear in a mixture, so a hit that takes the front with the probability of its share is right in the mean
-//! (decisions/0046). Emission and opacity are mixed: nothing that is chosen is in them.
+//! (decisions/0046). Emission and opacity are mixed: they do not depend on the choice.
 
 use crate::expression::Val;
 use crate::program::{Geometry, Op};
@@ -11,18 +10,18 @@ use crate::slab::OpenPbrSlab;
 use crate::value::PortType;
 use crate::walk::{NetworkWalker, NodeAddress};
 
-/// How much more than 1 the weights of a sum may be: rounding.
+/// The largest sum of weights that counts as 1, because of rounding.
 const WHOLE: f32 = 1.0001;
 
-/// Which lobes a slab may have.
+/// The lobes that a slab may have.
 #[derive(Clone, Copy)]
 struct SlabLobes {
     metal: bool,
-    /// What is not metal.
+    /// Lobes below that are not metal.
     below: bool,
     glass: bool,
     diffuse: bool,
-    /// Reflects by its index.
+    /// True if it reflects by its index.
     dielectric: bool,
     film: bool,
     coat: bool,
@@ -48,30 +47,31 @@ impl SlabLobes {
         }
     }
 
-    /// Whether it has one of the base's roughness.
+    /// Returns true if it has a lobe with the base's roughness.
     fn has_interface(self) -> bool {
         self.metal || self.dielectric
     }
 
-    /// Whether light is scattered at all.
+    /// Returns true if light is scattered at all.
     fn has_some(self) -> bool {
         self.has_interface() || self.diffuse || self.coat || self.fuzz
     }
 }
 
-/// What of a slab differs from another.
+/// The differences between two slabs.
 #[derive(Clone, Copy)]
 struct SlabDifferences {
-    /// Of the diffuse lobe and metal.
+    /// The colour of the diffuse lobe and metal.
     color: bool,
-    /// Of metal and glass.
+    /// The shares of metal and glass.
     shares: bool,
-    /// What the slab is not linear in.
+    /// Parameters in which the slab is not linear.
     shape: bool,
 }
 
 impl OpenPbrSlab {
-    /// What counts for a lobe that it does not have, as the other one has it: in a mixture it is that one's alone.
+    /// Takes parameters that count only for lobes which it does not have from the other slab: in a mixture they are
+    /// that one's alone.
     fn borrowing(mut self, from: &Self) -> Self {
         let own = SlabLobes::of(&self);
         let base = Self { normal: self.normal, emission: self.emission, opacity: self.opacity, ..*from };
@@ -136,8 +136,8 @@ impl OpenPbrSlab {
         }
     }
 
-    /// Whether the slab of mixed parameters is the mixture: no roughness, index or normal differs, and no two factors
-    /// of one product. What a layer takes from the ones below does not count.
+    /// Returns true if the slab of mixed parameters equals the mixture: no roughness, index or normal differs, and no
+    /// two factors of one product. The albedo that a layer takes from the ones below does not count.
     fn mixes_exactly(&self, other: &Self) -> bool {
         let (a, b) = (self, other);
         let SlabDifferences { color, shares, shape } = a.differences(b);
@@ -158,7 +158,7 @@ impl OpenPbrSlab {
         !shape && !products.contains(&true)
     }
 
-    /// Its reflection and what it transmits, so much more of it.
+    /// The slab with its reflection and transmission multiplied by `factor`.
     pub(super) fn multiplied(mut self, walker: &mut NetworkWalker<'_>, factor: Val) -> Self {
         for color in [&mut self.base_color, &mut self.specular_weight, &mut self.fuzz, &mut self.subsurface_color] {
             *color = walker.expressions.multiply(*color, factor);
@@ -167,7 +167,8 @@ impl OpenPbrSlab {
     }
 }
 
-/// Two slabs with what counts only for lobes of the other one as that has it, and what counts for none the same.
+/// Two slabs in which parameters that count only for lobes of the other one are the other's, and those that count for
+/// none are equal.
 fn one_for_the_other(back: &OpenPbrSlab, front: &OpenPbrSlab) -> [OpenPbrSlab; 2] {
     let back = back.borrowing(front);
     [back, front.borrowing(&back)]
@@ -201,7 +202,8 @@ impl NetworkWalker<'_> {
         self.means(slabs, [share, within])
     }
 
-    /// Of a hit, the surface is there: with opacities that differ that tells something of which it is.
+    /// The share among hits: at a hit the surface is opaque, so if the opacities differ, each slab's share is weighted
+    /// by its own.
     fn share_of_what_is_there(&mut self, back: &OpenPbrSlab, front: &OpenPbrSlab, share: Val) -> Val {
         let is_chance = back.opacity_threshold == 0.0 && front.opacity_threshold == 0.0;
         if back.opacity == front.opacity || !is_chance {
@@ -227,7 +229,7 @@ impl NetworkWalker<'_> {
         self.finish(whole, [&back, &front], share)
     }
 
-    /// What is of the whole of a mixture, however the rest is found.
+    /// Sets the parameters of the whole mixture, however the rest was found.
     fn finish(&mut self, whole: OpenPbrSlab, [back, front]: [&OpenPbrSlab; 2], share: Val) -> OpenPbrSlab {
         OpenPbrSlab {
             opacity: self.expressions.mix(back.opacity, front.opacity, share),
@@ -250,7 +252,7 @@ impl NetworkWalker<'_> {
         self.finish(whole, [&back, &front], share)
     }
 
-    /// The same slab under a coat without a colour. A coat may be chosen by chance, and its tint is in what emits.
+    /// The slab under a coat without a colour. A coat may be chosen by chance, and its tint is already in the emission.
     fn tinted(&mut self, slab: OpenPbrSlab) -> OpenPbrSlab {
         let e = &mut self.expressions;
         let tint = e.mix(Val::ONE, slab.coat_color, slab.coat);
@@ -263,7 +265,7 @@ impl NetworkWalker<'_> {
         }
     }
 
-    /// A random number of the hit that no other choice of the material has; says where there is none left.
+    /// A random number of the hit that no other choice of the material uses; reports if there is none left.
     fn random(&mut self, at: NodeAddress) -> Option<Val> {
         let Some(which) = Geometry::RANDOM.get(self.choices) else {
             let path = self.path(at);
@@ -275,7 +277,7 @@ impl NetworkWalker<'_> {
         Some(self.expressions.geometry(*which))
     }
 
-    /// A sum of closures: colours add, the rest is the first's where it has any; or one of the two by its weight.
+    /// A sum of closures: colours add, the rest is the first's if it has any; or one of the two by its weight.
     pub(super) fn added(&mut self, at: NodeAddress, a: OpenPbrSlab, b: OpenPbrSlab) -> OpenPbrSlab {
         if let Some(chosen) = self.added_by_chance(at, &a, &b) {
             return chosen;
@@ -295,8 +297,8 @@ impl NetworkWalker<'_> {
         whole
     }
 
-    /// a + b = p (a / p) + (1 - p) (b / (1 - p)), where p is a's share of the weights. `None` where one slab is both,
-    /// or one of them would have to reflect more than all.
+    /// a + b = p (a / p) + (1 - p) (b / (1 - p)), where p is a's share of the weights. `None` if one slab is both, or
+    /// one of them would have to reflect more than all light.
     fn added_by_chance(&mut self, at: NodeAddress, a: &OpenPbrSlab, b: &OpenPbrSlab) -> Option<OpenPbrSlab> {
         if a.hair.is_some() || b.hair.is_some() {
             return None;
@@ -329,7 +331,7 @@ impl NetworkWalker<'_> {
         Some(OpenPbrSlab { weight: sum, ..self.chosen([one, other], takes_other, [part, part]) })
     }
 
-    /// `multiply`: a closure and a number or a colour.
+    /// The node `multiply`: a closure and a number or a colour.
     pub(super) fn multiplied(&mut self, at: NodeAddress, slab: OpenPbrSlab) -> OpenPbrSlab {
         let factor = self.number_or(at, "in2", 1.0);
         let hair = slab.hair.map(|hair| hair.multiplied(self, factor));

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Surface shaders as slabs of `OpenPBR` 1.1, and what the renderer's BSDF takes of them.
+//! Surface shaders as slabs of `OpenPBR` 1.1, and their reduction to the inputs of the renderer's BSDF.
 //!
-//! What is an approximation: subsurface scattering is diffuse reflection in its colour; what is transmitted is tinted
-//! by `transmission_color` at every interface where no depth is said, else by what is absorbed on the way (Beer and
-//! Lambert); a coat's colour tints the base as seen from above; specular colours of metals (F82) do not count.
-//! Scattering media are left out, with a note where a material asks for them.
+//! Approximations: subsurface scattering is diffuse reflection in its colour; transmitted light is tinted by
+//! `transmission_color` at every interface if there is no depth, else by absorption on the way (Beer and Lambert); a
+//! coat's colour tints the base as seen from above; specular colours of metals (F82) are ignored. Scattering media are
+//! left out, with a note if a material has them.
 
 mod closure;
 mod hair;
@@ -22,10 +22,10 @@ use crate::program::{Geometry, Op};
 use crate::slab::OpenPbrSlab;
 use crate::walk::{NetworkWalker, NodeAddress};
 
-/// Surface shaders one within the other, at most.
+/// Most surface shaders nested in each other.
 const MAX_SHADERS: usize = 16;
 
-/// What the BSDF takes.
+/// A surface as inputs of the BSDF.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LoweredSurface {
     pub(crate) inputs: [Val; Input::COUNT],
@@ -37,7 +37,7 @@ pub(crate) struct LoweredSurface {
 }
 
 impl NetworkWalker<'_> {
-    /// The slab of the network's surface; `None` where it is no surface that is understood.
+    /// The slab of the network's surface; `None` if it is not a supported surface.
     pub(crate) fn slab(&mut self) -> Option<OpenPbrSlab> {
         let at = self.surface();
         self.shader(at, 0)
@@ -73,8 +73,8 @@ impl NetworkWalker<'_> {
         }
     }
 
-    /// The normal that an input says in the world, in the frame of the surface. It is turned to the surface's own side,
-    /// as `MaterialX`'s closures turn it; 0 says nothing.
+    /// The normal that an input sets in the world, converted to the frame of the surface. It is turned to the surface's
+    /// own side, as `MaterialX`'s closures turn it; 0 means no normal.
     pub(crate) fn normal(&mut self, at: NodeAddress, name: &str) -> Val {
         if !self.is_said(at, name) {
             return OpenPbrSlab::BLACK.normal;
@@ -100,8 +100,8 @@ impl NetworkWalker<'_> {
         e.op(Op::Select, [turned, local, is_behind], 0)
     }
 
-    /// The normal of a `UsdPreviewSurface`, which is told in the frame of the surface. A normal map of "object space"
-    /// is how files of `MaterialX` 1.38 decode a map for it: `MaterialX` turns it into 2 x - 1, and no more.
+    /// The normal of a `UsdPreviewSurface`, which is in the frame of the surface. Files of `MaterialX` 1.38 decode a
+    /// map for it by a normal map of "object space": `MaterialX` turns it into 2 x - 1, and no more.
     pub(crate) fn preview_normal(&mut self, at: NodeAddress) -> Val {
         if !self.is_said(at, "normal") {
             return OpenPbrSlab::BLACK.normal;
@@ -115,7 +115,7 @@ impl NetworkWalker<'_> {
         self.number(at, "normal").filter(|normal| !normal.is(0.0, 3)).unwrap_or(OpenPbrSlab::BLACK.normal)
     }
 
-    /// The inputs that are several numbers: anisotropy, film, what is inside.
+    /// The inputs that pack several numbers: anisotropy, film, interior.
     fn packed(&mut self, slab: &OpenPbrSlab) -> [Val; 3] {
         if !slab.ratio.is(1.0, 1) || !slab.coat_ratio.is(1.0, 1) {
             // The tangent is that of the first set.
@@ -136,7 +136,7 @@ impl NetworkWalker<'_> {
         let scattered = e.multiply(slab.subsurface, scattered);
         let color = e.mix(slab.base_color, slab.subsurface_color, scattered);
         let tint = e.mix(Val::ONE, slab.coat_color, slab.coat);
-        // What is scattered below the surface leaves it as from a smooth one.
+        // Light scattered below the surface leaves it as from a smooth one.
         let roughness = e.mix(slab.diffuse_roughness, Val::ZERO, slab.subsurface);
         [e.multiply(color, tint), e.multiply(slab.emission, tint), roughness]
     }
@@ -161,7 +161,7 @@ impl NetworkWalker<'_> {
             let square = e.multiply(root, root);
             let reflectance = e.multiply(square, slab.specular_weight);
             if slab.specular_color.is(1.0, 3) && slab.transmission.is(0.0, 1) {
-                // The index that reflects so much.
+                // The index with this reflectance.
                 let reflectance = e.op(Op::Clamp, [reflectance, Val::ZERO, Val::number(0.98)], 0);
                 let root = e.unary(Op::Sqrt, reflectance);
                 let (above, below) = (e.add(Val::ONE, root), e.complement(root));
@@ -177,7 +177,7 @@ impl NetworkWalker<'_> {
         }
         let mut transmission = slab.transmission;
         if specular_workflow {
-            // There it is the share of all; metal has none.
+            // Here it is the share of the whole; metal has none.
             let rest = e.complement(slab.metalness);
             transmission = e.multiply(transmission, rest);
         }
@@ -207,7 +207,7 @@ impl NetworkWalker<'_> {
         LoweredSurface { inputs, specular_workflow, opacity_threshold, thin_walled, dispersive, hair: false }
     }
 
-    /// Notes inputs that ask for what is not there: `(input, value where it asks for nothing, what)`.
+    /// Notes inputs that ask for unsupported features: `(input, value that asks for nothing, feature)`.
     pub(crate) fn leave_out(&mut self, at: NodeAddress, asked: &[(&str, f32, &str)]) {
         let mut missing: Vec<&str> = Vec::new();
         for (name, nothing, what) in asked {

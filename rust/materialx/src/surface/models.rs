@@ -72,13 +72,13 @@ impl NetworkWalker<'_> {
         }
     }
 
-    /// Whether an input is a constant that is not 0.
+    /// Returns true if an input is a constant that is not 0.
     fn is_set(&mut self, at: NodeAddress, name: &str) -> bool {
         self.is_said(at, name) && self.number_or(at, name, 0.0).constant().is_some_and(|value| value[0] != 0.0)
     }
 
-    /// Tint of an interface and absorption per length: all of the colour at the interface where no depth is said, else
-    /// -ln(color) / depth on the way, so that so much is left there.
+    /// Tint of an interface and absorption per length: all of the colour at the interface if there is no depth, else
+    /// -ln(color) / depth on the way, so that the colour is left after that depth.
     fn inside(&mut self, color: Val, depth: Val) -> (Val, Val) {
         if depth.is(0.0, 1) {
             return (color, Val::ZERO);
@@ -92,8 +92,8 @@ impl NetworkWalker<'_> {
         (e.op(Op::Select, [Val::ONE, color, is_deep], 0), absorption)
     }
 
-    /// Roughness and ratio of the alphas that `MaterialX`'s `roughness_anisotropy` gives: r^2 / a and r^2 a with
-    /// a^2 = 1 - anisotropy.
+    /// Roughness and ratio of the alphas of `MaterialX`'s `roughness_anisotropy`: r^2 / a and r^2 a with a^2 = 1 -
+    /// anisotropy.
     fn aspect(&mut self, at: NodeAddress, [roughness, anisotropy]: [&str; 2], default: f32) -> (Val, Val) {
         let roughness = self.number_or(at, roughness, default);
         let anisotropy = self.number_or(at, anisotropy, 0.0);
@@ -113,7 +113,7 @@ impl NetworkWalker<'_> {
         (e.binary(Op::Min, whole, Val::ONE), ratio)
     }
 
-    /// The same of glTF (`KHR_materials_anisotropy`): alphas mix(r^2, 1, strength^2) and r^2.
+    /// Roughness and ratio of glTF's anisotropy (`KHR_materials_anisotropy`): alphas mix(r^2, 1, strength^2) and r^2.
     fn gltf_anisotropy(&mut self, at: NodeAddress) -> (Val, Val) {
         let roughness = self.number_or(at, "roughness", 1.0);
         let strength = self.number_or(at, "anisotropy_strength", 0.0);
@@ -148,7 +148,7 @@ impl NetworkWalker<'_> {
         let color = self.number_or(at, "transmission_color", 1.0);
         let (transmission_color, absorption) = self.inside(color, depth);
         let film_thickness = self.number_or(at, "thin_film_thickness", 0.0);
-        // The Abbe number; 0 is none.
+        // The Abbe number; 0 means none.
         let abbe = self.number_or(at, "transmission_dispersion", 0.0);
         OpenPbrSlab {
             base_color,
@@ -186,8 +186,8 @@ impl NetworkWalker<'_> {
         }
     }
 
-    /// The mean of a colour's components if it is known; else red: maps of opacity are grey, and one channel of a
-    /// texture is what traversal can ask for.
+    /// The mean of a colour's components if it is known; else red: maps of opacity are grey, and traversal can read one
+    /// channel of a texture.
     fn grey(&mut self, color: Val) -> Val {
         match color {
             Val::Constant([r, g, b, _]) => Val::number((r + g + b) / 3.0),
@@ -196,7 +196,7 @@ impl NetworkWalker<'_> {
     }
 
     fn gltf(&mut self, at: NodeAddress) -> OpenPbrSlab {
-        // KHR_materials_dispersion has 20 / V.
+        // KHR_materials_dispersion stores 20 / V.
         let dispersion = self.number_or(at, "dispersion", 0.0);
         let dispersion = self.expressions.multiply(dispersion, Val::number(0.05));
         let mode = self.number_or(at, "alpha_mode", 0.0).constant().map_or(0.0, |mode| mode[0]);
@@ -211,7 +211,7 @@ impl NetworkWalker<'_> {
         let (tint, absorption) = self.inside(attenuation, depth);
         let color = self.number_or(at, "base_color", 1.0);
         let (roughness, ratio) = self.gltf_anisotropy(at);
-        // In radians.
+        // The rotation is in radians.
         let turn = self.number_or(at, "anisotropy_rotation", 0.0);
         let turn = self.expressions.multiply(turn, Val::number(0.5 * std::f32::consts::FRAC_1_PI));
         OpenPbrSlab {
@@ -224,7 +224,7 @@ impl NetworkWalker<'_> {
             turn,
             ior: self.number_or(at, "ior", 1.5),
             transmission: self.number_or(at, "transmission", 0.0),
-            // glTF tints what is transmitted by the base.
+            // glTF tints transmitted light by the base.
             transmission_color: self.expressions.multiply(color, tint),
             absorption,
             dispersion,
@@ -244,7 +244,7 @@ impl NetworkWalker<'_> {
         }
     }
 
-    /// Burley (2012, 2015); its flatness, diffuse transmission and tints are left out.
+    /// The model of Burley (2012, 2015); its flatness, diffuse transmission and tints are left out.
     fn disney(&mut self, at: NodeAddress) -> OpenPbrSlab {
         self.leave_out(
             at,
@@ -258,7 +258,7 @@ impl NetworkWalker<'_> {
         let specular = self.number_or(at, "specular", 0.5);
         let color = self.number_or(at, "baseColor", 0.16);
         let e = &mut self.expressions;
-        // Alpha from 0.1 to 0.001.
+        // Alpha goes from 0.1 to 0.001.
         let alpha = e.mix(Val::number(0.1), Val::number(0.001), gloss);
         let coat_roughness = e.unary(Op::Sqrt, alpha);
         // F0 is 0.08 of `specular`, which is 0.04 times the weight.
@@ -281,7 +281,7 @@ impl NetworkWalker<'_> {
             transmission_color,
             subsurface: self.number_or(at, "subsurface", 0.0),
             subsurface_color: color,
-            // A coat of Disney's reflects a quarter.
+            // A coat of Disney's model reflects a quarter.
             coat: self.expressions.multiply(coat, Val::number(0.25)),
             coat_roughness,
             coat_ior: Val::number(1.5),
@@ -296,7 +296,7 @@ impl NetworkWalker<'_> {
         let workflow = self.number_or(at, "useSpecularWorkflow", 0.0);
         let is_specular = !workflow.is(0.0, 1);
         let opacity = self.number_or(at, "opacity", 1.0);
-        // opacityMode: 0 transparent, 1 presence.
+        // Values of opacityMode: 0 transparent, 1 presence.
         let is_presence = threshold > 0.0 || !self.number_or(at, "opacityMode", 0.0).is(0.0, 1);
         let specular = self.number_or(at, "specularColor", 0.0);
         let transmission = if is_presence { Val::ZERO } else { self.expressions.complement(opacity) };
@@ -319,7 +319,7 @@ impl NetworkWalker<'_> {
         if !is_specular {
             return slab;
         }
-        // F0 = specularColor: its colour is that over what the index reflects.
+        // F0 = specularColor: the tint is that over the reflectance of the index.
         let e = &mut self.expressions;
         let (above, below) = (e.subtract(slab.ior, Val::ONE), e.add(slab.ior, Val::ONE));
         let root = e.divide(above, below);

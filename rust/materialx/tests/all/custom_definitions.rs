@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Definitions of one's own beside the data libraries: graphs, namespaces, files, circles, what has no graph.
+//! The user's own definitions beside the data libraries: graphs, namespaces, files, cycles, definitions without a
+//! graph.
 
 use std::fs;
 use std::path::PathBuf;
@@ -12,14 +13,14 @@ use oocpt_materialx::{InputSource, TranslatedNetwork, translate};
 
 use crate::support::{file, node, source, vector};
 
-/// Where the data libraries of the tests are.
+/// The path of the data libraries of the tests.
 fn standard() -> PathBuf {
     let home = || PathBuf::from(std::env::var_os("HOME").expect("a home")).join(".cache/oocpt/host-25.08");
     let host = std::env::var_os("OOCPT_HOST_ROOT").map_or_else(home, PathBuf::from);
     host.join("python/bpy/lib/materialx/libraries")
 }
 
-/// A folder of one's own, removed at the end.
+/// A temporary folder, removed at the end.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -39,7 +40,7 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // What is left lies in the folder for temporary files.
+        // A folder that cannot be removed stays among the temporary files.
         drop(fs::remove_dir_all(&self.0));
     }
 }
@@ -48,7 +49,7 @@ fn translated_with(library: &NodeLibrary, nodes: Vec<NetworkNode>) -> Translated
     translate(&Network { nodes, ..Network::default() }, library)
 }
 
-/// The base colour that a node of this kind gives.
+/// The base colour from a node of this kind.
 fn color_of(library: &NodeLibrary, kind: &str, values: &[(&str, PortValue)], output: &str) -> TranslatedNetwork {
     let mut surface = node("ND_standard_surface_surfaceshader", &[("base", PortValue::Numbers([1.0; 4]))], &[]);
     surface.connections.push(("base_color".into(), 1, output.into()));
@@ -198,7 +199,7 @@ fn definitions_without_a_graph_are_named() {
     assert!(line.contains("`code` (/m/ND_code_color3) is not supported") && line.contains("graph"), "{line}");
 }
 
-/// A file that a scene names, with what it includes: in a circle, too many, not there.
+/// A file that a scene names, with its includes: cyclic, too many, missing.
 #[test]
 fn included_documents_are_loaded() {
     let half = TWO.replace(" namespace=\"mine\"", "").replace("other.mtlx", "user.mtlx");
@@ -225,7 +226,7 @@ fn included_documents_are_loaded() {
     assert!(library.problems().len() == 1 && library.problems()[0].contains("left out"), "{:?}", library.problems());
 }
 
-/// Nothing is waited for, nothing is read without an end.
+/// No read blocks or is unbounded.
 #[cfg(unix)]
 #[test]
 fn irregular_files_are_not_opened() {

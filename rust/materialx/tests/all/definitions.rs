@@ -7,7 +7,8 @@ use oocpt_materialx::value::{PortType, PortValue};
 
 use crate::support::{library, node, number, of_node, source, text, translated, vector};
 
-/// Patterns of the libraries that are not supported: what they read is not known at a hit, or they are matrices.
+/// Patterns of the libraries that are not supported: they read something that is not known at a hit, or they are
+/// matrices.
 const UNSUPPORTED: &[&str] =
     &["chiang_hair_absorption_from_color", "chiang_hair_roughness", "deon_hair_absorption_from_melanin", "determinant"];
 
@@ -59,7 +60,7 @@ fn near(value: [f32; 4], expected: &[f32]) -> bool {
     value.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 2e-6 * (1.0 + b.abs()))
 }
 
-/// What nodes give by the specification, worked out by hand at (u, v) = (0.3, 0.6).
+/// Values of nodes by the specification, computed by hand at (u, v) = (0.3, 0.6).
 #[test]
 fn nodes_give_the_values_of_the_specification() {
     type Case<'a> = (&'a str, &'a [(&'a str, PortValue)], &'a [f32]);

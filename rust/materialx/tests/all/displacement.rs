@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Displacement terminals translated: constants, programs against their fields, mixtures, what is refused; and networks
-//! that nobody means.
+//! Displacement terminals: constants, programs against their fields, mixtures, refused networks; and hostile ones.
 
 use oocpt_materialx::eval::{run, run_numbered};
 use oocpt_materialx::network::{Network, NetworkNode};
@@ -17,7 +16,7 @@ const VECTOR: &str = "ND_displacement_vector3";
 const MIX: &str = "ND_mix_displacementshader";
 const DOT: &str = "ND_dot_displacementshader";
 
-/// Of the network's first node.
+/// Translates the displacement of the network's first node.
 fn translated(nodes: Vec<NetworkNode>) -> (Option<DisplacementProgram>, Vec<String>) {
     translate_displacement(&Network { nodes, surface: usize::MAX, displacement: Some(0) }, library())
 }
@@ -99,14 +98,14 @@ fn mixed_displacements_interpolate_and_scalars_follow_the_normal() {
     let found = sound(vec![mix(0.25), node(VECTOR, &[across], &[]), node(FLOAT, std::slice::from_ref(&b), &[])]);
     let DisplacementOffset::Constant([x, y, z, _]) = found.offset else { panic!("{found:?}") };
     assert_eq!(([x, y, z], found.is_vector), ([0.25, 0.5, 7.0], true));
-    // What is not connected moves nothing; `dot` hands on.
+    // An input that is not connected displaces nothing; `dot` passes its input on.
     let found = sound(vec![
         node(DOT, &[], &[("in", 1)]),
         node(MIX, &[("mix", number(0.25))], &[("fg", 2)]),
         node(FLOAT, &[a], &[]),
     ]);
     assert_eq!(found.offset, DisplacementOffset::Constant([1.0; 4]));
-    // By a share that varies.
+    // The share varies here.
     let found = sound(vec![
         node(MIX, &[], &[("fg", 1), ("bg", 2), ("mix", 3)]),
         node(FLOAT, &[("displacement", number(4.0))], &[]),
@@ -138,7 +137,7 @@ fn inputs_unknown_at_vertices_give_a_warning() {
             |problem: &String| problem.contains(&format!("(/m/{kind})")) && problem.contains("displaces nothing");
         assert_eq!(problems.iter().filter(|problem| is_it(problem)).count(), 1, "{problems:?}");
     }
-    // Of a branch that is not taken nothing is lost.
+    // A branch that is not taken reports nothing.
     let (found, _) = translated(vec![
         node(VECTOR, &[], &[("displacement", 1)]),
         node("ND_mix_vector3", &[("bg", vector(1.0, 2.0, 3.0)), ("mix", number(0.0))], &[("fg", 2)]),
@@ -167,7 +166,7 @@ fn an_invalid_displacement_is_one_problem() {
     assert_eq!(translate_displacement(&Network::default(), library()), (None, Vec::new()), "no terminal, no line");
 }
 
-/// Each node is worked out once: a ladder of mixtures that all read the next one twice.
+/// Each node is evaluated once: a ladder of mixtures that all read the next one twice.
 #[test]
 fn shared_displacement_nodes_are_evaluated_once() {
     let mut nodes: Vec<NetworkNode> =
@@ -231,7 +230,7 @@ fn only_read_channels_of_displacement_textures_are_kept() {
     }
 }
 
-/// Everything that a displacement of strangers promises.
+/// The promises for a displacement of strangers.
 fn check(network: &Network) {
     let (found, problems) = translate_displacement(network, library());
     assert!(problems.len() <= 65, "{} lines", problems.len());
@@ -255,7 +254,7 @@ fn check(network: &Network) {
         assert!(what != Geometry::ViewDirection && !Geometry::RANDOM.contains(&what), "{what:?} is not known");
         [0.3, -0.7, 1.9, 0.4]
     };
-    // Channels that do not count may be anything.
+    // Channels that do not count may have any value.
     let texel = |number: usize, other: f32| {
         let channel = |k: u8| if read[number] >> k & 1 == 1 { 0.2 + 0.2 * f32::from(k) } else { other };
         [0, 1, 2, 3].map(channel)

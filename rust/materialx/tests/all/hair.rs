@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Hair: its helper nodes against their formulas in f64, as constants and as programs; where a fibre's numbers go;
-//! mixtures.
+//! Hair: its helper nodes against their formulas in f64, as constants and as programs; the packing of a fibre's
+//! parameters; mixtures.
 
 use oocpt_materialx::InputSource;
 use oocpt_materialx::network::NetworkNode;
@@ -32,7 +32,7 @@ fn of_color(color: f64, across: f64) -> f64 {
     (color.clamp(0.001, 1.0).ln() / below).powi(2)
 }
 
-/// d'Eon et al. 2011: what eumelanin and pheomelanin absorb.
+/// The absorption of eumelanin and pheomelanin (d'Eon et al. 2011).
 fn of_melanin(concentration: f64, redness: f64) -> [f64; 3] {
     let melanin = -(1.0 - concentration).max(0.0001).ln();
     let eumelanin = [0.657_704_f64, 0.498_077, 0.254_107];

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Heights made into normals, against fields whose slopes are known: as programs, as textures, of points; and through
-//! the nodes that read them.
+//! Normals from heights, against fields with known slopes: as programs, as textures, of points; and through the nodes
+//! that read them.
 
 use oocpt_materialx::network::NetworkNode;
 use oocpt_materialx::program::Geometry;
@@ -11,7 +11,7 @@ use crate::support::{file, node, number, sound, source, value};
 
 const OPEN_PBR: &str = "ND_open_pbr_surface_surfaceshader";
 
-/// The unit vector of a normal whose height rises by these along u and v: scale / 16 of them.
+/// The unit normal for slopes along u and v, times scale / 16.
 fn leaning([du, dv]: [f64; 2], scale: f64) -> [f64; 3] {
     let [x, y] = [du, dv].map(|slope| -slope * scale / 16.0);
     let length = (x * x + y * y + 1.0).sqrt();
@@ -74,7 +74,7 @@ fn bump_normals_follow_the_height_gradient() {
     }
 }
 
-/// A file is looked up at four places, through the map of its coordinates; its red counts.
+/// A file is looked up at four places, through the map of its coordinates; its red channel counts.
 #[test]
 fn a_height_texture_gives_normals_by_finite_differences() {
     let translation = sound(vec![
@@ -85,7 +85,7 @@ fn a_height_texture_gives_normals_by_finite_differences() {
         node("ND_texcoord_vector2", &[], &[]),
     ]);
     assert_eq!((translation.program.lookups.len(), translation.uses.textures.len()), (4, 1), "{translation:?}");
-    // A map of its own for each, so that no place has to be worked out and the filter is that of the file.
+    // Each lookup has a map of its own, so that no place has to be computed and the filter is that of the file.
     assert!(translation.program.lookups.iter().all(|lookup| lookup.uv == Some(0) && lookup.transform[0][0] == 2.0));
     let at = |[u, v]: [f32; 2]| {
         let InputSource::Register(register) = source(&translation, Input::Normal) else { panic!("{translation:?}") };
@@ -129,7 +129,7 @@ fn a_height_of_position_gives_normals_in_the_tangent_frame() {
     near(unit(found), leaning([slope(tangent), slope(bitangent)], 4.0), 1e-3, "a height of points");
 }
 
-/// What is the same everywhere is flat and costs nothing; as a colour a slope is that of a normal map.
+/// A constant height is flat and costs nothing; as a colour a slope is that of a normal map.
 #[test]
 fn a_constant_height_adds_no_instructions() {
     let flat = sound(vec![

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Networks that nobody means: random ones, circles, long chains, wrong types.
+//! Hostile networks: random ones, cycles, long chains, wrong types.
 
 use oocpt_materialx::eval::run;
 use oocpt_materialx::network::{Network, NetworkNode};
@@ -29,7 +29,7 @@ fn any_value() -> impl Strategy<Value = PortValue> {
     ]
 }
 
-/// Ids that the libraries do not define: those of `MaterialX` 1.38, and what nobody defines.
+/// Ids that the libraries do not define: those of `MaterialX` 1.38, and unknown ones.
 const OTHER_IDS: &[&str] = &[
     "ND_normalmap",
     "ND_swizzle_color3_float",
@@ -91,7 +91,7 @@ prop_compose! {
     }
 }
 
-/// Everything that a translation promises.
+/// The promises of a translation.
 fn check(network: &Network) {
     let translation = translate(network, library());
     let program = &translation.program;
@@ -172,19 +172,19 @@ proptest! {
             nodes[0] =
                 node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1), ("specular_roughness", 1)]);
             if surface == 1 {
-                // Whatever is random is a height.
+                // The height is random.
                 let last = nodes.len();
                 nodes[0].connections.push(("geometry_normal".into(), last, "out".into()));
                 nodes.push(node("ND_bump_vector3", &[], &[("height", 1)]));
             }
         } else if surface == 2 {
-            // A fibre, whatever else is random.
+            // The surface is a fibre with random inputs.
             let inputs = ["absorption_coefficient", "roughness_TT", "tint_R", "cuticle_angle"];
             let last = nodes.len();
             nodes.push(node("ND_chiang_hair_bsdf", &[], &inputs.map(|name| (name, 1))));
             nodes[0] = node("ND_surface", &[], &[("bsdf", last)]);
         } else if surface == 4 {
-            // Closures mixed, added and multiplied, whatever is random in them.
+            // Closures are mixed, added and multiplied with random parameters.
             let kinds = ["ND_mix_bsdf", "ND_add_bsdf", "ND_mix_bsdf", "ND_layer_bsdf"];
             let names = [["bg", "fg"], ["in1", "in2"], ["bg", "fg"], ["base", "top"]];
             let lobes = ["dielectric", "conductor", "oren_nayar_diffuse", "dielectric", "sheen"];
@@ -200,7 +200,7 @@ proptest! {
             }
             nodes.push(node("ND_uniform_edf", &[], &[("color", 1)]));
         } else if surface == 5 {
-            // Surfaces mixed by what is random.
+            // Surfaces are mixed by random shares.
             let first = nodes.len();
             nodes[0] = node("ND_mix_surfaceshader", &[], &[("bg", first), ("fg", first + 1), ("mix", 1)]);
             nodes.push(node(
@@ -244,7 +244,7 @@ fn a_chain_that_is_too_long_is_a_problem() {
     assert!(translation.problems.iter().any(|problem| problem.contains("too large")), "{:?}", translation.problems);
 }
 
-/// More values at a time than there are registers: their middles stand for them.
+/// More values at a time than there are registers: their means replace them.
 #[test]
 fn exceeding_program_limits_is_a_problem() {
     let mut nodes =
@@ -341,7 +341,7 @@ fn thousands_of_nodes_are_translated_or_refused() {
     assert!(problem.contains("too many nodes"), "{problem}");
 }
 
-/// What is wrong with thousands of nodes is told in a bounded number of lines.
+/// Thousands of problems give a bounded number of lines.
 #[test]
 fn many_problems_are_few_lines() {
     let mut nodes = vec![node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1)])];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Networks translated: against what `MaterialX` says they are, and against hostile ones.
+//! Translated networks: against `MaterialX`'s specification, and hostile ones.
 
 #[cfg(test)]
 mod custom_definitions;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Mixtures: one slab where its mixed parameters are what is asked for, else one of two by a random number of the hit.
+//! Mixtures: one slab if mixing its parameters is exact, else one of two by a random number of the hit.
 
 use oocpt_materialx::network::NetworkNode;
 use oocpt_materialx::program::Geometry;
@@ -11,7 +11,7 @@ use crate::support::{file, node, number, sound, source, translated, value, vecto
 
 const OPEN_PBR: &str = "ND_open_pbr_surface_surfaceshader";
 
-/// An input where the random numbers of the hit are these.
+/// An input for these random numbers of the hit.
 fn chosen(translation: &TranslatedNetwork, input: Input, random: [f32; 3]) -> [f32; 4] {
     let surface = |what| match Geometry::RANDOM.iter().position(|known| *known == what) {
         Some(which) => [random[which]; 4],
@@ -30,7 +30,7 @@ fn mixed(share: f32, back: NetworkNode, front: NetworkNode) -> Vec<NetworkNode> 
     ]
 }
 
-/// Of a roughness, which is the root of its alpha.
+/// A metal of a roughness, which is the root of its alpha.
 fn metal(roughness: f32, color: [f32; 3]) -> NetworkNode {
     let alpha = roughness * roughness;
     let values = [("color0", vector(color[0], color[1], color[2])), ("roughness", vector(alpha, alpha, 0.0))];
@@ -45,7 +45,7 @@ fn near(found: &[f32], known: &[f32]) {
     assert!(found.iter().zip(known).all(|(a, b)| (a - b).abs() < 1e-5), "{found:?}, not {known:?}");
 }
 
-/// No program, so nothing by chance.
+/// Returns true if there is no program, so nothing is chosen by chance.
 fn is_plain(translation: &TranslatedNetwork) -> bool {
     translation.program.instructions.is_empty()
 }
@@ -67,7 +67,7 @@ fn metals_of_two_roughnesses_are_chosen_by_their_share() {
     }
 }
 
-/// Colours and shares are what a slab is linear in: bits of such materials stay what they are.
+/// A slab is linear in colours and shares: the bits of such materials do not change.
 #[test]
 fn linearly_mixable_slabs_are_not_chosen_stochastically() {
     let of = |translation: &_, input| match source(translation, input) {
@@ -205,7 +205,7 @@ fn emission_and_opacity_are_not_chosen() {
     near(&[of(Input::DiffuseColor, 0.0)[0], of(Input::DiffuseColor, 0.5)[0]], &[0.4, 0.8]);
 }
 
-/// What is there of the front is its share times its opacity: where a surface is met, that of what is there.
+/// The share of the front at a hit is its share times its opacity, over the opacity of the mixture.
 #[test]
 fn selection_weights_include_opacity() {
     let rough = |roughness: f32, opacity: f32, light: f32| {
@@ -228,7 +228,7 @@ fn selection_weights_include_opacity() {
     assert!(is_plain(&gone), "the front is nowhere: {gone:?}");
 }
 
-/// a + b: each by its part of the weights, and so much brighter.
+/// a + b: each by its part of the weights, and brighter by its inverse.
 #[test]
 fn added_slabs_are_selected_by_weight() {
     let weighed = |weights: [f32; 2]| {

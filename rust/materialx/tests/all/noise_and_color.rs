@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Noise and colour operations against what `MaterialX`'s own functions gave (`noise_and_color.csv` says which and
-//! where): the same bits.
+//! Noise and colour operations against the results of `MaterialX`'s own functions (`noise_and_color.csv` names them):
+//! the same bits.
 
 use oocpt_materialx::eval::evaluate;
 use oocpt_materialx::program::Op;

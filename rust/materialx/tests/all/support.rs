@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Networks by hand, and what their programs give.
+//! Hand-written networks, and the results of their programs.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -59,19 +59,19 @@ pub(crate) fn translated(nodes: Vec<NetworkNode>) -> TranslatedNetwork {
     translate(&Network { nodes, ..Network::default() }, library())
 }
 
-/// The same, without a problem.
+/// Translates as [`translated`] does, and asserts that there are no problems.
 pub(crate) fn sound(nodes: Vec<NetworkNode>) -> TranslatedNetwork {
     let translation = translated(nodes);
     assert_eq!(translation.problems, Vec::<String>::new(), "a sound network has no problem");
     translation
 }
 
-/// Where an input comes from.
+/// The source of an input.
 pub(crate) fn source(translation: &TranslatedNetwork, input: Input) -> InputSource {
     translation.inputs.expect("a surface")[input as usize]
 }
 
-/// The value of an input at a surface, texels being what `lookup` says.
+/// The value of an input at a surface, with texels from `lookup`.
 pub(crate) fn value(
     translation: &TranslatedNetwork,
     input: Input,

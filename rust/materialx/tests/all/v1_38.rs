@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Ids of `MaterialX` 1.38: every one that 1.39 has no definition of gives what 1.38 specifies, or is named.
+//! Ids of `MaterialX` 1.38: every one that 1.39 does not define has the result of 1.38's specification, or is reported.
 
 use oocpt_materialx::library::NodeLibrary;
 use oocpt_materialx::network::{Network, NetworkNode};
@@ -30,7 +30,7 @@ fn near(value: [f32; 4], expected: [f32; 3]) -> bool {
     value.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1e-5)
 }
 
-/// What the emission is, that the last of these nodes gives: numbers of the world.
+/// The emission that the last of these nodes computes: numbers in the world.
 fn given(nodes: Vec<NetworkNode>) -> [f32; 4] {
     let mut all = vec![node("ND_surface_unlit", &[], &[("emission_color", nodes.len())])];
     all.extend(nodes);
@@ -60,7 +60,7 @@ fn a_1_38_normal_map_uses_the_world_normal() {
     assert!(near(given(facing), [0.28; 3]), "its cosine to the view");
 }
 
-/// 1.38 has no bitangent: it is at right angles to what is said.
+/// 1.38 has no bitangent input: it is orthogonal to the given vectors.
 #[test]
 fn a_normal_map_of_1_38_makes_its_bitangent() {
     let about = |kind: &str| {
@@ -250,7 +250,7 @@ fn disney_2012_and_2015_map_to_disney_principled() {
     assert!(thin.thin_walled, "a sheet");
 }
 
-/// What nobody can work out any more is named with its prim.
+/// Removed ids that cannot be evaluated are reported with their prim.
 #[test]
 fn removed_1_38_ids_are_reported_by_name() {
     for kind in [

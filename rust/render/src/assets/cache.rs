@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The scene on the device from frame to frame: what is wanted, what is there, and whether all of it fits.
+//! Keeps the scene on the device from frame to frame: the assets that a snapshot needs, those that are resident, and
+//! whether all of them fit.
 //!
-//! [`SceneCache::sync`] lists what a snapshot needs. If it fits the budget, [`DeviceScene::load_all`] brings
-//! everything; else the streaming loop brings what the rays ask for. Render thread only.
+//! [`SceneCache::sync`] lists what a snapshot needs. If it fits the budget, [`DeviceScene::load_all`] loads everything;
+//! else the streaming loop loads what the rays ask for. Render thread only.
 
 use super::catalog::SceneAssets;
 use super::source::AssetKey;
@@ -23,12 +24,12 @@ use rustc_hash::FxHashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Bytes of assets that may be on their way at the same time while everything is loaded.
+/// Bytes of assets that may be in transit at the same time while everything is loaded.
 const IN_FLIGHT_BYTES: u64 = 512 << 20;
-/// How long a copy on the device may take.
+/// The longest time that a copy on the device may take.
 const COPY_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// What the passes need to know of the scene.
+/// Addresses and sizes of the scene's tables, for the passes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SceneView {
     pub(crate) top_nodes: u64,
@@ -36,25 +37,25 @@ pub(crate) struct SceneView {
     pub(crate) chunks: u64,
     pub(crate) assemblies: u64,
     pub(crate) meshes: u64,
-    /// 0 when no mesh has a material; as the next two.
+    /// 0 if no mesh has a material; so are the next two.
     pub(crate) materials: u64,
     pub(crate) prims: u64,
     pub(crate) material_slots: u64,
-    /// 0 when no material has a program.
+    /// 0 if no material has a program.
     pub(crate) programs: u64,
-    /// 0 when no placement of an opened assembly has values.
+    /// 0 if no placement of an opened assembly has values.
     pub(crate) placed_values: u64,
-    /// Whether some material has to be asked whether its surfaces are there.
+    /// True if some material has cutouts or presence.
     pub(crate) has_cutouts: bool,
-    /// What of them only the shaders look up.
+    /// The cutouts that only the shaders can look up, in words.
     pub(crate) cutouts_of_shaders: Option<&'static str>,
-    /// Whether something is known of some without their textures.
+    /// True if some cutouts have a mask.
     pub(crate) has_opacity_masks: bool,
-    /// Whether that is most of what rays ask.
+    /// True if masks answer most of the rays' alpha tests.
     pub(crate) masks_answer_most: bool,
-    /// 0 when nothing reads a texture.
+    /// 0 if nothing reads a texture.
     pub(crate) textures: u64,
-    /// As `textures`.
+    /// 0 if nothing reads a texture.
     pub(crate) texture_pages: u64,
     /// Bytes of all trees, items and records.
     pub(crate) geometry_bytes: u64,
@@ -67,15 +68,15 @@ pub(crate) struct SceneView {
 }
 
 impl SceneView {
-    /// The same for passes that take the deepest nesting there may be.
+    /// This view for passes that take the deepest nesting that is supported.
     pub(crate) fn deepest(self, stack_entries: u32) -> Self {
         Self { max_levels: MAX_LEVELS, ..self }.with_stack(stack_entries)
     }
 
-    /// The same for chunks that need `stack_entries` below the top level.
+    /// This view for chunks that need `stack_entries` below the top level.
     pub(crate) fn with_stack(self, stack_entries: u32) -> Self {
-        // One more entry per way back to a level above, and one for the end. Rounded up, so that small edits do not ask
-        // for new pipelines.
+        // A walk needs one more entry per way back to a level above, and one for the end. The sum is rounded up, so
+        // that small edits do not need new pipelines.
         let stack_size = (self.top_stack + stack_entries + self.max_levels + 2).next_multiple_of(16);
         Self { stack_size, ..self }
     }
@@ -87,13 +88,13 @@ pub(crate) struct DeviceScene {
     pub(crate) assets: Arc<SceneAssets>,
     pub(crate) store: AssetStore,
     tables: Option<SceneTables>,
-    /// What the tables hold.
+    /// The host's mirror of the tables.
     entries: TableEntries,
-    /// Whether the tables are of a scene in core.
+    /// True if the tables are those of a scene in core.
     is_in_core: bool,
 }
 
-/// See the module.
+/// The device scene of the last snapshot, with its images and lights.
 #[derive(Debug, Default)]
 pub(crate) struct SceneCache {
     scene: Option<DeviceScene>,
@@ -114,20 +115,20 @@ impl SceneCache {
         &self.textures
     }
 
-    /// As [`DeviceScene::clear`], if there is a scene.
+    /// Clears the device scene as [`DeviceScene::clear`] does, if there is one.
     pub(crate) fn clear(&mut self, device: &Device) -> Result<(), RenderError> {
         self.scene.as_mut().map_or(Ok(()), |scene| scene.clear(device))
     }
 
-    /// Takes the assets of `snapshot` for what is wanted; lets go of what it does not need.
-    /// `images` opens what textures name.
+    /// Makes the assets of `snapshot` the wanted ones and drops those that it does not need. `images` opens what
+    /// textures name.
     pub(crate) fn sync(
         &mut self,
         snapshot: &Arc<Snapshot>,
         images: Option<&Arc<dyn ImageLibrary>>,
     ) -> Result<&mut DeviceScene, RenderError> {
         match &mut self.scene {
-            // Nothing of it has changed: what is there stays, with its tables.
+            // An unchanged scene keeps its assets and tables.
             Some(scene) if Arc::ptr_eq(&scene.assets.snapshot, snapshot) => scene.store.forget_arriving(),
             _ => {
                 let textures = self.textures.sync(images, &snapshot.surfaces.textures);
@@ -153,7 +154,7 @@ impl SceneCache {
 }
 
 impl DeviceScene {
-    /// Bytes that are still to come, with tables; tiles of textures left out.
+    /// Bytes that are not loaded yet, with tables; tiles of textures left out.
     pub(crate) fn missing_bytes(&self) -> u64 {
         let missing: u64 = self.missing().filter_map(|id| self.assets.source(id)).map(|s| s.bytes()).sum();
         missing + SceneTables::bytes(&self.assets)
@@ -174,7 +175,7 @@ impl DeviceScene {
         u32::try_from(self.assets.catalog.unit_count()).unwrap_or(u32::MAX)
     }
 
-    /// The tables are made anew before the next frame.
+    /// Makes the next frame build the tables anew.
     pub(super) fn forget_tables(&mut self) {
         self.is_in_core = false;
     }
@@ -187,7 +188,7 @@ impl DeviceScene {
         &self.entries
     }
 
-    /// Notes where a ready asset is, for the tables.
+    /// Notes the address of a ready asset, for the tables.
     pub(super) fn show(&mut self, asset: AssetId) {
         if let Some(resident) = self.assets.key(asset).and_then(|key| self.store.reached(&key)) {
             self.entries.set(&self.assets, asset, resident.address());
@@ -198,8 +199,8 @@ impl DeviceScene {
         self.assets.keys().filter(|(_, key)| self.store.get(key).is_none()).map(|(id, _)| id)
     }
 
-    /// Loads every asset except texture tiles, which are loaded on demand, and fills the tables. `Ok(false)` when the
-    /// gate said no.
+    /// Loads every asset except texture tiles, which are loaded on demand, and fills the tables. Returns `Ok(false)` if
+    /// the gate stopped it.
     pub(crate) fn load_all(
         &mut self,
         device: &Device,
@@ -211,7 +212,7 @@ impl DeviceScene {
         if missing.is_empty() && self.is_in_core {
             return Ok(true);
         }
-        // Instance records first: they take longest, and the last ones should not be waited for alone.
+        // Instance records are loaded first: they take longest, and the last ones should not be waited for alone.
         missing.reverse();
         let mut missing = missing.into_iter().peekable();
         let mut on_the_way = 0_u64;
@@ -256,12 +257,12 @@ impl DeviceScene {
         Ok(true)
     }
 
-    /// Whether rays can use all of it, on the device or in host memory; tiles of textures left out.
+    /// Returns true if rays can use the whole scene, on the device or in host memory; tiles of textures left out.
     pub(crate) fn is_all_there(&self) -> bool {
         self.assets.keys().all(|(_, key)| self.store.reached(&key).is_some())
     }
 
-    /// Fills the tables with where everything is.
+    /// Fills the tables with the addresses of all assets.
     pub(crate) fn show_where_it_is(&mut self, device: &Device) -> Result<(), RenderError> {
         self.store.forget_arriving();
         self.is_in_core = false;
@@ -280,7 +281,7 @@ impl DeviceScene {
         Ok(())
     }
 
-    /// Lets go of everything on the device, tables too, and gives the memory back. Waits for the device.
+    /// Drops everything on the device, tables too, and frees the memory. Waits for the device.
     pub(crate) fn clear(&mut self, device: &Device) -> Result<(), RenderError> {
         self.store.clear();
         (self.tables, self.is_in_core, self.entries) = (None, false, TableEntries::default());
@@ -289,7 +290,7 @@ impl DeviceScene {
         Ok(())
     }
 
-    /// Gives back the host memory that rays read across the bus; if `keeps_tiles`, not that of tiles of textures.
+    /// Frees the host memory that rays read across the bus; with `keeps_tiles`, not that of tiles of textures.
     pub(crate) fn unmap(&mut self, device: &Device, keeps_tiles: bool) {
         self.store.unmap(keeps_tiles);
         if let Some(heap) = device.host_heap_if_made() {
@@ -297,7 +298,7 @@ impl DeviceScene {
         }
     }
 
-    /// Bytes of device memory that [`Self::clear`] gives back, as far as arenas go that others do not share.
+    /// Bytes of device memory that [`Self::clear`] frees, in arenas that others do not share.
     pub(crate) fn bytes_to_clear(&self, device: &Device) -> u64 {
         let heap = device.heap.stats();
         let own = self.store.bytes() + self.store.arriving_bytes();
@@ -314,7 +315,7 @@ impl DeviceScene {
         self.assets.source(asset).map_or(0, |source| source.bytes())
     }
 
-    /// Tables in which every chunk is absent, for streaming.
+    /// Creates tables in which every chunk is absent, for streaming.
     pub(crate) fn make_empty_tables(&mut self, device: &Device) -> Result<(), RenderError> {
         self.is_in_core = false;
         self.entries = TableEntries::default();
@@ -322,7 +323,7 @@ impl DeviceScene {
         Ok(())
     }
 
-    /// Lists the tables, and, when all of the scene is there, its assets by what they hold.
+    /// Lists the tables, and, if all of the scene is resident, its assets by their content.
     pub(crate) fn list(&self, inventory: &mut RenderInventory, in_core: bool) {
         if let Some(tables) = &self.tables {
             tables.list(inventory);
@@ -349,7 +350,7 @@ impl DeviceScene {
         self.assets.deepest_stack(own)
     }
 
-    /// What the passes need, for chunks that need `stack_entries` below the top level.
+    /// The view for chunks that need `stack_entries` below the top level.
     pub(crate) fn view(&self, stack_entries: u32) -> Result<SceneView, RenderError> {
         let Some(tables) = &self.tables else {
             return Err(RenderError::Internal("the scene's tables were not made".into()));

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a snapshot consists of as device data: assets (meshes, assemblies that are referenced whole, chunks' own
-//! blocks, tiles of textures) and the units that the planner brings and evicts: chunks, each with the assemblies that
-//! it needs, then meshes, then tiles. A ray that comes to a mesh needs its chunk at the same time: chunks are the
-//! *bases* of the planner's catalog.
+//! The device data of a snapshot: assets (meshes, assemblies that are referenced whole, chunks' own blocks, tiles of
+//! textures) and the units that the planner loads and evicts: chunks, each with the assemblies that it needs, then
+//! meshes, then tiles. A ray that reaches a mesh needs its chunk at the same time: chunks are the *bases* of the
+//! planner's catalog.
 //!
 //! Asset ids: meshes first (the mesh index), then assemblies (index + meshes), then chunks (index + meshes +
 //! assemblies), then tiles (their number + all those). Unit ids: chunks first, then meshes, then tiles. Pure; any
@@ -28,23 +28,23 @@ const MAX_TARGETS: u64 = 1 << 31;
 pub(crate) struct SceneAssets {
     pub(crate) snapshot: Arc<Snapshot>,
     pub(crate) textures: Arc<TextureSet>,
-    /// What is known of cutouts.
+    /// The opacity masks of the cutouts.
     pub(crate) masks: Arc<OpacityMasks>,
-    /// By asset id, those of tiles left out: there may be millions.
+    /// Sources by asset id, without those of tiles: there may be millions.
     sources: Vec<AssetSource>,
     /// Bytes of every asset and the assets of every unit.
     pub(crate) catalog: Arc<UnitCatalog>,
     /// The assets that some chunk or ray needs: all but tiles.
     pub(crate) needed: Vec<AssetId>,
-    /// Bytes of them and of all tiles.
+    /// Bytes of the needed assets and of all tiles.
     pub(crate) bytes: u64,
-    /// Of these, bytes of tiles.
+    /// Bytes of tiles among these.
     pub(crate) tile_bytes: u64,
-    /// Bytes of the largest that is no tile.
+    /// Bytes of the largest asset that is not a tile.
     pub(crate) largest_bytes: u64,
     /// The tree over chunk instances.
     pub(crate) top: TopLevel,
-    /// `bytes` by what they hold.
+    /// `bytes` by content.
     sections: [u64; AssetSource::SECTIONS.len()],
     meshes: usize,
     assemblies: usize,
@@ -65,7 +65,7 @@ impl TopLevel {
     }
 }
 
-/// What an asset id stands for in the tables.
+/// The table entry of an asset id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AssetSlot {
     Mesh(usize),
@@ -75,7 +75,7 @@ pub(crate) enum AssetSlot {
 }
 
 impl SceneAssets {
-    /// Lists the assets of `snapshot`, of which these are the textures and the masks.
+    /// Lists the assets of `snapshot`, whose textures and masks are given.
     pub(crate) fn new(
         snapshot: &Arc<Snapshot>,
         textures: &Arc<TextureSet>,
@@ -113,7 +113,7 @@ impl SceneAssets {
         let rows = chunk_rows.into_iter().chain((0..meshes).map(|mesh| vec![asset_id(mesh)]));
         let listed = UnitCatalog::new(sources.iter().map(AssetSource::bytes).collect(), rows).and_then(|catalog| {
             let mut catalog = catalog.with_bases(world.chunks.len());
-            // A lookup needs no chunk.
+            // A lookup of a texture needs no chunk.
             catalog.push_singles(&tiles)?;
             Ok(catalog)
         });
@@ -135,7 +135,7 @@ impl SceneAssets {
         })
     }
 
-    /// Where an asset's bytes come from.
+    /// The source of an asset's bytes.
     pub(crate) fn source(&self, asset: AssetId) -> Option<AssetSource> {
         if let Some(source) = self.sources.get(asset as usize) {
             return Some(source.clone());
@@ -144,7 +144,7 @@ impl SceneAssets {
         Some(AssetSource::Tile(Arc::clone(image), tile))
     }
 
-    /// Its content key.
+    /// The content key of an asset.
     pub(crate) fn key(&self, asset: AssetId) -> Option<AssetKey> {
         if let Some(source) = self.sources.get(asset as usize) {
             return Some(source.key());
@@ -179,12 +179,12 @@ impl SceneAssets {
         (0..).take(self.chunk_count()).chain(meshes.map(|mesh| self.mesh_unit(mesh)))
     }
 
-    /// Whether the unit is a tile.
+    /// Returns true if the unit is a tile.
     pub(crate) fn is_tile(&self, unit: UnitId) -> bool {
         unit >= self.geometry_count()
     }
 
-    /// A unit in words.
+    /// A description of a unit, for messages.
     pub(crate) fn describe(&self, unit: UnitId) -> String {
         match self.slot(self.own_asset(unit)) {
             AssetSlot::Mesh(mesh) => {
@@ -202,14 +202,14 @@ impl SceneAssets {
         self.bytes - self.tile_bytes
     }
 
-    /// Lists the bytes of the assets that some unit needs, by what they hold.
+    /// Lists the bytes of the assets that some unit needs, by content.
     pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         for (name, bytes) in AssetSource::SECTIONS.into_iter().zip(self.sections) {
             inventory.add(name, bytes);
         }
     }
 
-    /// What `asset` stands for.
+    /// The table entry of `asset`.
     pub(crate) fn slot(&self, asset: AssetId) -> AssetSlot {
         let at = asset as usize;
         if at < self.meshes {
@@ -228,7 +228,7 @@ impl SceneAssets {
         self.snapshot.world.chunks.len()
     }
 
-    /// The asset that is a unit's own block: of a chunk its records, of a mesh or tile all of it.
+    /// The asset that is a unit's own block: the records of a chunk, the whole of a mesh or tile.
     pub(crate) fn own_asset(&self, unit: UnitId) -> AssetId {
         let (unit, chunks) = (unit as usize, self.chunk_count());
         match unit.checked_sub(chunks) {
@@ -243,8 +243,8 @@ impl SceneAssets {
         self.needed.iter().filter_map(|id| Some((*id, self.sources.get(*id as usize)?.key())))
     }
 
-    /// Traversal stack entries below the top level that a walk through a chunk may need; `own` tells those of the trees
-    /// of chunks and assemblies. 0 for other units.
+    /// Traversal stack entries below the top level that a walk through a chunk may need; `own` returns those of the
+    /// trees of chunks and assemblies. 0 for other units.
     pub(crate) fn stack_of(&self, chunk: UnitId, own: impl Fn(AssetId) -> u32) -> u32 {
         if chunk as usize >= self.chunk_count() {
             return 0;
@@ -259,9 +259,9 @@ impl SceneAssets {
         last
     }
 
-    /// The same for all chunks.
+    /// The largest [`Self::stack_of`] of all chunks.
     pub(crate) fn deepest_stack(&self, own: impl Fn(AssetId) -> u32) -> u32 {
-        // Each asset once: many chunks place the same assemblies.
+        // Each asset is visited once: many chunks place the same assemblies.
         let mut entries: FxHashMap<AssetId, u32> = FxHashMap::default();
         let mut most = 0;
         for &asset in &self.needed {
@@ -273,12 +273,12 @@ impl SceneAssets {
         most
     }
 
-    /// What a walk of any chunk most likely needs, known before there are trees over instances.
+    /// The stack entries that a walk of any chunk most likely needs, estimated before there are trees over instances.
     pub(crate) fn likely_stack(&self) -> u32 {
         self.deepest_stack(|asset| self.sources.get(asset as usize).map_or(0, AssetSource::likely_stack))
     }
 
-    /// Entries that what `asset` places needs.
+    /// Stack entries that the targets of `asset` need.
     fn below(&self, asset: AssetId, entries: &FxHashMap<AssetId, u32>) -> u32 {
         match self.sources.get(asset as usize) {
             Some(AssetSource::Assembly(assembly)) => self.deepest(&assembly.targets(), entries),
@@ -288,7 +288,7 @@ impl SceneAssets {
     }
 
     fn deepest(&self, targets: &[InstanceTarget], entries: &FxHashMap<AssetId, u32>) -> u32 {
-        // Meshes say how deep they are before they come.
+        // The depth of a mesh's tree is known before it is loaded.
         let of = |target: &InstanceTarget| match *target {
             InstanceTarget::Mesh(mesh) => self.sources.get(mesh as usize).map(AssetSource::likely_stack),
             InstanceTarget::Assembly(index) => entries.get(&asset_id(self.meshes + index as usize)).copied(),
@@ -297,7 +297,7 @@ impl SceneAssets {
     }
 }
 
-/// Whether the tables can number what there is.
+/// Fails if the scene has more objects than the tables can number.
 fn check(snapshot: &Snapshot) -> Result<(), RenderError> {
     let world = &snapshot.world;
     if world.levels > MAX_LEVELS {
@@ -321,7 +321,7 @@ fn asset_id(index: usize) -> AssetId {
     AssetId::try_from(index).unwrap_or(AssetId::MAX)
 }
 
-/// The assemblies that every assembly needs which is referenced whole, its own included; children come before parents.
+/// The assemblies that every assembly referenced whole needs, its own included; children come before parents.
 fn closures(snapshot: &Snapshot, meshes: usize) -> Vec<Vec<AssetId>> {
     let mut closures: Vec<Vec<AssetId>> = Vec::with_capacity(snapshot.assemblies.len());
     for (index, assembly) in snapshot.assemblies.iter().enumerate() {
@@ -331,7 +331,7 @@ fn closures(snapshot: &Snapshot, meshes: usize) -> Vec<Vec<AssetId>> {
     closures
 }
 
-/// The assets of all chunks and what they place, sorted.
+/// The assets of all chunks and of what they place, sorted.
 fn needed(snapshot: &Snapshot, meshes: usize, chunk_rows: &[Vec<AssetId>]) -> Vec<AssetId> {
     let mut needed: FxHashSet<AssetId> = chunk_rows.iter().flatten().copied().collect();
     let is_placed = |index: &usize| needed.contains(&asset_id(meshes + index));

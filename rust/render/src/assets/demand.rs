@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! In core: brings the tiles of textures that waves lacked. Render thread only.
+//! Loads the tiles of textures that waves lacked, in core. Render thread only.
 
 use super::cache::DeviceScene;
 use super::source::AssetKey;
@@ -13,24 +13,24 @@ use oocpt_gpu::CommandList;
 use rustc_hash::FxHashMap;
 use std::time::{Duration, Instant};
 
-/// Bytes of tiles that may be on their way at the same time.
+/// Bytes of tiles that may be in transit at the same time.
 const IN_FLIGHT_BYTES: u64 = 256 << 20;
-/// How long a copy on the device may take.
+/// The longest time that a copy on the device may take.
 const COPY_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// What became of tiles that were asked for.
+/// The outcome of loading tiles.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum TilesOutcome {
-    /// All are there; their entries are to be written.
+    /// All tiles are resident; their entries are to be written.
     All(Vec<AssetId>),
     /// There is no memory for them.
     NoRoom,
-    /// The gate said no.
+    /// The gate stopped it.
     GivenUp,
 }
 
 impl DeviceScene {
-    /// Brings tiles, numbered over the scene, so that all tiles and geometry take at most `cap` bytes.
+    /// Loads tiles, numbered over the scene, so that all tiles and geometry take at most `cap` bytes.
     pub(crate) fn bring_tiles(
         &mut self,
         device: &Device,
@@ -97,12 +97,12 @@ impl DeviceScene {
         Ok(TilesOutcome::All(shown))
     }
 
-    /// Whether tiles that find no room on the device are read in host memory: where there is a limit of it.
+    /// Returns true if tiles that find no room on the device are read in host memory, which is so if that has a limit.
     pub(crate) fn maps_tiles(&self, device: &Device) -> bool {
         device.host_heap_if_made().is_some_and(|heap| heap.limit().is_some())
     }
 
-    /// Begins to bring a tile into host memory, where that may be.
+    /// Begins to load a tile into host memory, if that is allowed.
     fn maps_tile(&mut self, device: &Device, asset: AssetId) -> Result<bool, RenderError> {
         match self.assets.source(asset) {
             Some(source) if self.maps_tiles(device) => self.store.map_now(device, (asset, source)),
@@ -110,7 +110,7 @@ impl DeviceScene {
         }
     }
 
-    /// Lets go of tiles that other frames have brought if all that is there takes more than `cap` bytes.
+    /// Drops tiles that other frames have loaded if the scene takes more than `cap` bytes.
     pub(crate) fn keep_within(&mut self, cap: u64) {
         if self.store.bytes() <= cap {
             return;
@@ -123,8 +123,8 @@ impl DeviceScene {
         self.forget_tables();
     }
 
-    /// Those of `tiles` that are not there, in the order to bring them: the first of each image, then the second of
-    /// each, so that several files are decoded at a time.
+    /// The absent ones of `tiles`, in the order of loading: the first of each image, then the second of each, so that
+    /// several files are decoded at a time.
     fn missing_tiles(&self, tiles: &[u32]) -> Vec<AssetId> {
         let mut seen: FxHashMap<u64, u32> = FxHashMap::default();
         let mut wanted: Vec<(u32, AssetId)> = Vec::with_capacity(tiles.len());
@@ -143,14 +143,14 @@ impl DeviceScene {
         wanted.into_iter().map(|(_, asset)| asset).collect()
     }
 
-    /// Bytes of the tiles that are there.
+    /// Bytes of the resident tiles.
     pub(crate) fn tile_bytes_held(&self) -> u64 {
         let textures = &self.assets.textures;
         let tiles = self.store.tiles().filter_map(|(image, tile)| textures.number_of(image, tile));
         tiles.map(|tile| self.assets.catalog.bytes(self.assets.first_tile() + tile)).sum()
     }
 
-    /// Records the entries of assets that have come.
+    /// Records the table entries of assets that have arrived.
     pub(crate) fn write_entries(&self, commands: &mut CommandList, assets: &[AssetId]) {
         if let Some(tables) = self.tables() {
             commands.concurrent(|c| tables.update(c, &self.assets, self.entries(), assets));

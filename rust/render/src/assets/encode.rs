@@ -15,14 +15,14 @@ use std::sync::Arc;
 pub(crate) const PIECE_BYTES: usize = 1 << 20;
 /// Staging bytes after which a command list is submitted.
 const SUBMIT_BYTES: usize = 4 << 20;
-/// Where a triangle keeps the number of its subset.
+/// Byte offset of the number of a triangle's subset.
 const SUBSET: usize = std::mem::offset_of!(GpuTriangle, subset_and_sides);
-/// Where it keeps the sides of its authored face.
+/// Byte offset of the number of sides of its authored face.
 const SIDES: usize = SUBSET + 2;
-/// Where it keeps its place in a Ptex file.
+/// Byte offset of its place in a Ptex file.
 const PTEX: usize = std::mem::offset_of!(GpuTriangle, ptex);
 
-/// Copies of one asset under way.
+/// The copies of one asset under way.
 pub(crate) struct AssetCopier<'a> {
     gpu: &'a Arc<Gpu>,
     ring: &'a StagingRing,
@@ -50,7 +50,7 @@ impl<'a> AssetCopier<'a> {
         for first in (0..count).step_by(step) {
             let bytes = step.min(count - first) * stride;
             let at = offset + (first * stride) as u64;
-            // Host memory takes the bytes as they are made.
+            // Host memory takes the bytes without staging.
             if target.fill(at, bytes, &mut |out| fill(first, out))? {
                 self.bytes += bytes as u64;
                 continue;
@@ -63,8 +63,8 @@ impl<'a> AssetCopier<'a> {
         Ok(())
     }
 
-    /// Staging memory. Nobody waits for it with copies in hand that are not submitted: space comes back in order, so
-    /// the one who holds the oldest would wait for himself.
+    /// Reserves staging memory. Copies in hand are submitted before it waits: space is freed in order, so a thread that
+    /// holds the oldest would wait for itself.
     fn reserve(&mut self, bytes: usize) -> Result<StagingSlice, RenderError> {
         if let Some(slice) = self.ring.try_reserve(bytes as u64, 16)? {
             return Ok(slice);
@@ -100,7 +100,7 @@ impl<'a> AssetCopier<'a> {
         Ok(())
     }
 
-    /// Submits what is left; what to wait for, and the bytes copied.
+    /// Submits the rest; returns what to wait for, and the bytes copied.
     pub(crate) fn finish(mut self) -> Result<CopiedAssets, RenderError> {
         self.submit()?;
         Ok(CopiedAssets { submissions: self.submissions, bytes: self.bytes, ..CopiedAssets::default() })
@@ -130,7 +130,7 @@ impl<'a> AssetCopier<'a> {
         let stride = (count * item_bytes) as u64;
         for key in 0..mesh.keys.times.len().max(1) {
             let offset = layout.triangles + key as u64 * stride;
-            // Faces, subsets and places in Ptex files are those of the first key at all of them.
+            // Faces, subsets and places in Ptex files are those of the first key at all keys.
             let later = key.checked_sub(1).and_then(|key| mesh.keys.vertices.chunks(count.max(1)).nth(key));
             self.section(target, offset, (count, item_bytes), |first, out| {
                 let vertices = later.map_or(&[][..], |later| &later[first..]);
@@ -190,7 +190,7 @@ fn triangles(mesh: &MeshAsset, vertices: &[[[f32; 3]; 3]], first: usize, out: &m
     }
 }
 
-/// Writes points from number `first` on, as [`triangles`].
+/// Writes points from number `first` on, as [`triangles`] does.
 fn points(mesh: &MeshAsset, vertices: &[[[f32; 3]; 3]], first: usize, out: &mut [u8]) {
     let items = mesh.triangles[first..].iter().enumerate();
     for ((at, item), bytes) in items.zip(out.chunks_exact_mut(size_of::<GpuPoint>())) {

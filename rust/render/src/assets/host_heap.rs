@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Memory of the host for what rays read across the bus, made ahead by a thread of its own: pages are made and pinned
-//! at a few gigabytes a second (measured: decisions/0050), and no step is to wait for that.
+//! Host memory for what rays read across the bus, allocated ahead by a thread of its own: pages are allocated and
+//! pinned at a few gigabytes a second (measured: decisions/0050), and no step should wait for that.
 
 use crate::device::Device;
 use crate::error::RenderError;
@@ -9,11 +9,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
-/// Bytes made at a time.
+/// Bytes of one allocation.
 const PIECE: u64 = 64 << 20;
-/// Bytes that are kept ready.
+/// Free bytes that are kept ready.
 const AHEAD: u64 = 512 << 20;
-/// How often it is looked.
+/// The interval at which free memory is checked.
 const PAUSE: Duration = Duration::from_millis(5);
 
 /// Bytes of memory that surely hold `bytes` of assets of up to `largest` bytes: one that finds no room at the end of a
@@ -23,14 +23,14 @@ pub(crate) fn bytes_with_holes(bytes: u64, largest: u64) -> u64 {
     bytes + bytes.div_ceil(PIECE - hole) * hole
 }
 
-/// Makes memory ahead as long as it lives, once some was asked for.
+/// A thread that allocates ahead while this lives, once [`HostHeapFiller::want`] was called.
 #[derive(Debug)]
 pub(crate) struct HostHeapFiller {
     wanted: Arc<AtomicBool>,
 }
 
 impl HostHeapFiller {
-    /// Keeps some memory ready, at most `most` bytes in all.
+    /// Starts the thread; it allocates at most `most` bytes in all.
     pub(crate) fn start(device: &Device, most: u64) -> Result<Self, RenderError> {
         let heap = Arc::clone(device.host_heap()?);
         heap.set_limit(Some(most));
@@ -43,7 +43,7 @@ impl HostHeapFiller {
         Ok(Self { wanted })
     }
 
-    /// Has it begin.
+    /// Lets the thread begin to allocate.
     pub(crate) fn want(&self) {
         self.wanted.store(true, Ordering::Relaxed);
     }
@@ -84,7 +84,7 @@ mod tests {
         let mib = 1 << 20;
         for (largest, count) in [(10 * mib, 80_u64), (32 * mib, 5), (22 * mib, 7), (1, 100), (63 * mib, 3)] {
             let limit = bytes_with_holes(largest * count, largest);
-            // One after the other into pieces, as the heap may.
+            // Assets fill pieces one after the other, as the heap may place them.
             let a_piece = PIECE / largest;
             let taken = if largest > PIECE / 2 { largest * count } else { count.div_ceil(a_piece) * PIECE };
             assert!(limit + PIECE > taken, "{count} of {largest} bytes: {limit} for {taken}");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Encoded assemblies and chunks in host memory, for those that come to the device again and again: a reload is a copy.
+//! Encoded assemblies and chunks in host memory, for those that are loaded again and again: a reload is then a copy.
 //!
-//! Bounded in bytes. What came first stays: units come back in no order that tells which of them to let go, and one
+//! Bounded in bytes. The first assets stay: the order in which units come back does not tell which to evict, and one
 //! that is not kept costs no more than encoding it. Any thread.
 
 use super::level::EncodedAsset;
@@ -10,7 +10,7 @@ use crate::sync::lock;
 use rustc_hash::FxHashMap;
 use std::sync::{Arc, Mutex};
 
-/// See the module.
+/// Encoded assets by key, within a limit of bytes.
 #[derive(Debug, Default)]
 pub(crate) struct EncodedAssets {
     state: Mutex<KeptAssets>,
@@ -25,7 +25,7 @@ struct KeptAssets {
 }
 
 impl EncodedAssets {
-    /// From now on at most `most` bytes; lets go of everything if more are held.
+    /// Sets the limit; drops everything if more is held.
     pub(crate) fn limit(&self, most: u64) {
         let mut state = lock(&self.state);
         state.most = most;
@@ -39,7 +39,7 @@ impl EncodedAssets {
         lock(&self.state).bytes
     }
 
-    /// What is kept of an asset.
+    /// The kept encoding of an asset.
     pub(crate) fn get(&self, key: &AssetKey) -> Option<Arc<EncodedAsset>> {
         lock(&self.state).encoded.get(key).cloned()
     }
@@ -54,7 +54,7 @@ impl EncodedAssets {
         }
     }
 
-    /// Forgets what `keep` does not name.
+    /// Drops the assets that `keep` rejects.
     pub(crate) fn retain(&self, keep: impl Fn(&AssetKey) -> bool) {
         let mut state = lock(&self.state);
         state.encoded.retain(|key, _| keep(key));

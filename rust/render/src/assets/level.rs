@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Assemblies and chunks as the device wants them: records, the tree over them, values of primvars, keys of motion.
+//! Assemblies and chunks in the encoding of the device: records, the tree over them, values of primvars, keys of
+//! motion.
 //!
-//! The result holds no address, so it can be kept and brought to the device again, wherever it will lie. Pure; threads
-//! encode stretches of records in parallel, and the one that finishes the last stretch builds the tree.
+//! The result holds no address, so it can be kept and copied to any place on the device. Pure; threads encode stretches
+//! of records in parallel, and the one that finishes the last stretch builds the tree.
 
 use super::source::AssetSource;
 use super::values::ValueLayout;
@@ -15,14 +16,14 @@ use std::ops::Range;
 /// Records that one thread encodes at a time.
 const PART_RECORDS: usize = 4096;
 
-/// Bytes of an asset, and where they lie in it.
+/// Bytes of an asset, and their offset in it.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct EncodedPiece {
     pub(crate) offset: u64,
     pub(crate) bytes: Vec<u8>,
 }
 
-/// An assembly or chunk as the device wants it.
+/// An assembly or chunk in the encoding of the device.
 #[derive(Debug, Default)]
 pub(crate) struct EncodedAsset {
     pub(crate) pieces: Vec<EncodedPiece>,
@@ -37,7 +38,7 @@ impl EncodedAsset {
     }
 }
 
-/// A stretch of records.
+/// An encoded stretch of records.
 #[derive(Debug)]
 pub(crate) struct EncodedStretch {
     first: usize,
@@ -45,7 +46,7 @@ pub(crate) struct EncodedStretch {
     boxes: Vec<Aabb>,
 }
 
-/// The stretches that threads may encode side by side.
+/// The stretches that threads may encode in parallel.
 pub(crate) fn stretches(source: &AssetSource) -> impl Iterator<Item = Range<usize>> {
     let count = source.records();
     (0..count.max(1)).step_by(PART_RECORDS).map(move |first| first..(first + PART_RECORDS).min(count))
@@ -77,7 +78,7 @@ fn instances(source: &AssetSource, range: Range<usize>, records: &[InstanceRecor
     for record in records {
         let mut instance = instance(record);
         if record.keys != 0 {
-            // A target beyond 2^30 is refused before it is encoded.
+            // A target beyond 2^30 is rejected before it is encoded.
             let at = keys_at / 16 + (key * size_of::<GpuMotionKey>() / 16) as u64;
             instance.target |= TARGET_MOVING;
             instance.object_from_parent = [[0.0; 4]; 3];
@@ -90,7 +91,7 @@ fn instances(source: &AssetSource, range: Range<usize>, records: &[InstanceRecor
     EncodedPiece { offset: (range.start * RECORD) as u64, bytes }
 }
 
-/// The values of records; with those of the first record, the table's entries.
+/// The values of records; the first stretch also has the table's entries.
 fn values(source: &AssetSource, range: Range<usize>, pieces: &mut Vec<EncodedPiece>) {
     let layout = ValueLayout::new(source.columns(), source.records());
     let table = source.values_at();
@@ -106,7 +107,7 @@ fn values(source: &AssetSource, range: Range<usize>, pieces: &mut Vec<EncodedPie
     }
 }
 
-/// The keys of those records that move.
+/// The keys of the records that move.
 fn keys(source: &AssetSource, range: Range<usize>) -> Option<EncodedPiece> {
     let first = source.keys_before(range.start);
     let mut bytes = Vec::new();
@@ -126,7 +127,7 @@ pub(crate) fn motion_key(key: &MotionKey) -> GpuMotionKey {
         time: key.time,
         rotation: key.rotation.as_quat().to_array(),
         stretch: [xx, yy, zz],
-        // Below, the sine of the angle is the angle, and quotients of them no numbers any more.
+        // Below this angle its sine equals it, and quotients of the two are not finite.
         half_angle: if half_angle > 1e-6 { half_angle } else { 0.0 },
         shear: [xy, xz, yz],
         pad: 0,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Brings assets to the device on the loader's threads while the render thread traces: encode, write to pinned staging
-//! memory, copy on the transfer queue. What is kept encoded is only written and copied. A load belongs to an
-//! [`LoadInbox`]; what was asked for by an inbox that is gone is skipped.
+//! Loads assets to the device on the loader's threads while the render thread traces: encode, write to pinned staging
+//! memory, copy on the transfer queue. Encodings that were kept are only written and copied. A load belongs to an
+//! [`LoadInbox`]; loads of an inbox that was dropped are skipped.
 
 use super::copied::CopiedAssets;
 use super::encode::AssetCopier;
@@ -23,10 +23,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, Weak};
 use std::time::Duration;
 
-/// Bytes that one thread copies in one piece, where they need no encoding.
+/// Bytes that one thread copies in one piece, if they need no encoding.
 const COPY_BYTES: u64 = 1 << 20;
 
-/// An asset that is to come to the device.
+/// An asset to load to the device.
 #[derive(Debug)]
 pub(crate) struct WantedAsset {
     pub(crate) asset: AssetId,
@@ -34,26 +34,26 @@ pub(crate) struct WantedAsset {
     pub(crate) target: Arc<HeapRange>,
 }
 
-/// Assets that come to the device together.
+/// Assets that are loaded to the device together.
 #[derive(Debug)]
 struct AssetLoad {
     wanted: Vec<WantedAsset>,
-    /// Where what is encoded stays, and comes from again.
+    /// The store of encodings, which is read and filled.
     kept: Arc<EncodedAssets>,
     reading: Arc<ReadingLimit>,
     reply: Sender<LoadResult>,
-    /// Gone when nobody waits for the result any more.
+    /// Dropped when nobody waits for the result any more.
     alive: Weak<()>,
     progress: Mutex<LoadProgress>,
 }
 
-/// How far the parts of a load are.
+/// The progress of the parts of a load.
 #[derive(Debug)]
 struct LoadProgress {
     left: usize,
-    /// Of assemblies and chunks: parts that are not encoded yet, and what the others became.
+    /// For assemblies and chunks: the number of parts that are not encoded yet, and the encoded ones.
     levels: FxHashMap<usize, (usize, Vec<EncodedStretch>)>,
-    /// What the finished parts have left behind.
+    /// The combined result of the finished parts.
     sum: Result<CopiedAssets, RenderError>,
 }
 
@@ -64,11 +64,11 @@ enum LoadPart {
     Whole(Range<usize>),
     /// Records of an assembly or a chunk.
     Records(usize, Range<usize>),
-    /// Pieces of what is kept of an assembly or a chunk.
+    /// Pieces of the kept encoding of an assembly or a chunk.
     Pieces(usize, Arc<EncodedAsset>, Range<usize>),
 }
 
-/// A part of a load on its way through the queue.
+/// A part of a load in the queue.
 #[derive(Debug)]
 struct LoadJob {
     load: Arc<AssetLoad>,
@@ -78,7 +78,7 @@ struct LoadJob {
 /// What became of a load.
 pub(crate) type LoadResult = Result<CopiedAssets, RenderError>;
 
-/// Where the results of one scene's jobs arrive.
+/// Receives the results of one scene's loads.
 #[derive(Debug)]
 pub(crate) struct LoadInbox {
     reply: Sender<LoadResult>,
@@ -95,14 +95,14 @@ impl Default for LoadInbox {
 }
 
 impl LoadInbox {
-    /// A result that is there.
+    /// A result, if one has arrived.
     pub(crate) fn try_next(&self) -> Option<LoadResult> {
         let loaded = self.results.try_recv().ok()?;
         self.in_flight.fetch_sub(1, Ordering::Relaxed);
         Some(loaded)
     }
 
-    /// The next result, none after `timeout` or when nothing is under way.
+    /// The next result; `None` after `timeout` or if nothing is under way.
     pub(crate) fn next(&self, timeout: Duration) -> Option<LoadResult> {
         if self.in_flight() == 0 {
             return None;
@@ -112,7 +112,7 @@ impl LoadInbox {
         Some(loaded)
     }
 
-    /// Asks for `wanted` to be written to the device; the result for all of them comes here.
+    /// Requests a load of `wanted`; its result arrives here.
     pub(crate) fn load(
         &self,
         loader: &Loader,
@@ -139,18 +139,18 @@ impl LoadInbox {
         Ok(())
     }
 
-    /// Jobs whose results have not been taken.
+    /// Loads whose results have not been taken.
     pub(crate) fn in_flight(&self) -> u64 {
         self.in_flight.load(Ordering::Relaxed)
     }
 }
 
-/// The parts that threads may write side by side, at least one; what is known of the assets from the start.
+/// The parts that threads may write in parallel, at least one, and the initial progress.
 fn parts(wanted: &[WantedAsset], kept: &EncodedAssets) -> (Vec<LoadPart>, LoadProgress) {
     let mut parts = Vec::new();
     let mut copied = CopiedAssets::default();
     let mut levels = FxHashMap::default();
-    // Encoding takes longest.
+    // Encoding takes longest, so it comes first.
     for (at, WantedAsset { asset, source, .. }) in wanted.iter().enumerate() {
         match source {
             AssetSource::Tile(..) => copied.assets.push((*asset, 0)),
@@ -176,14 +176,14 @@ fn parts(wanted: &[WantedAsset], kept: &EncodedAssets) -> (Vec<LoadPart>, LoadPr
     });
     parts.extend(groups(sizes).into_iter().map(LoadPart::Whole));
     if parts.is_empty() {
-        // Nothing to copy is a result too.
+        // An empty load has a result too.
         parts.push(LoadPart::Whole(0..wanted.len()));
     }
     let left = parts.len();
     (parts, LoadProgress { left, levels, sum: Ok(copied) })
 }
 
-/// Ranges of items of these sizes, [`COPY_BYTES`] each at least but for the last; none that is of nothing.
+/// Ranges of items of these sizes, of at least [`COPY_BYTES`] each but for the last; no range is empty.
 fn groups(sizes: impl Iterator<Item = u64>) -> Vec<Range<usize>> {
     let (mut groups, mut first, mut bytes, mut end) = (Vec::new(), 0, 0, 0);
     for (at, size) in sizes.enumerate() {
@@ -213,8 +213,7 @@ impl LoadJob {
         }));
     }
 
-    /// Writes the part; gives the assets that are complete with it and were not before, with their stack entries, and
-    /// those that cannot be had.
+    /// Writes the part; returns the assets that it completes, with their stack entries, and those that cannot be read.
     fn write(&self, writer: &mut AssetCopier<'_>) -> Result<CopiedAssets, RenderError> {
         let mut copied = CopiedAssets::default();
         let of = |at: usize| {
@@ -239,7 +238,7 @@ impl LoadJob {
                 for WantedAsset { source, target, .. } in self.load.wanted.get(range.clone()).unwrap_or_default() {
                     match source {
                         AssetSource::Mesh(mesh) => {
-                            // Others may wait for the staging memory of copies in hand.
+                            // Copies in hand hold staging memory that others may wait for.
                             let read = mesh.bytes_to_read();
                             let _read =
                                 (read > 0).then(|| self.load.reading.begin(read, || writer.submit())).transpose()?;
@@ -261,7 +260,7 @@ impl LoadJob {
     }
 }
 
-/// The root of a mesh that is not there: no ray meets the boxes of its children, whose planes are the wrong way round.
+/// The root of an absent mesh: no ray meets the boxes of its children, whose planes are in the wrong order.
 const NO_MESH: Bvh4Node = Bvh4Node {
     origin: [0; 3],
     cell_and_counts: 0x007f_7f7f,
@@ -271,7 +270,7 @@ const NO_MESH: Bvh4Node = Bvh4Node {
     first_triangle: 0,
 };
 
-/// Has the tree over all records written: the whole of an assembly or chunk.
+/// Writes the tree over all records, which completes an assembly or chunk.
 fn finish(
     source: &AssetSource,
     mut stretches: Vec<EncodedStretch>,
@@ -285,7 +284,7 @@ fn finish(
 }
 
 impl AssetLoad {
-    /// Takes note of a stretch of an assembly or chunk; the last one gets all of them.
+    /// Adds an encoded stretch of an assembly or chunk; the call for the last one returns all of them.
     fn encoded(&self, at: usize, stretch: EncodedStretch) -> Option<Vec<EncodedStretch>> {
         let mut progress = lock(&self.progress);
         let (left, stretches) = progress.levels.get_mut(&at)?;
@@ -294,7 +293,7 @@ impl AssetLoad {
         (*left == 0).then(|| std::mem::take(stretches))
     }
 
-    /// Takes note of one part; the last one sends the result.
+    /// Adds the result of one part; the last one sends the result of the load.
     fn done(&self, result: Result<CopiedAssets, RenderError>) {
         let mut progress = lock(&self.progress);
         progress.left = progress.left.saturating_sub(1);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Scene data on the device: what there is (`catalog`), where its bytes come from (`source`), how they get there
-//! (`load`, `encode`, `level`), what is there now (`store`) and kept in host memory (`kept`), the tables that rays go
-//! through (`tables`), and all of it from frame to frame (`cache`).
+//! Scene data on the device: the list of assets (`catalog`), the sources of their bytes (`source`), loading (`load`,
+//! `encode`, `level`), the resident assets (`store`) and the encodings kept in host memory (`kept`), the tables that
+//! rays read (`tables`), and all of it from frame to frame (`cache`).
 //!
-//! The straight line of a mesh from a snapshot to a ray: `catalog` -> `store` -> `load` -> `encode` -> `tables`; of an
-//! instance the same by `level`.
+//! The way of a mesh from a snapshot to a ray: `catalog` -> `store` -> `load` -> `encode` -> `tables`; an instance
+//! takes the same way through `level`.
 
 mod cache;
 mod catalog;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One memory in which assets may lie, the device's or the host's: what is there, and what the loader is bringing.
+//! One memory that holds assets, the device's or the host's: the resident ones, and those that the loader is bringing.
 //! Render thread only.
 
 use super::copied::CopiedAssets;
@@ -13,7 +13,7 @@ use oocpt_gpu::HeapRange;
 use rustc_hash::FxHashMap;
 use std::sync::Arc;
 
-/// Bytes of assets that the loader is asked for at once, about: they are ready together.
+/// Approximate bytes of assets in one request to the loader: they are ready together.
 const LOAD_BYTES: u64 = 4 << 20;
 
 /// An asset that rays may use.
@@ -31,20 +31,21 @@ impl ResidentAsset {
     }
 }
 
-/// See the module.
+/// The resident and arriving assets of one memory.
 #[derive(Debug, Default)]
 pub(super) struct AssetMemory {
     pub(super) inbox: LoadInbox,
     pub(super) ready: FxHashMap<AssetKey, ResidentAsset>,
-    /// The memory of assets on their way.
+    /// The memory of assets in transit.
     pub(super) arriving: FxHashMap<AssetId, Arc<HeapRange>>,
-    /// Of these, what the loader was not asked for yet, and its bytes.
+    /// The arriving assets that the loader was not asked for yet.
     begun: Vec<WantedAsset>,
+    /// Bytes of the assets in `begun`.
     begun_bytes: u64,
 }
 
 impl AssetMemory {
-    /// Starts to bring an asset to `memory`, at the latest with [`AssetMemory::send`].
+    /// Starts to load an asset to `memory`, at the latest with [`AssetMemory::send`].
     pub(super) fn bring(
         &mut self,
         device: &Device,
@@ -57,7 +58,7 @@ impl AssetMemory {
         let wanted = WantedAsset { asset, source, target: Arc::clone(&memory) };
         self.arriving.insert(asset, Arc::clone(&memory));
         if is_tile {
-            // Its file may take long to decode: nothing else should wait for it.
+            // A file may take long to decode: nothing else should wait for it.
             return self.inbox.load(device.loader()?, vec![wanted], kept);
         }
         self.begun_bytes += memory.size();
@@ -65,7 +66,7 @@ impl AssetMemory {
         if self.begun_bytes >= LOAD_BYTES { self.send(device, kept) } else { Ok(()) }
     }
 
-    /// Has the loader begin with all that was asked for.
+    /// Asks the loader for everything that was begun.
     pub(super) fn send(&mut self, device: &Device, kept: &Arc<EncodedAssets>) -> Result<(), RenderError> {
         self.begun_bytes = 0;
         self.inbox.load(device.loader()?, std::mem::take(&mut self.begun), kept)
@@ -79,7 +80,7 @@ impl AssetMemory {
         })
     }
 
-    /// Forgets what is on its way.
+    /// Forgets the assets in transit.
     pub(super) fn forget_arriving(&mut self) {
         self.inbox = LoadInbox::default();
         self.arriving.clear();

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One piece of scene data: where its bytes come from, how many there are, and how they are laid out on the device.
+//! One piece of scene data: the source of its bytes, their number, and their layout on the device.
 //!
 //! A mesh is one range: nodes, triangles, attributes. An assembly or a chunk is one range: instance records, then the
-//! nodes of the tree over them, then values of primvars by record, and keys of those that move. A tile of a
-//! texture is one range of texels. Pure; any thread.
+//! nodes of the tree over them, then values of primvars by record, and keys of moving records. A tile of a texture is
+//! one range of texels. Pure; any thread.
 
 use super::values::{ALIGN, ValueLayout};
 use crate::textures::TextureImage;
@@ -17,14 +17,14 @@ use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord, MotionKey};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// What ranges are rounded up to by the heap, bytes.
+/// The heap rounds ranges up to a multiple of this, bytes.
 const GRANULE: u64 = 256;
 /// Most nodes or triangles of one mesh: the traversal packs indices and counts into 32 bits.
 const MAX_MESH_ITEMS: u64 = 1 << 28;
 /// Most records of one assembly or chunk.
 const MAX_RECORDS: u64 = 1 << 26;
 
-/// Where an asset's bytes come from.
+/// The source of an asset's bytes.
 #[derive(Clone, Debug)]
 pub(crate) enum AssetSource {
     Mesh(Arc<SceneMesh>),
@@ -34,7 +34,7 @@ pub(crate) enum AssetSource {
     Tile(Arc<TextureImage>, u32),
 }
 
-/// What an asset is made of: equal keys, equal bytes (up to addresses).
+/// The identity of an asset's content: equal keys, equal bytes (up to addresses).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum AssetKey {
     Mesh(u128),
@@ -54,7 +54,7 @@ pub(crate) struct MeshLayout {
     pub(crate) opacities: u64,
     /// The table of the primvars.
     pub(crate) primvars: u64,
-    /// Their values.
+    /// Offsets of the values of each primvar.
     pub(crate) primvar_values: Vec<u64>,
     pub(crate) bytes: u64,
 }
@@ -98,7 +98,7 @@ fn node_bytes(count: usize) -> u64 {
 }
 
 impl AssetSource {
-    /// Its content key.
+    /// The content key.
     pub(crate) fn key(&self) -> AssetKey {
         match self {
             Self::Mesh(mesh) => AssetKey::Mesh(mesh.key),
@@ -108,12 +108,12 @@ impl AssetSource {
         }
     }
 
-    /// A tile that could not be read.
+    /// Returns true for a tile that could not be read.
     pub(crate) fn is_broken(&self) -> bool {
         matches!(self, Self::Tile(image, tile) if image.is_broken(*tile))
     }
 
-    /// For errors and debuggers.
+    /// The kind of asset, for errors and debuggers.
     pub(crate) fn name(&self) -> &'static str {
         match self {
             Self::Mesh(_) => "mesh",
@@ -141,7 +141,7 @@ impl AssetSource {
         }
     }
 
-    /// Names of what assets hold.
+    /// Names of the sections of assets.
     pub(crate) const SECTIONS: [&str; 13] = [
         "mesh nodes",
         "mesh triangles",
@@ -160,7 +160,7 @@ impl AssetSource {
     /// The section of texture tiles, which are loaded on demand.
     pub(crate) const TILES: usize = 11;
 
-    /// Its bytes under [`Self::SECTIONS`]; their sum is [`Self::bytes`].
+    /// The bytes by [`Self::SECTIONS`]; their sum is [`Self::bytes`].
     pub(crate) fn sections(&self) -> [u64; Self::SECTIONS.len()] {
         let mut sections = [0; Self::SECTIONS.len()];
         match self {
@@ -184,7 +184,7 @@ impl AssetSource {
         sections
     }
 
-    /// Bytes asked of the heap.
+    /// Bytes to allocate from the heap.
     pub(crate) fn size(&self) -> u64 {
         match self {
             Self::Mesh(mesh) => MeshLayout::new(mesh).bytes,
@@ -193,7 +193,7 @@ impl AssetSource {
         }
     }
 
-    /// Primvars that its records have values of.
+    /// Primvars for which the records have values.
     pub(crate) fn columns(&self) -> &[InstanceColumn] {
         match self {
             Self::Mesh(_) | Self::Tile(..) => &[],
@@ -202,17 +202,17 @@ impl AssetSource {
         }
     }
 
-    /// Where the nodes of its tree begin.
+    /// Byte offset of the nodes of the tree.
     pub(crate) fn nodes_at(&self) -> u64 {
         record_bytes(self.records())
     }
 
-    /// Where its table of values begins.
+    /// Byte offset of the table of values.
     pub(crate) fn values_at(&self) -> u64 {
         record_bytes(self.records()) + node_bytes(self.records())
     }
 
-    /// Where the keys of records that move begin.
+    /// Byte offset of the keys of moving records.
     pub(crate) fn keys_at(&self) -> u64 {
         self.values_at() + ValueLayout::new(self.columns(), self.records()).bytes
     }
@@ -226,7 +226,7 @@ impl AssetSource {
         }
     }
 
-    /// Gives `visit` the keys of each of the records `range` that moves, in order.
+    /// Calls `visit` with the keys of each moving record of `range`, in order.
     pub(crate) fn encode_keys(&self, range: Range<usize>, visit: impl FnMut(&[MotionKey])) {
         match self {
             Self::Mesh(_) | Self::Tile(..) => {}
@@ -254,7 +254,7 @@ impl AssetSource {
         size.next_multiple_of(GRANULE)
     }
 
-    /// `Err((what, count, limit))` when it is larger than the shaders' indices reach.
+    /// Returns `Err((what, count, limit))` if the asset is larger than the shaders' indices reach.
     pub(crate) fn check(&self) -> Result<(), (&'static str, u64, u64)> {
         if let Self::Mesh(mesh) = self {
             let largest = mesh.posed_triangles().max(mesh.nodes);
@@ -290,7 +290,7 @@ impl AssetSource {
         flags.set(MeshFlags::HAS_OPACITIES, mesh.opacities.is_some());
         flags.set(MeshFlags::KEY_NORMALS, mesh.key_normals > 0);
         flags.set(MeshFlags::OWN_RADII, mesh.radii > 1);
-        // At most MAX_KEYS.
+        // A mesh has at most MAX_KEYS.
         let keys = u32::try_from(mesh.keys).unwrap_or(0) << MESH_KEYS_SHIFT;
         Some(GpuMesh {
             nodes: base,
@@ -303,7 +303,7 @@ impl AssetSource {
             flags: flags.with_rates(rate(mesh.normals), rate(mesh.colors), rate(mesh.opacities))
                 | keys
                 | mesh.kind.row().flags(),
-            // Checked against MAX_MESH_ITEMS.
+            // The count was checked against MAX_MESH_ITEMS.
             triangle_count: u32::try_from(mesh.triangles).unwrap_or(u32::MAX),
             primvars: at(!mesh.primvars.is_empty(), layout.primvars),
             primvar_count: u32::try_from(mesh.primvars.len()).unwrap_or(0),

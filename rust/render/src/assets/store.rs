@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The assets on the device and those on their way: memory -> copied -> ready. Beside them those that lie in host
-//! memory where the device reaches them: rays can use both, and what is there comes to the device by one copy.
+//! The assets on the device and those in transit: memory -> copied -> ready. Beside them, those in host memory that the
+//! device can read: rays can use both, and an asset in host memory is promoted to the device by one copy.
 //!
-//! Kept from frame to frame by content key, so that an edit brings only what changed. Render thread only; the copying
-//! is done by the loader's threads and the device.
+//! Assets are kept from frame to frame by content key, so that an edit loads only what changed. Render thread only; the
+//! copying is done by the loader's threads and the device.
 
 use super::catalog::SceneAssets;
 use super::copied::CopiedAssets;
@@ -21,66 +21,66 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Longest wait for the loader to let go of memory that nobody wants any more.
+/// Longest wait for the loader to release memory that nobody wants any more.
 const LET_GO_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// What [`AssetStore::advance`] found.
+/// The assets that [`AssetStore::advance`] has taken in.
 #[derive(Debug, Default)]
 pub(crate) struct ArrivedAssets {
-    /// Assets that are ready on the device now.
+    /// Assets that have become ready on the device.
     pub(crate) ready: Vec<AssetId>,
-    /// Those that are ready in host memory now.
+    /// Assets that have become ready in host memory.
     pub(crate) mapped: Vec<AssetId>,
-    /// Copies that whoever uses them must wait for on the device.
+    /// Copies that users of the assets must wait for on the device.
     pub(crate) copies: Vec<Arc<Submission>>,
     /// Bytes that were copied to the device.
     pub(crate) bytes: u64,
 }
 
-/// How to ask for memory.
+/// The behaviour when memory is short.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum MemoryWait {
-    /// Wait for what the device still uses; running out is an error.
+    /// Wait for memory that the device still uses; running out is an error.
     Wait,
-    /// Take what is free now; running out is an answer.
+    /// Take only free memory; running out is not an error.
     Now,
 }
 
-/// Assets that come from host memory by a copy of the device's.
+/// Assets that the device copies from host memory.
 #[derive(Debug, Default)]
 struct AssetPromotion {
-    /// None: not submitted yet.
+    /// The submitted copy; `None` if it is not submitted yet.
     copy: Option<Arc<Submission>>,
-    /// From where, for those that are not submitted.
+    /// Source and target of each asset that is not submitted.
     sources: Vec<(Arc<HeapRange>, Arc<HeapRange>)>,
     copied: CopiedAssets,
 }
 
-/// See the module.
+/// The assets on the device and in host memory, by content key.
 #[derive(Debug, Default)]
 pub(crate) struct AssetStore {
     device: AssetMemory,
     host: AssetMemory,
-    /// Copied into host memory, and not known to be done.
+    /// Copies into host memory that are not known to be done.
     mapping: VecDeque<(Vec<Arc<Submission>>, CopiedAssets)>,
     /// Copies into host memory that the next promotion waits for.
     mapped_by: Vec<Arc<Submission>>,
     promotion: AssetPromotion,
     promoting: VecDeque<AssetPromotion>,
     kept: Arc<EncodedAssets>,
-    /// What could not be had since it was last asked: rays find nothing there.
+    /// Assets that could not be read since the last [`AssetStore::take_left_out`]: rays find nothing there.
     left_out: Vec<(AssetKey, String)>,
     /// Paths that were streamed since the last edit.
     pub(crate) paths_streamed: u64,
 }
 
 impl AssetStore {
-    /// What is kept in host memory to come back.
+    /// The encodings kept in host memory for reloads.
     pub(crate) fn kept(&self) -> &EncodedAssets {
         &self.kept
     }
 
-    /// Forgets what is on its way and every asset that `keep` does not have, tiles by `keeps_tiles_of` their image.
+    /// Forgets the assets in transit and every asset that `keep` does not have; tiles by `keeps_tiles_of` their image.
     pub(crate) fn retain(&mut self, keep: &FxHashSet<AssetKey>, keeps_tiles_of: impl Fn(u64) -> bool) {
         self.forget_arriving();
         self.paths_streamed = 0;
@@ -93,7 +93,7 @@ impl AssetStore {
         }
     }
 
-    /// Forgets everything on the device, also what is on its way, and waits until the loader has let go of its memory.
+    /// Forgets everything on the device and in transit, and waits until the loader has released its memory.
     pub(crate) fn clear(&mut self) {
         let held: Vec<_> = self.device.arriving.drain().map(|(_, memory)| memory).collect();
         self.forget_arriving();
@@ -108,7 +108,7 @@ impl AssetStore {
         }
     }
 
-    /// Forgets what is on its way.
+    /// Forgets the assets in transit.
     pub(crate) fn forget_arriving(&mut self) {
         self.device.forget_arriving();
         self.host.forget_arriving();
@@ -117,7 +117,7 @@ impl AssetStore {
         self.promoting.clear();
     }
 
-    /// Forgets what lies in host memory, or, if `keeps_tiles`, all of it but tiles of textures.
+    /// Forgets the assets in host memory; with `keeps_tiles`, all but tiles of textures.
     pub(crate) fn unmap(&mut self, keeps_tiles: bool) {
         self.host.forget_arriving();
         self.host.ready.retain(|key, _| keeps_tiles && matches!(key, AssetKey::Tile(..)));
@@ -129,7 +129,7 @@ impl AssetStore {
         self.device.tiles()
     }
 
-    /// Likewise in host memory.
+    /// Image and number of every tile that is ready in host memory, in no order.
     pub(crate) fn mapped_tiles(&self) -> impl Iterator<Item = (u64, u32)> + '_ {
         self.host.tiles()
     }
@@ -144,27 +144,28 @@ impl AssetStore {
         self.host.ready.get(key)
     }
 
-    /// The asset where rays are to use it: on the device, or else in host memory.
+    /// The asset as rays are to use it: on the device, or else in host memory.
     pub(crate) fn reached(&self, key: &AssetKey) -> Option<&ResidentAsset> {
         self.get(key).or_else(|| self.mapped(key))
     }
 
-    /// Whether some asset is ready in host memory.
+    /// Returns true if some asset is ready in host memory.
     pub(crate) fn maps_any(&self) -> bool {
         self.mapped_count() > 0
     }
 
-    /// Assets that host memory has.
+    /// Assets in host memory.
     pub(crate) fn mapped_count(&self) -> usize {
         self.host.ready.len()
     }
 
-    /// Lets go of an asset; its memory is free when the device has done what was submitted so far.
+    /// Evicts an asset; its memory is free when the device has done what was submitted so far.
     pub(crate) fn evict(&mut self, key: &AssetKey) {
         self.device.ready.remove(key);
     }
 
-    /// Lets go of what could not be had and was left out, so that it is tried again when it is wanted again; says why.
+    /// Forgets the assets that could not be read, so that they are tried again when they are wanted again; returns the
+    /// reasons.
     pub(crate) fn take_left_out(&mut self) -> Vec<String> {
         let left_out = std::mem::take(&mut self.left_out);
         let take = |(key, why): (AssetKey, String)| {
@@ -175,23 +176,23 @@ impl AssetStore {
         left_out.into_iter().map(take).collect()
     }
 
-    /// Bytes of what is ready.
+    /// Bytes of the ready assets.
     pub(crate) fn bytes(&self) -> u64 {
         self.device.ready.values().map(|resident| resident.memory.size()).sum()
     }
 
-    /// Bytes of what is on its way.
+    /// Bytes of the assets in transit.
     pub(crate) fn arriving_bytes(&self) -> u64 {
         self.device.arriving.values().map(|memory| memory.size()).sum()
     }
 
-    /// Assets on their way.
+    /// Assets in transit.
     pub(crate) fn in_flight(&self) -> usize {
         self.device.arriving.len()
     }
 
-    /// Starts to bring `asset`, at the latest with [`AssetStore::send`]; false when there is no memory for it now (only
-    /// with [`MemoryWait::Now`]).
+    /// Starts to load `asset`, at the latest with [`AssetStore::send`]; returns false if there is no memory for it now
+    /// (only with [`MemoryWait::Now`]).
     pub(crate) fn begin(
         &mut self,
         device: &Device,
@@ -217,19 +218,19 @@ impl AssetStore {
         Ok(true)
     }
 
-    /// Starts to bring `asset` into host memory, at the latest with [`AssetStore::send`]; false when there is none made
-    /// for it yet, or none at all. It must not be there or on its way.
+    /// Starts to load `asset` into host memory, at the latest with [`AssetStore::send`]; returns false if no memory has
+    /// been allocated for it yet, or none is allowed. The asset must be neither there nor in transit.
     pub(crate) fn map(&mut self, device: &Device, assets: &SceneAssets, asset: AssetId) -> Result<bool, RenderError> {
         let Some(source) = assets.source(asset) else { return Ok(false) };
         if source.check().is_err() {
             return Ok(false);
         }
         let (heap, bytes) = (device.host_heap()?, source.size().max(ALIGN));
-        // Making an arena takes long; another thread does it.
+        // Allocating an arena takes long; another thread does it.
         if heap.stats().largest_free < bytes { Ok(false) } else { self.map_now(device, (asset, source)) }
     }
 
-    /// As [`AssetStore::map`], but makes memory for it.
+    /// Loads `asset` into host memory as [`AssetStore::map`] does, but allocates memory for it.
     pub(crate) fn map_now(
         &mut self,
         device: &Device,
@@ -241,22 +242,22 @@ impl AssetStore {
         Ok(true)
     }
 
-    /// Assets on their way into host memory.
+    /// Assets in transit to host memory.
     pub(crate) fn mapping(&self) -> usize {
         self.host.arriving.len()
     }
 
-    /// Bytes of these.
+    /// Bytes of the assets in transit to host memory.
     pub(crate) fn mapping_bytes(&self) -> u64 {
         self.host.arriving.values().map(|memory| memory.size()).sum()
     }
 
-    /// Whether an asset is on its way into host memory.
+    /// Returns true if an asset is in transit to host memory.
     pub(crate) fn is_mapping(&self, asset: AssetId) -> bool {
         self.host.arriving.contains_key(&asset)
     }
 
-    /// Has the loader and the device begin with all that was asked for.
+    /// Starts the loads and copies that were requested.
     pub(crate) fn send(&mut self, device: &Device) -> Result<(), RenderError> {
         self.device.send(device, &self.kept)?;
         self.host.send(device, &self.kept)?;
@@ -268,7 +269,7 @@ impl AssetStore {
         for copy in self.mapped_by.drain(..) {
             commands.wait_for(&copy);
         }
-        // No two have the same target.
+        // No two copies have the same target.
         commands.all_concurrent();
         for (source, target) in promotion.sources.drain(..) {
             commands.copy(&*source, 0, &*target, 0, target.size());
@@ -278,7 +279,7 @@ impl AssetStore {
         Ok(())
     }
 
-    /// Takes note of what has arrived. Waits at most `wait` for the first.
+    /// Takes in what has arrived. Waits at most `wait` for the first asset.
     pub(crate) fn advance(&mut self, assets: &SceneAssets, wait: Duration) -> Result<ArrivedAssets, RenderError> {
         let mut arrived = ArrivedAssets::default();
         self.take_promoted(assets, &mut arrived);
@@ -310,7 +311,7 @@ impl AssetStore {
         Ok(arrived)
     }
 
-    /// What the device has copied from host memory.
+    /// Takes in the assets that the device has copied from host memory.
     fn take_promoted(&mut self, assets: &SceneAssets, arrived: &mut ArrivedAssets) {
         let is_done = |promotion: &AssetPromotion| promotion.copy.as_ref().is_some_and(|copy| copy.is_done());
         while self.promoting.front().is_some_and(is_done) {
@@ -321,7 +322,7 @@ impl AssetStore {
         }
     }
 
-    /// What is complete in host memory.
+    /// Takes in the assets that are complete in host memory.
     fn take_mapped(&mut self, assets: &SceneAssets, arrived: &mut ArrivedAssets) -> Result<(), RenderError> {
         while let Some(loaded) = self.host.inbox.try_next() {
             self.note_mapping(loaded)?;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The tables of materials and of who has them, and the sections of a mesh that materials read. Pure.
+//! The tables of materials and of the prims that use them, and the sections of a mesh that materials read. Pure.
 
 use crate::textures::OpacityMasks;
 use bytemuck::Zeroable;
@@ -12,7 +12,7 @@ use oocpt_core::materialx::program::{Program, ProgramLookup};
 use oocpt_core::mesh::{MeshSummary, PrimvarSummary};
 use oocpt_core::scene::{PrimRecord, SurfaceTables};
 
-/// The tables of a snapshot as the shaders read them.
+/// The tables of a snapshot in the layout of the shaders.
 #[derive(Debug)]
 pub(crate) struct SurfaceEntries {
     pub(crate) materials: Vec<GpuMaterial>,
@@ -23,7 +23,7 @@ pub(crate) struct SurfaceEntries {
 }
 
 impl SurfaceEntries {
-    /// None when no mesh has a material.
+    /// The tables of a snapshot; `None` if no mesh has a material.
     pub(crate) fn new(surfaces: &SurfaceTables) -> Option<Self> {
         if surfaces.materials.is_empty() {
             return None;
@@ -37,7 +37,7 @@ impl SurfaceEntries {
         })
     }
 
-    /// The same with masks of what is known of cutouts, which lie at `address`.
+    /// These tables with the masks of the cutouts, which lie at `address`.
     pub(crate) fn with_masks(mut self, masks: &OpacityMasks, address: u64) -> Self {
         for (number, material) in self.materials.iter_mut().enumerate() {
             if let Some(word) = masks.first_word(number) {
@@ -52,7 +52,7 @@ impl SurfaceEntries {
         self
     }
 
-    /// Count and stride of each table of a snapshot; none without materials.
+    /// Count and stride of each table of a snapshot; empty without materials.
     pub(crate) fn sizes(surfaces: &SurfaceTables) -> impl Iterator<Item = (usize, usize)> {
         let sizes = [
             (surfaces.materials.len(), size_of::<GpuMaterial>()),
@@ -65,7 +65,8 @@ impl SurfaceEntries {
     }
 }
 
-/// Of a material whose mask begins at a word of those at `address`. Only what reads a texture at a set has a mask.
+/// The cutout of a material whose mask begins at a word of those at `address`. Only a material that reads a texture by
+/// a set of coordinates has a mask.
 fn cutout(material: &GpuMaterial, masks: &OpacityMasks, word: u32, address: u64) -> GpuCutout {
     let GpuInput { row_s, row_t, kind, .. } = material.inputs[MaterialInput::Opacity as usize];
     let set = (kind >> abi::INPUT_SET_SHIFT & 1) as usize;
@@ -110,8 +111,8 @@ fn rows_of(material: &Material) -> usize {
     program_rows(&material.program) + own_program(material).map_or(0, |(own, _)| 1 + program_rows(own))
 }
 
-/// The program for one input alone, opacity or emission, and the register of the emission. What is not there everywhere
-/// is not asked for light.
+/// The program for one input alone, opacity or emission, and the register of the emission. Materials with cutouts are
+/// never sampled as lights.
 fn own_program(material: &Material) -> Option<(&Program, u8)> {
     if !material.opacity_program.instructions.is_empty() {
         return Some((&material.opacity_program, 0));
@@ -119,7 +120,7 @@ fn own_program(material: &Material) -> Option<(&Program, u8)> {
     material.emission.as_ref().map(|emission| (&emission.program, emission.register))
 }
 
-/// Adds the programs of a material; `program` and `program_sizes` of its entry.
+/// Adds the programs of a material; returns `program` and `program_sizes` of its entry.
 fn add_programs(material: &Material, rows: &mut Vec<[u32; 4]>) -> (u32, u32) {
     let begin = u32::try_from(rows.len()).unwrap_or(u32::MAX);
     let found = add_program(&material.program, rows);
@@ -130,7 +131,7 @@ fn add_programs(material: &Material, rows: &mut Vec<[u32; 4]>) -> (u32, u32) {
     (begin, found.1)
 }
 
-/// Adds a program; where it begins, and its sizes (`GpuMaterial::program_sizes`).
+/// Adds a program; returns its first row and its sizes (`GpuMaterial::program_sizes`).
 fn add_program(program: &Program, rows: &mut Vec<[u32; 4]>) -> (u32, u32) {
     let [constants, lookups, instructions] =
         [program.constants.len(), program.lookups.len(), program.instructions.len()]
@@ -179,7 +180,7 @@ fn material(material: &Material, programs: &mut Vec<[u32; 4]>) -> GpuMaterial {
     }
 }
 
-/// `material_sets`: the sets of texture coordinates of its material.
+/// Encodes an input. `material_sets`: the sets of texture coordinates of its material.
 fn input(input: &InputValue, material_sets: &[UvSet]) -> GpuInput {
     let plain = |kind: u32, value: [f32; 4]| GpuInput {
         value,

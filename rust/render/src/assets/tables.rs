@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The tables of addresses that rays go through: chunk instances and the tree over them, chunks, assemblies, meshes,
-//! lights, textures and the pages of their tiles.
+//! The tables of addresses that rays read: chunk instances and the tree over them, chunks, assemblies, meshes, lights,
+//! textures and the pages of their tiles.
 //!
-//! Always resident. An entry that is zero is absent. The host keeps a mirror and writes changes in a command list, so
-//! that they take effect between two submissions and never inside one. Render thread only.
+//! Always resident. An entry of zero is absent. The host keeps a mirror and writes changes in a command list, so that
+//! they take effect between two submissions and never inside one. Render thread only.
 
 use super::catalog::{AssetSlot, SceneAssets};
 use super::encode::AssetCopier;
@@ -21,14 +21,14 @@ use oocpt_gpu::{CommandList, HeapRange};
 use std::ops::Range;
 use std::time::Duration;
 
-/// Bytes that a command writes at most: what Vulkan lets one have.
+/// Most bytes that a command writes: the limit of Vulkan.
 const MOST_BYTES: usize = 64 << 10;
-/// Bytes of unchanged entries between two that changed which are written along: a command costs more than these.
+/// Unchanged bytes between two changed entries that are written along: a command costs more than these.
 const MOST_BETWEEN: usize = 1 << 10;
-/// How long writing the tables may take before the device counts as lost.
+/// The longest time that writing the tables may take before the device counts as lost.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// See the module.
+/// The tables of a scene on the device.
 #[derive(Debug)]
 pub(crate) struct SceneTables {
     pub(crate) top_nodes: HeapRange,
@@ -36,11 +36,11 @@ pub(crate) struct SceneTables {
     pub(crate) chunks: HeapRange,
     pub(crate) assemblies: HeapRange,
     pub(crate) meshes: HeapRange,
-    /// Only when a mesh has a material.
+    /// `None` if no mesh has a material.
     pub(crate) surfaces: Option<SurfaceRanges>,
-    /// Only when placements of opened assemblies have values.
+    /// `None` if no placement of an opened assembly has values.
     pub(crate) placed_values: Option<HeapRange>,
-    /// Only when something reads a texture.
+    /// `None` if nothing reads a texture.
     pub(crate) textures: Option<TextureTables>,
 }
 
@@ -50,9 +50,9 @@ pub(crate) struct SurfaceRanges {
     pub(crate) materials: HeapRange,
     pub(crate) prims: HeapRange,
     pub(crate) slots: HeapRange,
-    /// Only when a material has a program.
+    /// `None` if no material has a program.
     pub(crate) programs: Option<HeapRange>,
-    /// What is known of cutouts; the materials point to it.
+    /// The masks of the cutouts; the materials point to them.
     masks: Option<HeapRange>,
 }
 
@@ -61,13 +61,13 @@ pub(crate) struct SurfaceRanges {
 pub(crate) struct TextureTables {
     pub(crate) records: HeapRange,
     pub(crate) pages: HeapRange,
-    /// Where the texels of the faces of Ptex textures are; the records point to it.
+    /// The places of the texels of Ptex faces; the records point to them.
     _directories: Option<HeapRange>,
-    /// What the bytes of sRGB images stand for; the records point to it.
+    /// The linear values of the bytes of sRGB images; the records point to them.
     _decode: HeapRange,
 }
 
-/// What the tables are to hold; the host's mirror.
+/// The entries that the tables are to hold: the host's mirror.
 #[derive(Debug, Default)]
 pub(crate) struct TableEntries {
     chunks: Vec<GpuChunk>,
@@ -78,7 +78,7 @@ pub(crate) struct TableEntries {
 }
 
 impl TableEntries {
-    /// Entries of nothing for the assets of a scene.
+    /// Absent entries for the assets of a scene.
     pub(crate) fn new(assets: &SceneAssets) -> Self {
         let snapshot = &assets.snapshot;
         Self {
@@ -89,7 +89,7 @@ impl TableEntries {
         }
     }
 
-    /// Notes that `asset` lies at `address`. A chunk is shown only when everything it needs is noted.
+    /// Notes that `asset` lies at `address`. A chunk is shown only if everything it needs is noted.
     pub(crate) fn set(&mut self, assets: &SceneAssets, asset: AssetId, address: u64) {
         let Some(source) = assets.source(asset) else { return };
         match assets.slot(asset) {
@@ -117,7 +117,7 @@ impl TableEntries {
         }
     }
 
-    /// Notes that `asset` is gone.
+    /// Notes that `asset` was evicted.
     pub(crate) fn clear(&mut self, assets: &SceneAssets, asset: AssetId) {
         match assets.slot(asset) {
             AssetSlot::Mesh(at) => zero(&mut self.meshes, at),
@@ -167,7 +167,7 @@ impl SceneTables {
             .sum()
     }
 
-    /// Lists the tables there are.
+    /// Lists the tables in the inventory.
     pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         let Self { top_nodes, chunk_instances, chunks, assemblies, meshes, .. } = self;
         for table in [top_nodes, chunk_instances, chunks, assemblies, meshes] {
@@ -191,12 +191,12 @@ impl SceneTables {
             ("values of placements", self.placed_values.is_some()),
         ];
         for (name, _) in optional.iter().filter(|(_, is_made)| !is_made) {
-            // Of nothing they would be empty.
+            // The table of an empty list is left out.
             inventory.leave_out(name, 0);
         }
     }
 
-    /// Makes the tables and fills them.
+    /// Allocates the tables and fills them.
     pub(crate) fn new(device: &Device, assets: &SceneAssets, entries: &TableEntries) -> Result<Self, RenderError> {
         let world = &assets.snapshot.world;
         let instances: Vec<GpuChunkInstance> = world.instances.iter().map(chunk_instance).collect();
@@ -221,8 +221,8 @@ impl SceneTables {
         Ok(tables)
     }
 
-    /// Records that the entries of `changed` (sorted) become what `entries` says. There may be thousands of meshes and
-    /// tiles in a step: those that lie near each other go in one command, with what is between.
+    /// Records commands that make the entries of `changed` (sorted) those of `entries`. A step may change thousands of
+    /// meshes and tiles: those that lie near each other are written by one command, with the entries between them.
     pub(crate) fn update(
         &self,
         commands: &mut CommandList,
@@ -258,7 +258,7 @@ fn write<T: Pod>(commands: &mut CommandList, table: &HeapRange, entries: &[T], p
     }
 }
 
-/// Ranges that hold all of `places` (sorted) and little else, none longer than a command takes; of entries of so many
+/// Ranges that hold all of `places` (sorted) and few others, none longer than a command takes; entries have so many
 /// bytes.
 fn runs(places: &[usize], bytes: usize) -> Vec<Range<usize>> {
     let (most, between) = (MOST_BYTES / bytes, MOST_BETWEEN / bytes);
@@ -343,7 +343,7 @@ fn directory_words(textures: &TextureSet) -> usize {
     textures.directories.iter().map(|(_, faces)| faces.directory_words()).sum()
 }
 
-/// The directories of Ptex textures, one behind the other; tells their records where.
+/// The directories of Ptex textures, one behind the other; sets their places in the records.
 fn directories(
     device: &Device,
     writer: &mut AssetCopier<'_>,

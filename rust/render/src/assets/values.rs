@@ -8,17 +8,17 @@ use oocpt_core::scene::InstanceColumn;
 /// Alignment of every section, bytes.
 pub(crate) const ALIGN: u64 = 16;
 
-/// Where the parts of a table are, from its beginning.
+/// The byte offsets of the parts of a table.
 #[derive(Debug)]
 pub(crate) struct ValueLayout {
     /// Column, and offset of its values.
     pub(crate) columns: Vec<(InstanceColumn, u64)>,
-    /// The end; 0 without columns.
+    /// The end in bytes; 0 without columns.
     pub(crate) bytes: u64,
 }
 
 impl ValueLayout {
-    /// The table of so many rows.
+    /// The layout of a table of so many rows.
     pub(crate) fn new(columns: &[InstanceColumn], rows: usize) -> Self {
         if columns.is_empty() {
             return Self { columns: Vec::new(), bytes: 0 };
@@ -33,7 +33,7 @@ impl ValueLayout {
         Self { columns, bytes }
     }
 
-    /// What stands at the beginning of the table.
+    /// The entries at the beginning of the table.
     pub(crate) fn entries(&self) -> Vec<GpuAttribute> {
         let entry = |name, values, width: u32| GpuAttribute { values, name, rate_and_width: width << 8 };
         let entries = self.columns.iter().map(|(column, at)| entry(column.id, *at, column.width));

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What single scattering by rough glass loses, for `shaders/material/bsdf/glass.glsl`, which says what it is for.
+//! The loss of single scattering by rough glass, for `shaders/material/bsdf/glass.glsl`, which explains its use.
 //!
-//! Guarantees: [`bytes`] is 1.4 MB that are part of the program, made by `examples/bsdf_tables.rs` from what stands
-//! here: no time is spent on it. What is looked up in it is right to 1e-3 for any roughness, cosine and index of
-//! refraction (a test asks), and its averages are those of what is looked up, to rounding. Pure; any thread. Only
-//! scenes with rough glass ask.
+//! Guarantees: [`bytes`] is 1.4 MB that are part of the program, made by `examples/bsdf_tables.rs` from the code here:
+//! no time is spent on it. Lookups are right to 1e-3 for any roughness, cosine and index of refraction (a test asserts
+//! it), and the averages are those of the lookups, to rounding. Pure; any thread. Only scenes with rough glass use it.
 //!
 //! A node is a roughness and an index; each has two rows of losses over the cosine, one per side, with columns of its
-//! own, since what bends follows alpha and the angle of total reflection. A lookup asks the four nodes about it, each
-//! at the cosine, and mixes: so an average of lookups is the mixture of the nodes' averages.
+//! own, since the curve bends at places that depend on alpha and on the angle of total reflection. A lookup evaluates
+//! the four nodes about it, each at the cosine, and mixes: so an average of lookups is the mixture of the nodes'
+//! averages.
 //!
 //! Sources: Walter et al. 2007 (refraction by microfacets), Heitz 2014 (masking), Dupuy and Benyoub 2023 (visible
-//! normals), Kulla and Conty 2017 (what the averages are for).
+//! normals), Kulla and Conty 2017 (the use of the averages).
 
 use super::{part, roughness_of};
 use std::f64::consts::PI;
@@ -22,7 +22,7 @@ pub const ROUGHNESSES: usize = 64;
 pub const IORS: usize = 64;
 /// Cosines on the side of the lower index, and on the other, placed by `CosineColumns`.
 pub const COSINES: [usize; 2] = [64, 96];
-/// Floats of a node: 1 / alpha, cosine of total reflection, then for each side what places a column (factor, offset),
+/// Floats of a node: 1 / alpha, cosine of total reflection, then for each side factor and offset of the columns,
 /// averages.
 pub const NODE_FLOATS: usize = 8;
 /// Bytes in all: nodes, then the losses as 16 bits of 0..=1, both sides of a node one after the other.
@@ -40,7 +40,7 @@ pub fn bytes() -> &'static [u8] {
     TABLE
 }
 
-/// Numbers that are worked out side by side.
+/// Numbers that are computed in parallel.
 const LANES: usize = 8;
 
 /// Places on the spherical cap of visible normals: a lattice that is denser at the rim, where the few normals are that
@@ -53,7 +53,7 @@ pub struct VisibleNormals {
 }
 
 impl VisibleNormals {
-    /// `count` of them, rounded up.
+    /// At least `count` places.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "few points")]
     pub fn new(count: usize) -> Self {
@@ -61,7 +61,7 @@ impl VisibleNormals {
         let of = |group: usize, lane: usize| {
             let i = (group * LANES + lane) as f64;
             let (sine, cosine) = (PI * (i + 0.5) / (groups * LANES) as f64).sin_cos();
-            // Steps of the golden ratio are all over 0..1 in any number of them.
+            // Steps of the golden ratio spread over 0..1 for any number of them.
             let rim = (0.5 + i * 0.618_033_988_749_894_9).fract();
             [cosine, sine, 1.0 - rim.powi(3), rim * rim]
         };
@@ -109,8 +109,8 @@ impl VisibleNormals {
     }
 }
 
-/// How the root of (ior - 1) / (ior + 1) is spread at an alpha: logarithmically above `near`, from `least` on, below
-/// which glass is sharp.
+/// The spread of the root of (ior - 1) / (ior + 1) at an alpha: logarithmic above `near`, from `least` on, below which
+/// glass is sharp.
 struct IorSpread {
     near: f64,
     least: f64,
@@ -135,8 +135,8 @@ impl IorSpread {
     }
 }
 
-/// Where the columns of a side of a node are: equally far apart in `(shape(cosine) - offset) * factor`. They crowd
-/// where the cosine is about alpha, and on the denser side at the angle of total reflection.
+/// The places of the columns of a side of a node: equally far apart in `(shape(cosine) - offset) * factor`. They are
+/// dense where the cosine is about alpha, and on the denser side at the angle of total reflection.
 #[derive(Clone, Copy, Debug)]
 struct CosineColumns {
     alpha: f64,
@@ -165,7 +165,7 @@ impl CosineColumns {
         }
     }
 
-    /// 0..=1
+    /// The place of a cosine, 0..=1.
     fn place(&self, cosine: f64) -> f64 {
         ((self.shape(cosine) - self.offset) * self.factor).clamp(0.0, 1.0)
     }
@@ -201,7 +201,7 @@ fn corners(alpha: f64, ior: f64) -> [((usize, usize), f64); 4] {
     ]
 }
 
-/// Making the table; only the example and tests do.
+/// Computes the table; only the example and tests do.
 pub mod make {
     use super::{
         COSINES, CosineColumns, IORS, IorSpread, ROUGHNESSES, VisibleNormals, cell, corners, part, roughness_of,
@@ -231,7 +231,7 @@ pub mod make {
     }
 
     impl GlassLosses {
-        /// Computes them: some minutes of a core.
+        /// Computes the losses: some minutes of a core.
         #[must_use]
         pub fn compute() -> Self {
             let normals = VisibleNormals::new(POINTS);
@@ -290,14 +290,14 @@ pub mod make {
             }
             for (node, sums) in self.nodes.iter_mut().zip(&sums) {
                 for (value, (error, weight)) in node.iter_mut().flatten().zip(sums.iter().flatten()) {
-                    // Half of it, and never more than a tenth of what there is: small losses are small.
+                    // Half of the error is moved, and never more than a tenth of the loss: small losses stay small.
                     let change = if *weight > 0.0 { 0.5 * error / weight } else { 0.0 };
                     *value += change.clamp(-0.1 * *value, 0.1 * *value);
                 }
             }
         }
 
-        /// What is looked up.
+        /// The loss that a lookup returns.
         #[must_use]
         pub fn at(&self, alpha: f64, ior: f64, side: usize, cosine: f64) -> f64 {
             let mut sum = 0.0;
@@ -360,7 +360,7 @@ pub mod make {
             bytes
         }
 
-        /// Those of a table.
+        /// Decodes the bytes of a table.
         #[must_use]
         pub fn of(bytes: &[u8]) -> Self {
             let values = &bytes[4 * super::NODE_FLOATS * IORS * ROUGHNESSES..];

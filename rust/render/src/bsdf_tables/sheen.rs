@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Directional albedo of sheen, for `shaders/material/bsdf/sheen.glsl`, which says what sheen is.
+//! The directional albedo of sheen, for `shaders/material/bsdf/sheen.glsl`, which explains the lobe.
 //!
 //! Guarantees: [`bytes`] is 23 KB that are part of the program, made by `examples/bsdf_tables.rs` from [`compute`] in
 //! f64; all values are finite and in 0..=1. Pure; any thread.
 //!
 //! Sources: Conty and Kulla 2017, "Production friendly microfacet sheen BRDF" (the distribution of normals, layering by
-//! albedo); Neubelt and Pettineo 2013, "Crafting a next-gen material pipeline for The Order: 1886" (what stands for
+//! albedo); Neubelt and Pettineo 2013, "Crafting a next-gen material pipeline for The Order: 1886" (the substitute for
 //! masking).
 
 use super::{PairRow, part};
@@ -16,7 +16,7 @@ use std::f64::consts::{PI, TAU};
 pub const COSINES: usize = 80;
 /// Roughnesses from [`SHARPEST`] to 1, equally far apart in their root.
 pub const ROUGHNESSES: usize = 32;
-/// Least roughness: sheen below it is like this.
+/// Least roughness: smaller ones are raised to it.
 pub const SHARPEST: f64 = 0.1;
 /// Floats in all: albedos, averages, scales, products with the two albedos of each roughness of GGX.
 pub const FLOATS: usize = ROUGHNESSES * (COSINES + 2 + 2 * super::ROUGHNESSES);
@@ -41,7 +41,7 @@ pub fn albedo(cosine: f64, roughness: f64, points: [usize; 2]) -> f64 {
     let power = 1.0 / roughness;
     let mut sum = 0.0;
     for i in 0..points[0] {
-        // Back where the viewer is, 0, the lobe is narrowest where both graze.
+        // Near the direction back to the viewer, 0, the lobe is narrowest if both graze.
         let turn = (i as f64 + 0.5) / points[0] as f64;
         let (turn, turn_measure) = (PI * turn * turn, 2.0 * turn);
         for j in 0..points[1] {
@@ -86,7 +86,7 @@ pub fn compute() -> Vec<u8> {
         .map(|index| {
             let roughness = roughness_of(part(index, ROUGHNESSES));
             let row: Vec<f64> = (0..COSINES).map(|c| albedo(part(c, COSINES).powi(2), roughness, POINTS)).collect();
-            // Where it would give more than it gets, at grazing angles, all of the lobe is scaled.
+            // The lobe is scaled down where it would reflect more than it receives, at grazing angles.
             let scale = 1.0 / row.iter().copied().fold(1.0, f64::max);
             (row.into_iter().map(|x| x * scale).collect(), scale)
         })
@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn albedos_match_known_values() {
-        // Seen from above with roughness 1: D = 3 sin(t / 2) / (2 pi) and 1 / 4 instead of masking, so E is the
+        // Seen from above with roughness 1: D = 3 sin(t / 2) / (2 pi), with 1 / 4 instead of masking, so E is the
         // integral of 3 / 4 sin(t / 2) cos t sin t over t = 0..pi/2, which with s = sin(t / 2) is that of 3 s^2 (1 - 2
         // s^2) over 0..sqrt(1/2) = sqrt(2) / 10.
         let known = f64::sqrt(2.0) / 10.0;

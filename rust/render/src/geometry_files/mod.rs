@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Built meshes on disk: those for which there is no host memory, and with `oocpt:geometryCache` all, for the next
+//! Built meshes on disk: those that find no room in host memory, and with `oocpt:geometryCache` all, for the next
 //! process.
 //!
-//! Without that setting they go to a file that has no name any more once it is open, so that nothing is left behind
-//! however the process ends. With it, to a file of this process in that folder ([`pack`]); those of other processes are
-//! read, too, and removed, the ones that were not used for longest first, when all together are larger than the limit.
-//! Any thread.
+//! Without that setting they go to a file that has no name once it is open, so that nothing is left behind however the
+//! process ends. With it, they go to a file of this process in that folder ([`pack`]); files of other processes are
+//! read, too, and the least recently used ones are removed if all together exceed the limit. Any thread.
 
 mod pack;
 #[cfg(test)]
@@ -25,20 +24,21 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, Weak};
 use std::time::{Duration, SystemTime};
 
-/// How files end.
+/// The extension of the files.
 const ENDING: &str = "oocptgeo";
 
-/// What the settings say.
+/// The settings of the cache.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct GeometrySetting {
     folder: PathBuf,
     lasts: bool,
-    /// Most bytes of all files that last.
+    /// Most bytes of all permanent files.
     limit: u64,
 }
 
 impl GeometrySetting {
-    /// "0": none; empty: the user's own folder, for files that do not last; else a folder for some that do.
+    /// Parses the setting: "0" means none; empty means the user's own folder, for files that do not last; otherwise a
+    /// folder for permanent files.
     pub(crate) fn of(settings: &Settings) -> Option<Self> {
         let limit = u64::from(settings.geometry_cache_mib) << 20;
         match settings.geometry_cache.as_str() {
@@ -49,34 +49,34 @@ impl GeometrySetting {
     }
 }
 
-/// See the module.
+/// The files that this process writes and reads.
 #[derive(Debug)]
 pub(crate) struct GeometryFiles {
     setting: GeometrySetting,
     packs: Mutex<PackFiles>,
-    /// Something could not be written; from then on nothing is.
+    /// True if a write failed; nothing is written from then on.
     failed: AtomicBool,
-    /// A damaged entry was told of.
+    /// True if the user was told of a damaged entry.
     told: AtomicBool,
     shared: Weak<SharedState>,
 }
 
 #[derive(Debug, Default)]
 struct PackFiles {
-    /// Those of other processes, once they were looked for.
+    /// The files of other processes; `None` before they were looked for.
     others: Option<Vec<Arc<PackFile>>>,
-    /// What this process writes that lasts.
+    /// The permanent file of this process.
     own: Option<Arc<PackFile>>,
-    /// What does not.
+    /// The file of this process that does not last.
     scratch: Option<Arc<PackFile>>,
-    /// Bytes of those of others, when they were last looked at.
+    /// Bytes of the files of other processes, when they were last measured.
     others_bytes: Option<u64>,
-    /// Of others: already marked as used.
+    /// Files of other processes that are already marked as used.
     marked: Vec<PathBuf>,
 }
 
 impl GeometryFiles {
-    /// Nothing is opened before it is needed. Complaints go to `shared`.
+    /// Creates the cache; files are opened when they are needed. Complaints go to `shared`.
     pub(crate) fn new(setting: GeometrySetting, shared: &Arc<SharedState>) -> Self {
         Self {
             setting,
@@ -98,7 +98,7 @@ impl GeometryFiles {
         }
     }
 
-    /// The file that `bytes` more go to, and whether they last there.
+    /// The file for `bytes` more, and whether they last there.
     fn pack_for(&self, lasts: bool, bytes: u64) -> io::Result<(Arc<PackFile>, bool)> {
         let mut packs = lock(&self.packs);
         let lasts = lasts && self.make_room(&mut packs, bytes);
@@ -110,7 +110,7 @@ impl GeometryFiles {
         Ok((pack, lasts))
     }
 
-    /// A new file.
+    /// Creates a file.
     fn begin(&self, lasts: bool) -> io::Result<PackFile> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
         fs::create_dir_all(&self.setting.folder)?;
@@ -125,14 +125,14 @@ impl GeometryFiles {
         Ok(PackFile::new(file, None))
     }
 
-    /// Removes files of other processes until there is room for `bytes`; false where there is none even so.
+    /// Removes files of other processes until there is room for `bytes`; returns false if that is not enough.
     fn make_room(&self, packs: &mut PackFiles, bytes: u64) -> bool {
         let needed = packs.own.as_ref().map_or(0, |own| own.bytes()).saturating_add(bytes);
         if needed > self.setting.limit {
             return false;
         }
         let own = packs.own.as_ref().and_then(|own| own.path()).cloned();
-        // Looked at anew only when it may matter.
+        // The folder is measured again only if it may matter.
         if needed.saturating_add(packs.others_bytes.unwrap_or(u64::MAX)) <= self.setting.limit {
             return true;
         }
@@ -144,7 +144,7 @@ impl GeometryFiles {
             if needed.saturating_add(sum) <= self.setting.limit {
                 break;
             }
-            // Who has it open keeps it.
+            // A process that has it open keeps it.
             remove(&file.path);
             sum = sum.saturating_sub(file.bytes);
         }
@@ -169,7 +169,7 @@ impl GeometryFiles {
         own.into_iter().chain(others.iter().cloned()).collect()
     }
 
-    /// Notes that a file of another process is used.
+    /// Marks a file of another process as used.
     fn mark(&self, pack: &PackFile) {
         let mut packs = lock(&self.packs);
         if let Some(path) = pack.path().filter(|path| !packs.marked.contains(path)).cloned() {
@@ -232,7 +232,7 @@ impl MeshFiles for GeometryFiles {
 
     fn damaged(&self, key: Option<u128>, error: &PayloadError) {
         for pack in self.known().iter().filter(|pack| key.is_some_and(|key| pack.has(key))) {
-            // Nobody else has to meet it.
+            // No later lookup should find the damaged entry.
             pack.forget();
             pack.path().into_iter().for_each(|path| remove(path));
         }
@@ -251,7 +251,7 @@ impl GeometryFiles {
     }
 }
 
-/// A file that is ours, by its name.
+/// A file of the folder with a name of ours.
 struct FileOfFolder {
     path: PathBuf,
     used: SystemTime,
@@ -269,7 +269,7 @@ fn files_of(folder: &Path) -> Vec<FileOfFolder> {
     fs::read_dir(folder).into_iter().flatten().flatten().filter_map(file).collect()
 }
 
-/// Another process may have been faster.
+/// Removes a file; another process may have been faster.
 fn remove(path: &Path) {
     if let Err(error) = fs::remove_file(path) {
         tracing::debug!(path = %path.display(), %error, "cannot be removed");

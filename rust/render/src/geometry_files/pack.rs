@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A file of records that only grows: what meshes were built to.
+//! An append-only file of records of built meshes.
 //!
 //! A record is a [`RecordHeader`], a table of its payloads, a head, and the payloads, in native byte order; the next
 //! one begins at a multiple of [`ALIGN`]. The header is written last, so a process that dies leaves a record that is
@@ -17,18 +17,18 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-/// How records begin.
+/// The first word of every record.
 const MAGIC: u64 = u64::from_le_bytes(*b"OocPTgeo");
-/// Of the layout of records.
+/// Version of the layout of records.
 const VERSION: u32 = 1;
 /// Alignment of records.
 const ALIGN: u64 = 64;
-/// Largest table and head: what is read before its hash is known.
+/// Largest table and head: they are read before their hash is known.
 const MOST_HEAD: u64 = 256 << 20;
-/// Payloads up to here are read and written in one piece.
+/// Largest payload that is read and written in one piece.
 const ONE_PIECE: u64 = 256 << 10;
 
-/// How a record begins.
+/// The header of a record.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 struct RecordHeader {
@@ -37,33 +37,33 @@ struct RecordHeader {
     payloads: u32,
     key: [u64; 2],
     head_bytes: u64,
-    /// With this header.
+    /// Bytes of the record, header included.
     record_bytes: u64,
-    /// Of table and head.
+    /// Hash of table and head.
     head_hash: u64,
-    /// Of all above.
+    /// Hash of the fields above.
     hash: u64,
 }
 
-/// Where a payload is.
+/// The place of a payload.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 struct PayloadPlace {
-    /// From the record's first byte.
+    /// Bytes from the record's first byte.
     offset: u64,
     bytes: u64,
     hash: u64,
 }
 
-/// See the module.
+/// An open file with the index of its records.
 #[derive(Debug)]
 pub(super) struct PackFile {
     file: File,
-    /// None: it has no name any more, and goes with the process.
+    /// The file's path; `None` if it has no name and is removed with the process.
     path: Option<PathBuf>,
-    /// Where the next record goes.
+    /// The offset of the next record.
     end: AtomicU64,
-    /// Where records with a key are.
+    /// Offsets of the records by key.
     records: Mutex<FxHashMap<u128, u64>>,
 }
 
@@ -73,7 +73,7 @@ impl RecordHeader {
         xxh3_64(&bytes[..bytes.len() - size_of::<u64>()])
     }
 
-    /// The header at `offset` of a file of `length` bytes, if there is one whose record is all there.
+    /// Reads the header at `offset` of a file of `length` bytes, if its record is complete.
     fn read(file: &File, offset: u64, length: u64) -> Option<Self> {
         let mut header = Self::zeroed();
         file.read_exact_at(bytemuck::bytes_of_mut(&mut header), offset).ok()?;
@@ -93,12 +93,12 @@ impl RecordHeader {
 }
 
 impl PackFile {
-    /// A new file, which has to be empty.
+    /// A new file, which must be empty.
     pub(super) fn new(file: File, path: Option<PathBuf>) -> Self {
         Self { file, path, end: AtomicU64::new(0), records: Mutex::default() }
     }
 
-    /// A file of another process, be it still being written: the records that are whole, up to the first that is not.
+    /// Opens a file of another process, which may still write to it, with the records up to the first incomplete one.
     pub(super) fn open(path: PathBuf) -> io::Result<Self> {
         let file = oocpt_files::open(&path)?;
         let metadata = file.metadata()?;
@@ -113,7 +113,7 @@ impl PackFile {
         Ok(Self { file, path: Some(path), end: AtomicU64::new(at), records: Mutex::new(records) })
     }
 
-    /// Bytes of its records.
+    /// Bytes of the records.
     pub(super) fn bytes(&self) -> u64 {
         self.end.load(Ordering::Relaxed)
     }
@@ -122,24 +122,24 @@ impl PackFile {
         self.path.as_ref()
     }
 
-    /// Whether there is a record with this key.
+    /// Returns true if there is a record with this key.
     pub(super) fn has(&self, key: u128) -> bool {
         lock(&self.records).contains_key(&key)
     }
 
-    /// Forgets all records with keys. Payloads that are in use stay.
+    /// Forgets all records with keys. Payloads in use stay valid.
     pub(super) fn forget(&self) {
         lock(&self.records).clear();
     }
 
-    /// Marks it as used now.
+    /// Marks the file as used now.
     pub(super) fn mark(&self) {
-        // The times of a folder that cannot be written do not matter.
+        // The times do not matter in a folder that cannot be written.
         let marked = self.file.set_modified(std::time::SystemTime::now());
         tracing::trace!(?marked, "used");
     }
 
-    /// The record of a key; an error where it is not what was written.
+    /// Finds the record of a key; an error if it differs from what was written.
     pub(super) fn find(self: &Arc<Self>, key: u128) -> Option<Result<StoredEntry, PayloadError>> {
         let at = lock(&self.records).get(&key).copied()?;
         Some(self.entry(at))
@@ -170,7 +170,7 @@ impl PackFile {
         Ok(StoredEntry { head, payloads })
     }
 
-    /// Appends a record; 0 is no key. Threads may append side by side.
+    /// Appends a record; the key 0 means none. Threads may append in parallel.
     pub(super) fn append(
         self: &Arc<Self>,
         key: u128,
@@ -235,7 +235,7 @@ impl PackFile {
 #[derive(Debug)]
 struct PackPayload {
     pack: Arc<PackFile>,
-    /// From the file's first byte.
+    /// Bytes from the file's first byte.
     offset: u64,
     bytes: u64,
     hash: u64,

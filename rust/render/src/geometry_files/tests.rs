@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Files of built meshes: what is found, what is refused, what is removed.
+//! Files of built meshes: records that are found, rejected and removed.
 
 use super::pack::PackFile;
 use super::{GeometryFiles, GeometrySetting};
@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
-/// A folder that is gone at the end.
+/// A folder that is removed at the end.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -147,7 +147,7 @@ fn hostile_headers_allocate_nothing() {
     add(&files, 1, 9, 100);
     let path = folder.files().remove(0);
     let mut bytes = fs::read(&path).expect("read");
-    // Sizes beyond the file, with a right hash of the header.
+    // Sizes are beyond the file, with a right hash of the header.
     for (at, value) in [(32, u64::MAX), (40, u64::MAX), (32, 1 << 60), (8, u64::MAX)] {
         let old: [u8; 8] = bytes[at..at + 8].try_into().expect("eight");
         bytes[at..at + 8].copy_from_slice(&u64::to_le_bytes(value));
@@ -182,7 +182,7 @@ fn the_oldest_foreign_files_are_evicted() {
     let left: Vec<u128> = (1..5).filter(|key| found(&folder.open(true, u64::MAX).0, *key).is_some()).collect();
     assert_eq!(left, [1, 2, 4], "3 was not used for longest");
     assert!(foreign.exists(), "a file that is none of ours stays");
-    // What is more than the limit goes where it does not last.
+    // Entries beyond the limit go to the file that does not last.
     let stored = add(&files, 5, 5, 4000);
     assert_eq!(read(&stored[1]), Ok(vec![5; 4002]));
     assert!(found(&folder.open(true, u64::MAX).0, 5).is_none());

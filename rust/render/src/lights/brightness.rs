@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What groups of lights bring, roughly, as `local_share` of `shaders/light/sample.glsl` compares it
+//! Rough contributions of the groups of lights, as `local_share` of `shaders/light/sample.glsl` compares them
 //! (decisions/0062). Pure.
 
 use super::narrow;
 use oocpt_abi::LightTablePointers;
 
-/// See the module.
+/// The rough brightness of the scene's groups of lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct SceneBrightness {
-    /// Sum of what local lights give at distance 1 where they shine.
+    /// Sum of the irradiances of local lights at distance 1 where they shine.
     pub(super) local: f64,
-    /// Irradiance that domes give.
+    /// Irradiance of the domes.
     pub(super) domes: f64,
     /// Irradiance of all distant lights on surfaces that face them.
     distant: f64,
-    /// Their directions times that.
+    /// Sum of their directions times irradiance.
     axis: [f64; 3],
 }
 
@@ -25,8 +25,8 @@ impl SceneBrightness {
         self.axis = [0, 1, 2].map(|k| self.axis[k] + f64::from(direction[k]) * irradiance);
     }
 
-    /// The block with what it says. `mesh`: power of the meshes that emit light, if there are any, as `has_locals` says
-    /// of local lights.
+    /// Writes the brightness into the block. `mesh`: power of the meshes that emit light, if there are any;
+    /// `has_locals`: there are local lights.
     pub(super) fn put(&self, block: LightTablePointers, has_locals: bool, mesh: Option<f64>) -> LightTablePointers {
         LightTablePointers {
             local_brightness: if has_locals { usable(self.local) } else { 0.0 },
@@ -39,7 +39,7 @@ impl SceneBrightness {
     }
 }
 
-/// What the device takes for `value` of lights that are there: neither 0 nor too large to be added up.
+/// The value that the device uses for lights that exist: neither 0 nor too large to be summed.
 fn usable(value: f64) -> f32 {
     if value.is_finite() { narrow(value.clamp(1e-30, 1e30)) } else { 1e30 }
 }

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Layouts of a dome's picture: all but longitude and latitude are resampled to that once, when the file is read, so
-//! that what is sampled, and how, is the same for all. Pure.
+//! that sampling is the same for all. Pure.
 //!
 //! In the frame of the dome (+y is up), with picture coordinates a, b from -1 to 1, to the right and up:
-//! - mirrored ball: what a camera far away on +z sees in a mirror ball, parallel projection: the ball's normal is `n =
-//!   (a, b, sqrt(1 - a^2 - b^2))`, the direction the mirror image of +z about it. The middle is +z, the rim all -z.
-//! - angular: of the same azimuth, the radius grows with the angle to +z: `(d.x, d.y) r / |(d.x, d.y)|`,
-//!   `r = acos(d.z) / pi` (Debevec 1998, "Rendering Synthetic Objects into Real Scenes"; his `angmap.cal`).
+//! - mirrored ball: the reflection that a camera far away on +z sees in a mirror ball, in parallel projection: the
+//!   ball's normal is `n = (a, b, sqrt(1 - a^2 - b^2))`, the direction the mirror image of +z about it. The middle is
+//!   +z, the rim all -z.
+//! - angular: the same azimuth, and the radius grows with the angle to +z: `(d.x, d.y) r / |(d.x, d.y)|`, `r =
+//!   acos(d.z) / pi` (Debevec 1998, "Rendering Synthetic Objects into Real Scenes"; his `angmap.cal`).
 //! - vertical cross: six faces of a cube on a grid of three columns and four rows; the middle column holds, from above,
 //!   +y, +z, -y, -z, unfolded about the x axis; beside +z are -x on the left and +x on the right.
 
@@ -16,10 +17,10 @@ use std::f64::consts::PI;
 
 /// Most rows of a resampled picture.
 const MAX_ROWS: u32 = 4096;
-/// Looks a texel, each way.
+/// Samples of a texel along each axis.
 const LOOKS: u32 = 2;
 
-/// The picture as longitude and latitude. Call [`super::picture::fault`] before.
+/// Resamples the picture to longitude and latitude. Call [`super::picture::fault`] before.
 pub(super) fn to_latlong(picture: LightPicture, format: DomeFormat) -> LightPicture {
     let place: fn([f64; 3]) -> PicturePlace = match format {
         DomeFormat::Automatic | DomeFormat::Latlong | DomeFormat::Other => return picture,
@@ -46,18 +47,17 @@ pub(super) fn to_latlong(picture: LightPicture, format: DomeFormat) -> LightPict
     LightPicture { width, height, texels }
 }
 
-/// A place of a picture in shares of its sides, from the upper left, and the part that is looked at: nothing outside of
-/// it is.
+/// A place of a picture in fractions of its sides, from the upper left, and the region that samples stay inside of.
 struct PicturePlace {
     at: [f64; 2],
     part: PictureRegion,
 }
 
-/// A part of a picture.
+/// A region of a picture.
 enum PictureRegion {
     /// The disk that touches its sides.
     Disk,
-    /// From, to, in shares of its sides.
+    /// The box between two corners, in fractions of the sides.
     Box([f64; 2], [f64; 2]),
 }
 
@@ -69,7 +69,7 @@ fn in_disk(d: [f64; 3], r: f64) -> PicturePlace {
 }
 
 fn mirrored_ball(d: [f64; 3]) -> PicturePlace {
-    // The normal is half way between the direction and +z: its share across is the sine of half the angle.
+    // The normal is half way between the direction and +z: its component across is the sine of half the angle.
     in_disk(d, (0.5 * (1.0 - d[2])).clamp(0.0, 1.0).sqrt())
 }
 
@@ -93,12 +93,12 @@ fn vertical_cross([x, y, z]: [f64; 3]) -> PicturePlace {
     PicturePlace { at, part: PictureRegion::Box([column / 3.0, row / 4.0], [(column + 1.0) / 3.0, (row + 1.0) / 4.0]) }
 }
 
-/// Linear between the middles of texels that are inside of the part.
+/// Interpolates between the middles of texels that are inside of the region.
 fn look(picture: &LightPicture, place: &PicturePlace) -> [f64; 3] {
     let size = [f64::from(picture.width), f64::from(picture.height)];
     let at = match place.part {
         PictureRegion::Disk => {
-            // All four texels are within the disk: what is around it is black, as a rule.
+            // All four texels are within the disk: the area around it is black, as a rule.
             let most = [0, 1].map(|k| (1.0 - 3.0 / size[k]).max(0.0));
             let off = [0, 1].map(|k| 2.0 * place.at[k] - 1.0);
             let radius = off[0].hypot(off[1]);
@@ -116,7 +116,7 @@ fn look(picture: &LightPicture, place: &PicturePlace) -> [f64; 3] {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture's texels")]
         let [x, y] = [(x, size[0]), (y, size[1])].map(|(x, size)| x.clamp(0.0, size - 1.0) as usize);
         let texel = picture.texels.get(y * picture.width as usize + x).copied().unwrap_or_default();
-        // Not a number and negative light are none; infinite light is much.
+        // NaN and negative light become 0; infinite light is bounded.
         texel.map(|c| if c > 0.0 { f64::from(c.min(1e30)) } else { 0.0 })
     };
     let row = |y: f64| {
@@ -131,7 +131,7 @@ fn look(picture: &LightPicture, place: &PicturePlace) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    /// A picture of `width` x `height` whose texels are what `of` says of the direction that they show, or black.
+    /// A picture of `width` x `height` whose texels are the value of `of` for the direction that they show, or black.
     fn picture(width: u32, height: u32, direction: impl Fn(f64, f64) -> Option<[f64; 3]>) -> LightPicture {
         let texels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         let texel = |(x, y): (u32, u32)| {

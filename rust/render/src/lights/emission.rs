@@ -13,17 +13,17 @@ use oocpt_core::scene::Snapshot;
 use oocpt_core::texture::TextureRef;
 use std::sync::Arc;
 
-/// Emission above which a material is no light: weights stay finite.
+/// Emission above which a material is not a light: weights stay finite.
 const MAX_EMISSION: f32 = 1e30;
-/// Most maps; what is beyond is taken as even.
+/// Most maps; emissions beyond are taken as uniform.
 const MAX_MAPS: usize = 1024;
 
-/// What a slot emits.
+/// The emission of a slot.
 #[derive(Clone, Debug)]
 pub(super) enum EmittedPower {
-    /// The same everywhere: what a unit of area counts for, 0: nothing.
+    /// Uniform: the weight of a unit of area; 0 emits nothing.
     Even(f32),
-    /// A primvar, by the number of its name, or the fallback where the mesh does not have it.
+    /// A primvar, by the number of its name, and the fallback for a mesh that does not have it.
     Primvar(u32, [f32; 3]),
     /// A picture.
     Picture(EmissionPicture),
@@ -31,33 +31,33 @@ pub(super) enum EmittedPower {
     Program(Arc<EmissionProgram>),
 }
 
-/// See [`EmittedPower::Picture`].
+/// The picture of [`EmittedPower::Picture`].
 #[derive(Clone, Debug)]
 pub(super) struct EmissionPicture {
     map: Arc<EmissionMap>,
     /// Number of the name of its texture coordinates, if it has any.
     set: Option<u32>,
-    /// Those of a mesh that does not have them.
+    /// The coordinates for a mesh that does not have the set.
     fallback: [f32; 2],
     rows: [[f32; 3]; 2],
 }
 
-/// The slots of a prim, and the weight that 1 stands for.
+/// The emissions of the slots of a prim, and the weight that 1 stands for.
 #[derive(Clone, Debug)]
 pub(super) struct PrimEmission {
     pub(super) by_slot: Vec<EmittedPower>,
     pub(super) scale: f32,
 }
 
-/// What a prim emits at one of its placements.
+/// The emissions of a prim at one of its placements.
 #[derive(Clone, Debug)]
 pub(super) struct PlacedEmission {
     pub(super) emission: PrimEmission,
-    /// By slot; the first float has the bits of `NO_VALUE` where the instance says nothing.
+    /// Emissions by slot; the first float has the bits of `NO_VALUE` if the instance has no value.
     pub(super) emissions: Vec<[f32; 3]>,
 }
 
-/// Maps that are kept from snapshot to snapshot.
+/// The maps that are kept from snapshot to snapshot.
 #[derive(Debug, Default)]
 pub(super) struct EmissionMaps {
     known: Vec<(TextureRef, TexelFinish, Arc<EmissionMap>, bool)>,
@@ -68,7 +68,7 @@ pub(super) struct EmissionMaps {
 }
 
 impl EmissionMaps {
-    /// What each material emits. Forgets the maps of others.
+    /// The emission of each material. Forgets the maps of other materials.
     pub(super) fn powers(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Vec<Option<EmittedPower>> {
         self.most_lookups = snapshot.surfaces.most_lookups();
         let materials = snapshot.surfaces.materials.iter();
@@ -78,7 +78,7 @@ impl EmissionMaps {
         emission
     }
 
-    /// The program of a material's emission, if light can be asked for it.
+    /// The program of a material's emission, if it can be sampled as a light.
     fn program(
         &mut self,
         snapshot: &Snapshot,
@@ -89,7 +89,7 @@ impl EmissionMaps {
         let program = EmissionProgram::new(material, self.most_lookups, self.made, |lookup| {
             let texture = snapshot.surfaces.textures.get(lookup.texture as usize).filter(|texture| !texture.is_ptex)?;
             let finish = TexelFinish { channel: None, scale: [1.0; 4], bias: [0.0; 4] };
-            // Without images all of them are black.
+            // Without images all textures are black.
             Some(self.get(texture, finish, images?))
         })?;
         if let Some((known, is_used)) = self.programs.iter_mut().find(|(known, _)| **known == program) {
@@ -118,8 +118,8 @@ impl EmissionMaps {
         map
     }
 
-    /// A file that cannot be read shows its fallback; the textures' own warning says why. Sets of files are taken as
-    /// even.
+    /// Makes the map of a texture. A file that cannot be read shows its fallback; the textures' own warning gives the
+    /// reason. Sets of files are taken as uniform.
     fn make(&self, texture: &TextureRef, finish: &TexelFinish, images: &TextureCache) -> EmissionMap {
         if texture.asset.resolved.contains("<UDIM>") || self.known.len() >= MAX_MAPS {
             return EmissionMap::even(1.0, self.made);
@@ -134,7 +134,7 @@ impl EmissionMaps {
             return fallback();
         }
         let Some(image) = images.image(texture, 0) else { return fallback() };
-        // One that opens and cannot be read here may be read tile by tile.
+        // An image that opens but cannot be read here may still be readable tile by tile.
         EmissionMap::of_image(&*image, texture, finish, self.made).unwrap_or_else(|error| {
             tracing::debug!(%error, file = &*texture.asset.authored, "emission is taken as even");
             EmissionMap::even(1.0, self.made)
@@ -143,7 +143,7 @@ impl EmissionMaps {
 }
 
 impl PrimEmission {
-    /// Those of a prim, if one of its slots emits; `materials` as [`EmissionMaps::powers`] gives them.
+    /// The emissions of a prim, if one of its slots emits; `materials` as [`EmissionMaps::powers`] returns them.
     pub(super) fn of_prim(snapshot: &Snapshot, prim_id: i64, materials: &[Option<EmittedPower>]) -> Option<Self> {
         let slots = snapshot.surfaces.slots(i32::try_from(prim_id).ok()?);
         let power = |&slot: &u32| materials.get(slot as usize).filter(|_| slot != NO_MATERIAL).cloned().flatten();
@@ -152,7 +152,7 @@ impl PrimEmission {
 
     fn scaled(mut by_slot: Vec<EmittedPower>) -> Option<Self> {
         let largest = by_slot.iter().map(EmittedPower::typical).fold(0.0, f32::max);
-        // Weights that are no normal numbers would lose their meaning.
+        // Weights that are not normal numbers would lose precision.
         if !largest.is_normal() {
             return None;
         }
@@ -164,7 +164,7 @@ impl PrimEmission {
         Some(Self { by_slot, scale: largest })
     }
 
-    /// Those at a placement, where its instance has something to say; `values` by number of the name.
+    /// The emissions at a placement whose instance has values; `values` by number of the name.
     pub(super) fn placed(&self, mesh: &MeshSummary, values: &[(u32, [f32; 4])]) -> Option<PlacedEmission> {
         let value = |name: u32| {
             let is_own = mesh.primvars.iter().any(|primvar| primvar.id == name);
@@ -181,7 +181,7 @@ impl PrimEmission {
             by_slot.push(match (power, here) {
                 (EmittedPower::Even(weight), _) => EmittedPower::Even(weight * self.scale),
                 (other, None) => other.clone(),
-                // Places in a picture that an instance knows are left to rays, and so is all that a program reads.
+                // Texture coordinates of an instance are left to BSDF rays, and so is all that a program reads.
                 (EmittedPower::Picture(_) | EmittedPower::Program(_), Some(_)) => EmittedPower::Even(0.0),
                 (EmittedPower::Primvar(..), Some([r, g, b, _])) => {
                     if let Some(emission) = emissions.last_mut() {
@@ -196,7 +196,7 @@ impl PrimEmission {
         Some(PlacedEmission { emission, emissions })
     }
 
-    /// What tells emitters of one mesh apart.
+    /// A key that differs between emitters of one mesh.
     pub(super) fn key(&self) -> Vec<u32> {
         let mut key = Vec::new();
         for power in &self.by_slot {
@@ -222,7 +222,7 @@ impl PrimEmission {
 }
 
 impl EmittedPower {
-    /// A weight of its order of magnitude.
+    /// A weight of the typical order of magnitude.
     fn typical(&self) -> f32 {
         match self {
             Self::Even(weight) => *weight,
@@ -231,7 +231,7 @@ impl EmittedPower {
         }
     }
 
-    /// The primvars that it reads.
+    /// The primvars that the emission reads.
     fn names(&self) -> impl Iterator<Item = u32> {
         let (one, program) = match self {
             Self::Even(_) => (None, None),
@@ -242,7 +242,7 @@ impl EmittedPower {
         one.into_iter().chain(program.into_iter().flat_map(|program| program.names()))
     }
 
-    /// The program that works it out.
+    /// The program that computes the emission.
     pub(super) fn program(&self) -> Option<&EmissionProgram> {
         match self {
             Self::Program(program) => Some(program),
@@ -250,7 +250,7 @@ impl EmittedPower {
         }
     }
 
-    /// Textures that are looked up for a point.
+    /// Number of textures that are looked up for a point.
     pub(super) fn lookups(&self) -> usize {
         match self {
             Self::Even(_) | Self::Primvar(..) => 0,
@@ -259,12 +259,12 @@ impl EmittedPower {
         }
     }
 
-    /// Whether points of a triangle may differ in what they emit, or their emission is not in the material.
+    /// Returns true if points of a triangle may differ in what they emit, or their emission is not in the material.
     pub(super) fn varies(&self) -> bool {
         !matches!(self, Self::Even(_))
     }
 
-    /// What the corners of a triangle have: colours, or texture coordinates in the first two.
+    /// The values at the corners of a triangle: colours, or texture coordinates in the first two components.
     pub(super) fn corners(&self, mesh: &MeshAsset, triangle: usize) -> [[f32; 3]; 3] {
         match self {
             Self::Even(_) | Self::Program(_) => [[0.0; 3]; 3],
@@ -276,13 +276,13 @@ impl EmittedPower {
         }
     }
 
-    /// What they have that a program reads.
+    /// The values at the corners that a program reads.
     pub(super) fn program_corners(&self, mesh: &MeshAsset, triangle: usize) -> Option<[EmissionCorner; 3]> {
         self.program().map(|program| program.corners(mesh, triangle))
     }
 
-    /// What a unit of a triangle's area counts for; `corners` as they are given by [`EmittedPower::corners`], `scale`
-    /// of the prim. Not of a program.
+    /// The weight of a unit of a triangle's area; `corners` as [`EmittedPower::corners`] returns them, `scale` of the
+    /// prim. Not for programs.
     pub(super) fn weight(&self, corners: &[[f32; 3]; 3], scale: f32) -> f64 {
         match self {
             Self::Program(_) => 0.0,
@@ -304,8 +304,8 @@ impl EmissionPicture {
     }
 }
 
-/// What a material emits; `None` if it is none that lights are made of: those that are not there everywhere, and Ptex,
-/// which shines on what rays that are reflected find it.
+/// The emission of a material; `None` if its meshes cannot be lights: those with cutouts, and Ptex, which only BSDF
+/// rays find.
 fn emitted_power(
     snapshot: &Snapshot,
     material: &Material,
@@ -331,7 +331,7 @@ fn emitted_power(
                 return None;
             }
             let finish = TexelFinish { channel: *channel, scale: *scale, bias: *bias };
-            // Without images all of them are black.
+            // Without images all textures are black.
             let map = maps.get(texture, finish, images?);
             let set = match uv {
                 Some(set) => Some(material.uv_sets.get(usize::from(*set))?),
@@ -347,7 +347,7 @@ fn three(corners: Option<[[f32; 4]; 3]>) -> Option<[[f32; 3]; 3]> {
     corners.map(|corners| corners.map(|[x, y, z, _]| [x, y, z]))
 }
 
-/// Low and high half.
+/// The low and the high half.
 #[expect(clippy::cast_possible_truncation, reason = "halves")]
 pub(super) fn halves(x: u64) -> [u32; 2] {
     [x as u32, (x >> 32) as u32]

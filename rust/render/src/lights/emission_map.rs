@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How much a picture emits where: what triangles that show it are weighed by. Only choices depend on it, no radiance
-//! does.
+//! The emission of a picture by place, with which triangles that show it are weighted. Only choices depend on it, never
+//! radiance.
 //!
-//! Bounds: a map has at most 256 x 256 cells and a third more; making it looks at at most [`MOST_BYTES`] of a picture,
-//! of the
-//! coarsest level that is fine enough, in evenly spaced rows where that level is larger. Render thread only.
+//! Bounds: a map has at most 256 x 256 cells and a third more; making it reads at most [`MOST_BYTES`] of a picture,
+//! from the coarsest level that is fine enough, in evenly spaced rows if that level is larger. Render thread only.
 
 use super::emission_weight;
 use crate::textures::{ImageError, SourceImage};
@@ -17,12 +16,12 @@ const SIDE: u32 = 256;
 const MOST_BYTES: u64 = 64 << 20;
 /// Most samples along an edge of a triangle.
 pub(super) const LATTICE: u32 = 8;
-/// Share of the mean that counts everywhere: what cells do not show is found all the same.
+/// Share of the mean that counts everywhere: light that cells do not show is found all the same.
 const FLOOR: f64 = 0.05;
 /// Largest value of a channel that counts.
 pub(super) const MOST: f64 = 1e30;
 
-/// What an input makes of a texel.
+/// The operations of an input on a texel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TexelFinish {
     pub(super) channel: Option<u8>,
@@ -31,7 +30,7 @@ pub(super) struct TexelFinish {
 }
 
 impl TexelFinish {
-    /// The colour, not negative. `is_texel`: no fallback, to which no scale and bias apply.
+    /// The colour, not negative. `is_texel`: true if it is not a fallback, to which no scale and bias apply.
     pub(super) fn color(&self, texel: [f64; 4], is_texel: bool) -> [f64; 3] {
         let at = |k: usize| {
             let value = if is_texel { texel[k] * f64::from(self.scale[k]) + f64::from(self.bias[k]) } else { texel[k] };
@@ -52,16 +51,16 @@ struct MapLevel {
     cells: Vec<f32>,
 }
 
-/// See the module.
+/// A pyramid of mean weights.
 #[derive(Clone, Debug)]
 pub(super) struct EmissionMap {
-    /// The finest first; the last has one cell.
+    /// The levels, the finest first; the last has one cell.
     levels: Vec<MapLevel>,
     wrap: [Wrap; 2],
     /// The weight where the picture is not continued.
     outside: f64,
     mean: f64,
-    /// Different for each that was ever made.
+    /// A number that is different for each map ever made.
     pub(super) number: u64,
 }
 
@@ -87,7 +86,7 @@ impl EmissionMap {
         let size = [width, rows].map(|n| 1 << n.min(SIDE).ilog2());
         let mut sums = vec![[0.0_f64; 2]; (size[0] * size[1]) as usize];
         let level = u32::try_from(level).unwrap_or(0);
-        // In one pass over the level: of a file that is not in tiles each row would cost all those above it.
+        // One pass over the level: in a file without tiles each row would cost all those above it.
         image.decode(level, &mut |top, band| {
             for (top, row) in (top..height).zip(band.chunks_exact(width as usize * texel_bytes)) {
                 let Some(y) = sampled_row(height - 1 - top, rows, height) else { continue };
@@ -129,7 +128,7 @@ impl EmissionMap {
         Self { levels, wrap, outside: 0.0, mean, number }
     }
 
-    /// The weight of all of it, mean.
+    /// The mean weight of the whole map.
     pub(super) fn mean(&self) -> f64 {
         self.mean
     }
@@ -163,8 +162,8 @@ impl EmissionMap {
     }
 }
 
-/// The middles of the parts of a triangle whose edges are cut in n: weights of the second and the third corner, n n of
-/// them.
+/// The middles of the parts of a triangle whose edges are cut in n: weights of the second and the third corner, n * n
+/// of them.
 pub(super) fn lattice(n: u32) -> impl Iterator<Item = [f64; 2]> {
     let place = move |i: u32, j: u32, off: f64| [i, j].map(|at| (f64::from(at) + off) / f64::from(n));
     (0..n).flat_map(move |i| (0..n - i).map(move |j| (i, j))).flat_map(move |(i, j)| {
@@ -174,7 +173,7 @@ pub(super) fn lattice(n: u32) -> impl Iterator<Item = [f64; 2]> {
 }
 
 impl MapLevel {
-    /// Half as many cells along each axis; `None` after the last.
+    /// The next level with half as many cells along each axis; `None` after the last.
     fn coarser(&self) -> Option<Self> {
         if self.size == [1, 1] {
             return None;
@@ -196,7 +195,7 @@ impl MapLevel {
         Some(Self { size, cells })
     }
 
-    /// The cell at a place; `None` outside.
+    /// The cell at a place; `None` outside of the picture.
     fn at(&self, st: [f64; 2], wrap: [Wrap; 2]) -> Option<f64> {
         let mut cell = [0_u32; 2];
         for k in 0..2 {
@@ -209,7 +208,7 @@ impl MapLevel {
     }
 }
 
-/// A coordinate brought into [0, 1]; `None` where there is nothing.
+/// A coordinate wrapped into [0, 1]; `None` if the picture is not continued there.
 fn wrapped(s: f64, wrap: Wrap) -> Option<f64> {
     if !s.is_finite() {
         return None;
@@ -222,7 +221,7 @@ fn wrapped(s: f64, wrap: Wrap) -> Option<f64> {
     }
 }
 
-/// Of `rows` rows spread evenly over `height`, the one that is row `from`, if one is.
+/// The index of row `from` among `rows` rows spread evenly over `height`, if it is one of them.
 fn sampled_row(from: u32, rows: u32, height: u32) -> Option<u64> {
     let (from, rows, height) = (u64::from(from), u64::from(rows), u64::from(height));
     let y = (from * rows).div_ceil(height);
@@ -269,7 +268,7 @@ mod tests {
 
     #[test]
     fn triangle_emission_is_the_mean_of_covered_cells() {
-        // Bright in the left half of 256 x 256 cells.
+        // The left half of 256 x 256 cells is bright.
         let cells = (0..256 * 256).map(|at| if at % 256 < 128 { 1.0 } else { 0.0 }).collect();
         let map = map([256, 256], cells, Wrap::Black);
         assert!((map.mean() - 0.5).abs() < 1e-6, "mean {}", map.mean());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The triangles of one mesh that emit light, with the weights that its materials have for one prim: leaves of a few
-//! faces each and a tree over them, all in the mesh's frame. Shared by all placements that weigh the same. Pure.
+//! faces each and a tree over them, all in the mesh's frame. Shared by all placements with the same weights. Pure.
 
 use super::emission::{EmittedPower, PrimEmission, halves};
 use super::narrow;
@@ -13,10 +13,10 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Most leaves of a mesh; larger ones get more faces to a leaf.
 const MAX_LEAVES: usize = 4096;
-/// How much is thought of the inside of a closed mesh.
+/// Share of the power that the inside of a closed mesh is assumed to emit.
 const INSIDE: f64 = 0.05;
 
-/// See the module. Indices count from 0 in each table.
+/// The light tree of one mesh. Indices count from 0 in each table.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct MeshEmitter {
     pub(super) nodes: Vec<GpuLightNode>,
@@ -26,13 +26,13 @@ pub(super) struct MeshEmitter {
     pub(super) faces: Vec<[u32; 2]>,
     /// Weight of a unit of area, by place in `faces`.
     pub(super) face_weights: Vec<f32>,
-    /// What `triangles` have at their corners, and their weight.
+    /// The values at the corners of `triangles`, and their weight.
     pub(super) values: Vec<([[f32; 3]; 3], f32)>,
-    /// What `triangles` have at their corners that a program reads; `None` of other emissions.
+    /// The values at the corners of `triangles` that a program reads; `None` for other emissions.
     pub(super) corners: Vec<Option<[EmissionCorner; 3]>>,
-    /// Some of it varies, or is not in the material.
+    /// True if some emission varies over a triangle, or is not in the material.
     pub(super) varies: bool,
-    /// All of it in the mesh's frame; the power is the sum of areas times weights.
+    /// Bounds of all of it in the mesh's frame; the power is the sum of areas times weights.
     pub(super) bounds: LightBounds,
 }
 
@@ -64,7 +64,7 @@ pub(super) fn dot(a: Point, b: Point) -> f64 {
 }
 
 impl MeshEmitter {
-    /// `None` where nothing emits.
+    /// The emitter of a mesh; `None` if nothing emits.
     pub(super) fn new(mesh: &MeshAsset, emission: &PrimEmission) -> Option<Self> {
         let mut parts: Vec<EmittingTriangle> =
             (0..mesh.triangles.len()).filter_map(|at| part(mesh, emission, at)).collect();
@@ -89,7 +89,7 @@ impl MeshEmitter {
         }
         parts.sort_by_key(|part| part.face);
         let mut groups: Vec<&[EmittingTriangle]> = parts.chunk_by(|a, b| a.face == b.face).collect();
-        // Faces that are near each other come to one leaf.
+        // Faces that are near each other go to one leaf.
         let bounds = parts.iter().fold(NOTHING, |sum, part| sum.union(&part.bounds));
         groups.sort_by_cached_key(|group| (morton(&bounds, group), group[0].face));
         let size = groups.len().div_ceil(MAX_LEAVES).max(1);
@@ -119,7 +119,7 @@ impl MeshEmitter {
         emitter.is_sound().then_some(emitter)
     }
 
-    /// Whether all numbers that shaders divide by and multiply with mean something.
+    /// Returns true if all divisors and factors of the shaders are finite and not 0.
     fn is_sound(&self) -> bool {
         self.leaves.iter().all(|leaf| leaf.total > 0.0 && leaf.total.is_finite())
             && self.face_weights.iter().all(|weight| weight.is_finite())
@@ -160,7 +160,7 @@ impl MeshEmitter {
     }
 }
 
-/// Weighs what programs emit, slot by slot.
+/// Weights the triangles of programs, slot by slot.
 fn weigh_programs(parts: &mut [EmittingTriangle], mesh: &MeshAsset, emission: &PrimEmission) {
     for (slot, power) in (0_u16..).zip(&emission.by_slot) {
         let Some(program) = power.program() else { continue };
@@ -183,7 +183,7 @@ fn weigh_programs(parts: &mut [EmittingTriangle], mesh: &MeshAsset, emission: &P
 fn even_out(face: &mut [EmittingTriangle]) {
     let power: f64 = face.iter().map(|part| part.bounds.power).sum();
     let area: f64 = face.iter().map(|part| part.area).sum();
-    // As the shaders have it.
+    // The weight is computed as in the shaders.
     let weight = f64::from(narrow(power / area));
     for part in face {
         part.weight = weight;
@@ -203,7 +203,7 @@ fn part(mesh: &MeshAsset, emission: &PrimEmission, at: usize) -> Option<Emitting
     let length = dot(normal, normal).sqrt();
     let power = 0.5 * length * weight;
     let varies = emitted.varies();
-    // What is black at one place of a face may not be at another.
+    // An emission that is black at one place of a face may not be black at another.
     if !(length > 0.0 && power.is_finite() && (power > 0.0 || varies)) {
         return None;
     }
@@ -238,13 +238,15 @@ fn morton(all: &LightBounds, group: &[EmittingTriangle]) -> u32 {
     code
 }
 
-/// For a mesh without edges of its own: 1 where its corners go round counterclockwise as seen from outside, else -1.
+/// The orientation of a closed mesh: 1 if its corners go round counterclockwise as seen from outside, -1 if clockwise;
+/// `None` if it is not closed.
 fn closed(mesh: &MeshAsset) -> Option<f64> {
-    // How often an edge is gone along, less how often against; corners are told by their positions.
+    // Counts how often an edge is used in one direction, less the uses in the other; corners are identified by their
+    // positions.
     let mut edges: FxHashMap<[[u32; 3]; 2], i32> = FxHashMap::default();
     let mut volume = 0.0;
     for triangle in &mesh.triangles {
-        // 0 and -0 are one place.
+        // 0 and -0 are the same position.
         let bits = triangle.vertices.map(|v| v.map(|x| (x + 0.0).to_bits()));
         for k in 0..3 {
             let (from, to) = (bits[k], bits[(k + 1) % 3]);

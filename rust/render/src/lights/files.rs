@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What was read of lights' files, from frame to frame.
+//! The contents of lights' files, from frame to frame.
 
 use super::dome_layout::to_latlong;
 use super::picture::{self, EncodedPicture};
@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// Longest IES profile, bytes.
 const MAX_PROFILE_BYTES: u64 = 16 << 20;
 
-/// What was read, from frame to frame; files that no light names any more are forgotten.
+/// Pictures and profiles that were read; files that no light names any more are forgotten.
 #[derive(Debug, Default)]
 pub(crate) struct FileCache {
     pictures: FxHashMap<(AssetRef, Option<DomeFormat>), CachedFile<EncodedPicture>>,
@@ -25,7 +25,7 @@ struct CachedFile<T> {
 }
 
 impl FileCache {
-    /// A picture, read once; `dome` says how that of a dome is laid out, `None`: it is a rectangle's.
+    /// A picture, read once; `dome` is the layout of a dome's picture, `None` for a rectangle's.
     pub(super) fn picture(
         &mut self,
         asset: &AssetRef,
@@ -59,7 +59,7 @@ impl FileCache {
         entry.result.clone()
     }
 
-    /// Forgets what was not asked for since the last call.
+    /// Forgets the files that were not used since the last call.
     pub(super) fn forget_unused(&mut self) {
         self.pictures.retain(|_, entry| std::mem::take(&mut entry.is_used));
         self.profiles.retain(|_, entry| std::mem::take(&mut entry.is_used));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Local lights as the device has them, and what the tree needs to know of them. Pure.
+//! Local lights in the encoding of the device, and their bounds for the tree. Pure.
 
 use super::tree::LightBounds;
 use super::{luminance, narrow};
@@ -22,7 +22,7 @@ pub(super) fn flags(light: &Light, kind: u32) -> u32 {
     kind | flags.bits()
 }
 
-/// How far the light's shadows reach: see `LightTablePointers::local_reaches`.
+/// The reach of the light's shadows: see `LightTablePointers::local_reaches`.
 pub(super) fn reach(light: &Light) -> [f32; 4] {
     let Some(reach) = light.shadow_reach else { return [f32::MAX, 0.0, 1.0, 0.0] };
     [reach.distance, reach.falloff, 1.0 / reach.gamma, 0.0]
@@ -46,12 +46,12 @@ pub(super) fn infinite(light: &Light, kind: GpuLightKind) -> GpuInfiniteLight {
     }
 }
 
-/// The shape's row of the device's table; none for what has no row, which a test says cannot be.
+/// The shape's row of the device's table; `None` for a shape without a row, which a test rules out.
 fn kind(shape: LocalShape) -> Option<u32> {
     LIGHT_SHAPES.iter().find(|row| row.name == shape.name()).map(|row| row.kind)
 }
 
-/// A light relative to `origin`, without its indices; `None` where single precision does not hold its shape.
+/// Encodes a light relative to `origin`, without its indices; `None` if single precision does not hold its shape.
 pub(super) fn encode(light: &Light, local: &LocalLight, origin: [f64; 3]) -> Option<GpuLocalLight> {
     let m = local.world_from_unit.matrix3;
     let inverse = m.inverse().transpose();
@@ -85,15 +85,16 @@ pub(super) fn encode(light: &Light, local: &LocalLight, origin: [f64; 3]) -> Opt
     sound.then_some(gpu)
 }
 
-/// What the irradiance at distance 1, seen where the light shines, is of its power in [`bounds`]: a body shows a
-/// quarter of its surface on average (Cauchy), and shaping takes away from the power, not from what it lets through.
+/// The ratio of the irradiance at distance 1, seen where the light shines, to its power in [`bounds`]: a body shows a
+/// quarter of its surface on average (Cauchy), and shaping reduces the power, but not the radiance that it lets
+/// through.
 pub(super) fn concentration(local: &LocalLight) -> f64 {
     let flat = local.shape.is_flat();
     let shaped = local.shaping.as_ref().map_or(1.0, |shaping| solid_share(shaping, flat));
     if flat { 1.0 / shaped } else { 0.25 / shaped }
 }
 
-/// Where the light is and where it shines; `power` counts relative to other lights.
+/// The bounds of a light: box, cone and power, which counts relative to other lights.
 pub(super) fn bounds(light: &Light, local: &LocalLight, origin: [f64; 3], brightness: f64) -> LightBounds {
     let m = local.world_from_unit.matrix3;
     let columns = [m.x_axis, m.y_axis, m.z_axis].map(|v| v.to_array());
@@ -101,7 +102,7 @@ pub(super) fn bounds(light: &Light, local: &LocalLight, origin: [f64; 3], bright
     let half = [0, 1, 2].map(|k| {
         let [x, y, z] = columns.map(|column| column[k].abs());
         let half = local.shape.half_extent([x, y, z]);
-        // Rounding of what is traced.
+        // The box is padded by the rounding of what is traced.
         half * (1.0 + 1e-6) + 1e-7 * half.max((at[k] - origin[k]).abs() * 1e-6)
     });
     let min = [0, 1, 2].map(|k| at[k] - origin[k] - half[k]);
@@ -114,7 +115,7 @@ pub(super) fn bounds(light: &Light, local: &LocalLight, origin: [f64; 3], bright
         if flat {
             emission = emission.min(cone);
         } else if cone < PI {
-            // It shines the same in all of the cone.
+            // It shines uniformly in all of the cone.
             (spread, emission) = (cone, 0.0);
         }
     }
@@ -142,7 +143,7 @@ fn swept(at_rest: LightBounds, motion: &LightMotion, shape: LocalShape, origin: 
     LightBounds { min, max, axis: all.axis, spread, power: finite_power(at_rest.power * brightest), ..at_rest }
 }
 
-/// Keys of a light that moves, relative to `origin`.
+/// Keys of a moving light, relative to `origin`.
 pub(super) fn keys(motion: &LightMotion, origin: [f64; 3]) -> impl Iterator<Item = GpuLightKey> {
     motion.keys.iter().zip(&motion.radiance).map(move |(key, radiance)| {
         let mut own = *key;
@@ -153,7 +154,7 @@ pub(super) fn keys(motion: &LightMotion, origin: [f64; 3]) -> impl Iterator<Item
     })
 }
 
-/// A key with its place in two floats.
+/// A key with its position in two floats.
 pub(super) fn light_key(own: &MotionKey, radiance: f64) -> GpuLightKey {
     let key = motion_key(own);
     let place = own.translation.to_array();
@@ -170,7 +171,7 @@ fn luminance_of(light: &Light) -> f64 {
     luminance(light.radiance).max(light.radiance.iter().map(|&c| 0.01 * f64::from(c)).sum())
 }
 
-/// Roughly the share of the light that shaping leaves.
+/// Rough share of the light that shaping leaves.
 fn solid_share(shaping: &LightShaping, flat: bool) -> f64 {
     let cone = f64::from(shaping.cone_angle);
     let cone = if flat { cone.min(FRAC_PI_2).sin().powi(2) } else { 0.5 * (1.0 - cone.cos()) };
@@ -179,7 +180,7 @@ fn solid_share(shaping: &LightShaping, flat: bool) -> f64 {
     (cone * focus).max(1e-6)
 }
 
-/// Shaping as the device has it, for a light of these axes. `ies`: word of the profile and its factor.
+/// Shaping in the encoding of the device, for a light of these axes. `ies`: word of the profile and its factor.
 pub(super) fn shaping([x, y, z]: [[f64; 3]; 3], shaping: &LightShaping, ies: Option<(u32, f32)>) -> GpuLightShaping {
     let axis = |v: [f64; 3]| v.map(narrow);
     GpuLightShaping {

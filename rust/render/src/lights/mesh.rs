@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Meshes that emit light, as lights: which placements take part, the tree over them, and the tables that hits are
-//! looked up in (`shaders/light/mesh.glsl`).
+//! Meshes that emit light, as lights: the placements that take part, the tree over them, and the tables in which hits
+//! are looked up (`shaders/light/mesh.glsl`).
 //!
 //! A placement takes part if its prim has a material that emits and has no cutouts, and if the prim, instance and mesh
-//! of a hit tell it from all others. Not so where texture coordinates of what it emits come from an instancer. Memory
-//! grows with unique triangles and with placements, both bounded; what is beyond is met by rays alone, which loses no
-//! light. Depends on the snapshot only, not on what is on the device. Pure.
+//! of a hit identify it. It does not if texture coordinates of its emission come from an instancer. Memory grows with
+//! unique triangles and with placements, both bounded; placements beyond the bounds are met by BSDF rays alone, which
+//! loses no light. The result depends on the snapshot only, not on what is on the device. Pure.
 
 use super::emission::halves;
 use super::emission::{EmissionMaps, EmittedPower, PlacedEmission, PrimEmission};
@@ -29,12 +29,12 @@ use std::sync::{Arc, Weak};
 const MAX_PLACEMENTS: usize = 1 << 18;
 /// Most triangles of unique meshes: 60 MB on the device in large meshes, up to 200 MB where each has a leaf of its own.
 const MAX_TRIANGLES: usize = 1 << 20;
-/// Meshes from this number on do not fit in what is kept of a hit.
+/// Meshes from this number on do not fit in the record of a hit.
 const MAX_LIGHT_MESH: u32 = 1 << 24;
 /// Rounding of single precision in traversal, relative to [`MeshPlacement::reach`]: a few roundings in each frame.
 const TRAVERSAL_ERROR: f64 = 8.0 / (1_u64 << 24) as f64;
 
-/// See the module.
+/// The mesh lights of a scene in the layout of the device.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct MeshLights {
     pub(crate) placements: Vec<GpuMeshLight>,
@@ -44,32 +44,33 @@ pub(crate) struct MeshLights {
     pub(crate) leaves: Vec<GpuLightLeaf>,
     pub(crate) triangles: Vec<GpuLightTriangle>,
     pub(crate) faces: Vec<[u32; 2]>,
-    /// Beside `triangles`; empty, as the next two, where all emissions are constants of materials.
+    /// Values beside `triangles`; empty, as the next two are, if all emissions are constants of materials.
     pub(crate) values: Vec<GpuLightValue>,
-    /// Beside `faces`.
+    /// Weights beside `faces`.
     pub(crate) face_weights: Vec<f32>,
     /// Emissions of slots of placements.
     pub(crate) placed_values: Vec<[f32; 3]>,
-    /// What programs read at corners of triangles: see [`GpuLightValue::corners`].
+    /// The values at corners of triangles that programs read: see [`GpuLightValue::corners`].
     pub(crate) corners: Vec<[f32; 4]>,
     /// Most textures that are looked up for a point.
     pub(crate) lookups: u32,
-    /// How those that move do: see [`oocpt_abi::LightTablePointers::mesh_motion`]. Empty where none does, as the next.
+    /// The motion of moving lights: see [`oocpt_abi::LightTablePointers::mesh_motion`]. Empty if none moves, as the
+    /// next is.
     pub(crate) motion: Vec<[u32; 2]>,
     pub(crate) keys: Vec<GpuLightKey>,
-    /// All placements, with their power.
+    /// Bounds and power of all placements.
     pub(super) bounds: LightBounds,
-    /// Why some that emit are not here.
+    /// The reason why some emitting meshes are not included.
     pub(crate) warning: Option<String>,
 }
 
-/// What is kept from frame to frame.
+/// The emitters and maps that are kept from frame to frame.
 #[derive(Debug, Default)]
 pub(crate) struct MeshLightCache {
     last: Option<(u64, Weak<PartitionedWorld>, Option<Arc<MeshLights>>)>,
     emitters: FxHashMap<EmitterKey, Option<Arc<MeshEmitter>>>,
     maps: EmissionMaps,
-    /// The points of something that emits light move, so it is not among them.
+    /// True if an emitting mesh deforms, so that it is not included.
     deforms: bool,
 }
 
@@ -93,7 +94,7 @@ impl MeshLightCache {
         lights
     }
 
-    /// What is to be said of the lights of the last snapshot whose points move.
+    /// The warning about the lights of the last snapshot that deform.
     pub(crate) fn warning(&self) -> Option<String> {
         let text =
             "emissive meshes whose points move are not sampled as lights, but met by chance only, which is noisy";
@@ -118,7 +119,7 @@ impl MeshLightCache {
             else {
                 continue;
             };
-            // What is not made of triangles is met by BSDF sampling only, as what is cut out is.
+            // Leaves other than triangles are found by BSDF sampling only, as meshes with cutouts are.
             if placement.mesh >= MAX_LIGHT_MESH || mesh.opacities.is_some() || mesh.kind != LeafKind::Triangles {
                 continue;
             }
@@ -149,7 +150,7 @@ impl MeshLightCache {
     }
 }
 
-/// The emitter of a mesh; none where nothing emits, or its asset cannot be had.
+/// The emitter of a mesh; `None` if nothing emits, or its asset cannot be loaded.
 fn emitter_of(mesh: &SceneMesh, emission: &PrimEmission) -> Option<MeshEmitter> {
     match mesh.asset() {
         Ok(asset) => MeshEmitter::new(&asset, emission),
@@ -161,7 +162,7 @@ fn emitter_of(mesh: &SceneMesh, emission: &PrimEmission) -> Option<MeshEmitter> 
     }
 }
 
-/// Sorted by what a hit is called; those that share it are left out.
+/// Sorts placements by the identity of a hit; those with the same identity are left out.
 fn drop_ambiguous(placements: &mut Vec<MeshPlacement>) {
     let key = |p: &MeshPlacement| (p.prim_id, p.instance_id, p.mesh);
     placements.retain(|placement| placement.prim_id >= 0);
@@ -189,7 +190,7 @@ struct MeshLightBuilder {
 }
 
 impl MeshLightBuilder {
-    /// The number of an emitter; `None` when there is no room for it.
+    /// The number of an emitter; `None` if there is no room for it.
     fn number(&mut self, emitter: &Arc<MeshEmitter>) -> Option<u32> {
         if let Some(&number) = self.numbers.get(&Arc::as_ptr(emitter)) {
             return Some(number);
@@ -205,7 +206,7 @@ impl MeshLightBuilder {
         Some(number)
     }
 
-    /// False when there is no room for its motion.
+    /// Adds a placement; returns false if there is no room for its motion.
     fn add(
         &mut self,
         placement: &MeshPlacement,

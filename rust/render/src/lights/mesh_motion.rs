@@ -15,27 +15,28 @@ use std::sync::Arc;
 /// Most keys of a scene's mesh lights: 84 MB on the device.
 pub(super) const MAX_KEYS: usize = 1 << 20;
 
-/// The tables while they are made.
+/// The tables under construction.
 #[derive(Debug, Default)]
 pub(super) struct MotionTables {
-    /// First of `levels` and how many, of each light.
+    /// First and number of `levels` of each light.
     places: Vec<[u32; 2]>,
-    /// First of `keys` and how many.
+    /// First and number of `keys` of each level.
     levels: Vec<[u32; 2]>,
     keys: Vec<GpuLightKey>,
-    /// Where the keys of a frame are: what instances share is there once. Held, so that no other has its address.
+    /// The place of the keys of a frame: keys that instances share are stored once. They are held, so that no other
+    /// keys get their address.
     known: FxHashMap<*const MotionKey, (u32, Arc<[MotionKey]>)>,
 }
 
 impl MotionTables {
-    /// Adds the motion of the next light; false, and nothing, when there is no room for it.
+    /// Adds the motion of the next light; returns false, and adds nothing, if there is no room for it.
     pub(super) fn add(&mut self, motion: &PlacementMotion) -> bool {
         let is_new = |keys: &&Arc<[MotionKey]>| !self.known.contains_key(&keys.as_ptr());
         let more: usize = motion.levels.iter().filter(is_new).map(|keys| keys.len()).sum();
         if self.keys.len() + more > MAX_KEYS {
             return false;
         }
-        // Far fewer than 2^32: levels are as many as records are nested, and as many again.
+        // Levels are far fewer than 2^32: as many as records are nested, and as many again.
         let number = |n: usize| u32::try_from(n).unwrap_or_default();
         let first = if motion.is_empty() { 0 } else { number(self.levels.len()) };
         self.places.push([first, number(motion.levels.len())]);
@@ -50,7 +51,7 @@ impl MotionTables {
         true
     }
 
-    /// The two tables; empty where nothing moves.
+    /// Returns the two tables; empty if nothing moves.
     pub(super) fn finish(mut self) -> (Vec<[u32; 2]>, Vec<GpuLightKey>) {
         if self.levels.is_empty() {
             return (Vec::new(), Vec::new());
@@ -64,7 +65,7 @@ impl MotionTables {
     }
 }
 
-/// Whether single precision holds the map at any time, and what areas grow by.
+/// Returns true if single precision holds the map and its scale of areas at any time.
 pub(super) fn has_usable_size(placement: &MeshPlacement) -> bool {
     if placement.motion.is_empty() {
         return narrow(placement.outer_from_object.matrix3.determinant()).is_normal();

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The lights as the passes need them.
+//! The lights in the form that the passes need.
 //!
 //! [`LightTable`] has them all: local lights under a light tree (`local`, `tree`), lights at infinity, pictures
-//! (`picture`), measured profiles and meshes that emit light (`mesh`, `emitter`). `upload` lays out what belongs to the
-//! device.
+//! (`picture`), measured profiles and meshes that emit light (`mesh`, `emitter`). `upload` lays them out on the device.
 //!
 //! Pure but for the reading of files, which goes through [`crate::light_files::LightFiles`]. Render thread only.
 
@@ -33,7 +32,7 @@ pub(crate) use mesh::{MeshLightCache, MeshLights};
 pub(crate) use table::LightTable;
 pub(crate) use upload::LightTables;
 
-/// Share of a group's shadow rays that goes to all of its lights alike: dim lights do not starve.
+/// Share of a group's shadow rays that goes to all of its lights alike, so that dim lights get some.
 const EVEN_SHARE: f64 = 0.02;
 
 /// Rec. 709 luminance.
@@ -41,7 +40,7 @@ fn luminance(rgb: [f32; 3]) -> f64 {
     0.2126 * f64::from(rgb[0]) + 0.7152 * f64::from(rgb[1]) + 0.0722 * f64::from(rgb[2])
 }
 
-/// What an emission counts for in choosing: `emission_weight` of the shaders.
+/// The weight of an emission in choosing: `emission_weight` of the shaders.
 fn emission_weight(rgb: [f64; 3]) -> f64 {
     let [r, g, b] = rgb;
     (0.2126 * r + 0.7152 * g + 0.0722 * b).max(0.01 * (r + g + b))

@@ -29,11 +29,11 @@ pub(crate) struct EncodedPicture {
     pub(crate) mean: f64,
     pub(crate) columns: u32,
     pub(crate) rows: u32,
-    /// Empty for rectangles.
+    /// The cells of a dome; empty for rectangles.
     pub(crate) cells: Vec<GpuCdf>,
 }
 
-/// Why a picture cannot be used; `None`: it can.
+/// The reason why a picture cannot be used; `None` if it can.
 pub(super) fn fault(picture: &LightPicture) -> Option<String> {
     let count = u64::from(picture.width) * u64::from(picture.height);
     if count == 0 || picture.texels.len() as u64 != count {
@@ -43,19 +43,19 @@ pub(super) fn fault(picture: &LightPicture) -> Option<String> {
 }
 
 impl EncodedPicture {
-    /// For a rectangle. Call [`fault`] before.
+    /// Encodes the picture of a rectangle. Call [`fault`] before.
     pub(super) fn flat(picture: LightPicture) -> Self {
         Self::new(picture, false)
     }
 
-    /// For a dome. Call [`fault`] before.
+    /// Encodes the picture of a dome. Call [`fault`] before.
     pub(super) fn dome(picture: LightPicture) -> Self {
         Self::new(picture, true)
     }
 
     fn new(mut picture: LightPicture, is_dome: bool) -> Self {
         for texel in &mut picture.texels {
-            // Not a number and negative light are none; infinite light is much.
+            // NaN and negative light become 0; infinite light is bounded.
             *texel = texel.map(|c| if c > 0.0 { c.min(1e30) } else { 0.0 });
         }
         let (width, height) = (picture.width, picture.height);
@@ -100,9 +100,9 @@ fn encode(picture: &LightPicture, format: u32) -> Vec<u8> {
     }
 }
 
-/// Integral of the luminance over each cell, in solid angle, the top row first: of the interpolated picture, exactly,
-/// but that the solid angle counts as even within a cell. So what a sample brings is nearly the same wherever it falls,
-/// at the rim of a sun too.
+/// Integral of the luminance over each cell, in solid angle, the top row first: exactly that of the interpolated
+/// picture, except that the solid angle is taken as uniform within a cell. So the contribution of a sample is nearly
+/// the same wherever it falls, at the rim of a sun too.
 fn cells(picture: &LightPicture, columns: u32, rows: u32) -> Vec<f64> {
     let (width, height) = (picture.width as usize, picture.height as usize);
     let (columns, rows) = (columns as usize, rows as usize);
@@ -130,8 +130,8 @@ fn cells(picture: &LightPicture, columns: u32, rows: u32) -> Vec<f64> {
     weights
 }
 
-/// Texels (by `place`, which brings numbers outside of `0..texels` inside) that cell `cell` of `cells` along a side
-/// shows by linear interpolation, each with its share of the cell's mean.
+/// The texels that cell `cell` of `cells` along a side shows by linear interpolation, each with its share of the cell's
+/// mean; `place` wraps numbers outside of `0..texels`.
 fn shares(cell: usize, cells: usize, texels: usize, place: impl Fn(i64) -> i64) -> Vec<(usize, f64)> {
     let size = to_f64(texels) / to_f64(cells);
     let (from, to) = (to_f64(cell) * size, to_f64(cell + 1) * size);
@@ -246,7 +246,7 @@ mod tests {
                 .map(|i| [f32::from(i * 7 % 11), f32::from(i * 5 % 13), if i == 9 { 900.0 } else { 1.0 }])
                 .collect(),
         };
-        // Half a texel a cell; uneven; several texels a cell.
+        // The rows have half a texel a cell, an uneven number, and several texels a cell.
         for (columns, rows) in [(10, 8), (7, 3), (2, 2)] {
             let weights = cells(&picture, columns, rows);
             for (cell, &weight) in (0_u32..).zip(&weights) {

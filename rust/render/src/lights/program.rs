@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Emission that a program works out, as needed to weigh triangles of mesh lights by it: the host runs the program at a
-//! lattice of points. Only choices depend on it; what a chosen point emits is worked out on the device
+//! Emission that a program computes, as needed to weight triangles of mesh lights: the host runs the program at a
+//! lattice of points. Only choices depend on it; the emission of a chosen point is computed on the device
 //! (`shaders/light/program.glsl`). Pure but for the maps of its textures.
 //!
-//! Left to reflected rays, at full weight, are programs that read the directions of the surface, the normal in the
-//! mesh's frame or Ptex, those with more lookups than a path has places for beside its own, what reads primvars of
-//! instances, and meshes that are black wherever the lattice looks.
+//! These emissions are left to BSDF rays, at full weight: programs that read the directions of the surface, the normal
+//! in the mesh's frame or Ptex, those with more lookups than a path has places for beside its own, those that read
+//! primvars of instances, and meshes that are black wherever the lattice samples them.
 
 use super::emission_map::{EmissionMap, LATTICE, MOST, lattice};
 use super::{emission_weight, narrow};
@@ -20,25 +20,25 @@ use std::sync::Arc;
 const MOST_LOOKUPS: usize = 16;
 /// Most instructions that are run for a mesh.
 const MOST_WORK: usize = 1 << 24;
-/// Share of the mean over the mesh that counts everywhere: what the lattice does not show is found all the same.
+/// Share of the mean over the mesh that counts everywhere: light that the lattice does not show is found all the same.
 const FLOOR: f64 = 0.05;
 
-/// What a corner of a triangle has: both sets of texture coordinates (u, v, u, v), and two primvars.
+/// The values at a corner of a triangle: both sets of texture coordinates (u, v, u, v), and two primvars.
 pub(super) type EmissionCorner = [[f32; 4]; 3];
 
-/// See the module. Two are equal when they emit the same.
+/// A program and what it reads. Two are equal if they emit the same.
 #[derive(Clone, Debug)]
 pub(super) struct EmissionProgram {
     program: Program,
     register: u8,
-    /// Numbers of names that it reads, with what stands for them.
+    /// Numbers of the names that it reads, with their fallbacks.
     sets: [Option<(u32, [f32; 2])>; 2],
     primvars: [Option<(u32, [f32; 4])>; 2],
-    /// By lookup.
+    /// Maps by lookup.
     maps: Vec<Arc<EmissionMap>>,
-    /// What it reads is told by the mesh alone, so the host can weigh by it.
+    /// True if the mesh alone determines what it reads, so that the host can weight by it.
     is_known: bool,
-    /// Different for each that was ever made.
+    /// A number that is different for each program ever made.
     pub(super) number: u64,
 }
 
@@ -54,8 +54,8 @@ impl PartialEq for EmissionProgram {
 }
 
 impl EmissionProgram {
-    /// That of a material, if light can be asked for it; `map` gives that of a lookup's texture, `None` where it is
-    /// none to weigh by. `most_lookups`: of a material of the scene.
+    /// The program of a material, if it can be sampled as a light; `map` returns that of a lookup's texture, `None` if
+    /// it cannot be weighted by. `most_lookups`: of a material of the scene.
     pub(super) fn new(
         material: &Material,
         most_lookups: usize,
@@ -108,7 +108,7 @@ impl EmissionProgram {
         sets.chain(self.primvars.iter().flatten().map(|primvar| primvar.0))
     }
 
-    /// What the corners of a triangle have that the program reads.
+    /// The values at the corners of a triangle that the program reads.
     pub(super) fn corners(&self, mesh: &MeshAsset, triangle: usize) -> [EmissionCorner; 3] {
         let mut corners = [EmissionCorner::default(); 3];
         for (k, set) in self.sets.iter().enumerate() {
@@ -130,13 +130,14 @@ impl EmissionProgram {
         corners
     }
 
-    /// Steps along an edge of the lattices over the triangles of a mesh; 0: too much work, or the host cannot tell.
+    /// Steps along an edge of the lattices over the triangles of a mesh; 0 if that is too much work, or the host cannot
+    /// evaluate it.
     pub(super) fn steps(&self, triangles: usize) -> u32 {
         let points = MOST_WORK / (triangles * self.program.instructions.len()).max(1);
         if self.is_known { u32::try_from(points.isqrt()).unwrap_or(LATTICE).min(LATTICE) } else { 0 }
     }
 
-    /// Mean weight of a triangle over a lattice of so many steps; 1 without any.
+    /// Mean weight of a triangle over a lattice of so many steps; 1 for no steps.
     pub(super) fn weight(&self, mesh: &MeshAsset, triangle: usize, steps: u32) -> f64 {
         if steps == 0 {
             return 1.0;
@@ -181,7 +182,7 @@ pub(super) fn with_floor(weight: f64, mean: f64) -> f64 {
     (1.0 - FLOOR) * weight + FLOOR * mean
 }
 
-/// The values of a primvar at the corners of a triangle, as `primvar_corners` of the shaders gives them.
+/// The values of a primvar at the corners of a triangle, as `primvar_corners` of the shaders returns them.
 pub(super) fn primvar(mesh: &MeshAsset, name: u32, triangle: usize) -> Option<[[f32; 4]; 3]> {
     let values = &mesh.primvars.iter().find(|primvar| primvar.id == name)?.values;
     let at = match values.rate() {
@@ -215,7 +216,7 @@ mod tests {
     use oocpt_core::scene::MeshDesc;
     use oocpt_core::{PrimDesc, SceneDb, TypedArray};
 
-    /// Emits whether what it reads is above 1, and as much as `base`.
+    /// A material that emits `base`, and 1 more where what it reads is above 1.
     fn above_one(geometry: Geometry, base: f32) -> Material {
         let (r, c) = (Operand::Register(0), Operand::Constant(0));
         let step = |op, operands, immediate| Instruction { op, to: 0, operands, immediate };
@@ -273,7 +274,7 @@ mod tests {
         }
         // The mesh has no such set: the fallback is above 1 everywhere.
         assert_eq!(weights(&above_one(Geometry::Uv0, 0.5)), Some(vec![1.5; 2]));
-        // In the world: the host does not know.
+        // The host does not know positions in the world.
         assert_eq!(weights(&above_one(Geometry::Position, 0.0)), Some(vec![1.0; 2]));
         assert_eq!(weights(&above_one(Geometry::Uv1, 0.0)), None, "black wherever it is looked at");
     }

@@ -12,10 +12,10 @@ use oocpt_core::texture::{ColorSpace, TexelFormat, expand, is_srgb, linear_from_
 const BAND: u32 = 64;
 
 impl LightPicture {
-    /// Reads an image as lights use it: colours only, sRGB decoded where the rule for `auto` says so (`UsdUVTexture`).
+    /// Reads an image as lights use it: colours only, sRGB decoded if the rule for `auto` says so (`UsdUVTexture`).
     ///
     /// # Errors
-    /// More texels than a light's picture may have, or what the image says.
+    /// The image has more texels than a light's picture may have, or cannot be read.
     pub fn of_image(image: &dyn SourceImage) -> Result<Self, ImageError> {
         let info = image.info();
         let [width, height] = info.levels.first().copied().unwrap_or_default();

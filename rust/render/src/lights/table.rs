@@ -16,13 +16,13 @@ use rustc_hash::FxHashMap;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// Share of the shadow rays that go to lights with a place when there are others too, where nothing can be told of what
-/// they bring.
+/// Share of the shadow rays that go to lights with a place if there are others too, and the contributions cannot be
+/// compared.
 const LOCAL_SHARE: f32 = 0.5;
-/// Least share of the power that is thought of local lights, and of meshes, when there are both.
+/// Least share of the power that is attributed to local lights, and to meshes, if there are both.
 const JOINT_SHARE: f64 = 0.05;
 
-/// A picture where it is used.
+/// A picture with its placement.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct PlacedPicture {
     pub(crate) picture: Arc<EncodedPicture>,
@@ -30,7 +30,7 @@ pub(crate) struct PlacedPicture {
     pub(crate) rows: [[f32; 3]; 3],
 }
 
-/// See the module.
+/// All lights of a scene in the layout of the device.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct LightTable {
     pub(crate) locals: Vec<GpuLocalLight>,
@@ -42,30 +42,30 @@ pub(crate) struct LightTable {
     pub(crate) maps: Vec<PlacedPicture>,
     pub(crate) link_bits: Vec<u32>,
     pub(crate) link_words: u32,
-    /// Set of categories of each prim id + 1, then the prim id that each is shown as.
+    /// Set of categories of each prim id + 1, then the prim id that is shown for each.
     pub(crate) prim_sets: Vec<u32>,
     /// Keys of the lights that move.
     pub(crate) keys: Vec<GpuLightKey>,
-    /// First key and number of keys of each local light; empty where none moves, as the next.
+    /// First key and number of keys of each local light; empty if none moves, as the next is.
     pub(crate) local_motion: Vec<[u32; 2]>,
-    /// The same of each light at infinity.
+    /// First key and number of keys of each light at infinity.
     pub(crate) infinite_motion: Vec<[u32; 2]>,
-    /// How far shadows reach, of each local light; empty where none ends, as the next.
+    /// The reach of the shadows of each local light; empty if none ends, as the next is.
     pub(crate) local_reaches: Vec<[f32; 4]>,
-    /// The same of each light at infinity.
+    /// The reach of the shadows of each light at infinity.
     pub(crate) infinite_reaches: Vec<[f32; 4]>,
-    /// What the passes are compiled for.
+    /// The features that the passes are compiled for.
     pub(crate) features: Features,
     /// Meshes that emit light.
     pub(crate) meshes: Option<Arc<MeshLights>>,
-    /// What places are relative to.
+    /// The point that positions are relative to.
     origin: [f64; 3],
     /// Index of the node over local lights and meshes.
     joint: u32,
     bounds: Vec<LightBounds>,
     /// Power of all local lights.
     local_power: f64,
-    /// What lights bring, see [`SceneBrightness`].
+    /// The rough contributions of the groups, see [`SceneBrightness`].
     brightness: SceneBrightness,
     profile_words: FxHashMap<AssetRef, ProfilePlace>,
 }
@@ -76,11 +76,11 @@ struct ProfilePlace {
     word: u32,
     /// Lumens.
     power: f64,
-    /// What a normalised one is divided by.
+    /// The divisor of a normalised profile.
     mean: f64,
 }
 
-/// What reading files takes and leaves.
+/// The inputs and results of reading files.
 struct FileReader<'a> {
     files: &'a dyn LightFiles,
     cache: &'a mut FileCache,
@@ -88,7 +88,7 @@ struct FileReader<'a> {
 }
 
 impl LightTable {
-    /// The table, and warnings about what could not be read.
+    /// Builds the table; returns it with warnings about files that could not be read.
     pub(crate) fn new(
         snapshot: &Snapshot,
         lights: &[Light],
@@ -151,7 +151,7 @@ impl LightTable {
         (table, reading.warnings)
     }
 
-    /// Takes the sets of links, which of them each prim has, and the id that it is shown as.
+    /// Takes the sets of links, the set of each prim, and the id that is shown for it.
     fn take_links(&mut self, snapshot: &Snapshot) {
         if snapshot.links.is_empty() {
             return;
@@ -198,7 +198,7 @@ impl LightTable {
         }
         let places = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS | Features::LIGHT_TEXTURE;
         let mut carried = places | Features::SHAPING | Features::IES | Features::DOME_TEXTURE;
-        // With links the shares of several lights at infinity are summed anew, and round otherwise.
+        // With links the shares of several lights at infinity are summed anew, which rounds differently.
         carried.set(Features::LIGHT_LINKS, self.infinite.len() < 2);
         carried
     }
@@ -280,13 +280,13 @@ impl LightTable {
         self.locals.push(gpu);
     }
 
-    /// Adds what there is to know of the motion of a light, if the table has taken it: it had `counts` local lights and
-    /// lights at infinity before.
+    /// Adds the motion of a light, if the table has taken it: it had `counts` local lights and lights at infinity
+    /// before.
     fn add_motion(&mut self, light: &Light, counts: [usize; 2]) {
         let motion = light.motion.as_deref();
         let mut place = [0; 2];
         if let Some(motion) = motion.filter(|_| counts != [self.locals.len(), self.infinite.len()]) {
-            // At most 16 for each of 2^23 lights.
+            // There are at most 16 for each of 2^23 lights.
             let number = |n: usize| u32::try_from(n).unwrap_or_default();
             place = [number(self.keys.len()), number(motion.keys.len())];
             let is_local = matches!(light.emitter, LightEmitter::Local(_));
@@ -301,7 +301,7 @@ impl LightTable {
         }
     }
 
-    /// The same of how far its shadows reach.
+    /// Adds the reach of the shadows of a light, if the table has taken it, as [`Self::add_motion`] does.
     fn add_reach(&mut self, light: &Light, counts: [usize; 2]) {
         if self.locals.len() > counts[0] {
             self.local_reaches.push(local::reach(light));
@@ -311,7 +311,7 @@ impl LightTable {
         }
     }
 
-    /// Adds a dome and gives the mean luminance of its picture, 1 without.
+    /// Adds a dome and returns the mean luminance of its picture, 1 without one.
     fn add_dome(
         &mut self,
         light: &Light,
@@ -376,7 +376,7 @@ impl LightTable {
         Ok(place)
     }
 
-    /// A shadow ray has 16 bits for its category.
+    /// Drops links that do not fit: a shadow ray has 16 bits for its category.
     fn forget_large_links(&mut self, warnings: &mut Vec<String>) {
         let local = self.locals.iter_mut().map(|light| (&mut light.shadow_link, &mut light.flags));
         let infinite = self.infinite.iter_mut().map(|light| (&mut light.shadow_link, &mut light.flags));
@@ -390,7 +390,7 @@ impl LightTable {
         }
     }
 
-    /// Sets the probabilities of the lights at infinity from the irradiance that they can give.
+    /// Sets the probabilities of the lights at infinity from their possible irradiance.
     fn choose(&mut self, powers: &[f64]) {
         let total: f64 = powers.iter().sum();
         let even = 1.0 / count(powers.len());
@@ -407,13 +407,13 @@ impl LightTable {
         }
     }
 
-    /// Whether the camera sees a dome.
+    /// Returns true if the camera sees a dome.
     pub(crate) fn background_visible(&self) -> bool {
         let is_dome = |light: &GpuInfiniteLight| light.flags & 15 != GpuLightKind::Distant as u32;
         self.infinite.iter().any(|light| is_dome(light) && light.flags & LightFlags::CAMERA_VISIBLE.bits() != 0)
     }
 
-    /// Most textures that are looked up for what a point emits that is asked for light.
+    /// Most textures that are looked up for the emission of a sampled point.
     pub(crate) fn mesh_lookups(&self) -> u32 {
         self.meshes.as_ref().map_or(0, |meshes| meshes.lookups)
     }

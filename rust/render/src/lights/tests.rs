@@ -25,8 +25,7 @@ fn light(i: u32) -> LightBounds {
     }
 }
 
-/// Every light below `node`, with the depth of its leaf; checks that children are inside what their parent says of
-/// them.
+/// Every light below `node`, with the depth of its leaf; checks that children are within the bounds of their parent.
 fn leaves(nodes: &[GpuLightNode], node: usize, depth: u32, found: &mut Vec<(u32, u32)>) -> ([f32; 3], [f32; 3], f64) {
     let at = &nodes[node];
     let (mut min, mut max, mut power) = ([f32::MAX; 3], [f32::MIN; 3], 0.0);
@@ -102,7 +101,7 @@ fn piecewise_distributions_sample_their_probabilities() {
     }
 }
 
-/// Lights at infinity: their probabilities, and what of them is seen.
+/// Lights at infinity: their probabilities, and their visibility to the camera.
 mod at_infinity {
     use super::super::{FileCache, LightTable};
     use crate::NoFiles;
@@ -152,7 +151,7 @@ mod at_infinity {
     }
 }
 
-/// What the probe pass finds on the device.
+/// The results of the probe pass on the device.
 pub(super) mod probe {
     use super::super::{FileCache, LightTable, LightTables};
     use crate::NoFiles;
@@ -209,7 +208,7 @@ pub(super) mod probe {
         (0..RECEIVERS).map(receiver).collect()
     }
 
-    /// Whether some light that shines to all sides has its middle above the receiver's horizon.
+    /// Returns true if some light that shines to all sides has its middle above the receiver's horizon.
     fn is_lit(receiver: &Ray, count: u32) -> bool {
         let (at, normal) = (glam::Vec3::from(receiver.o).as_dvec3(), glam::Vec3::from(receiver.d).as_dvec3());
         lights(count)
@@ -228,7 +227,7 @@ pub(super) mod probe {
         run(&table, None, [0, 1])
     }
 
-    /// The results of the probe in some of its modes.
+    /// Runs the probe in some of its modes and returns the results.
     pub(in super::super) fn run<const N: usize>(
         table: &LightTable,
         surfaces: Option<&SurfaceEntries>,
@@ -297,7 +296,7 @@ pub(super) mod probe {
                 }
                 met += 1;
                 if seen <= 0.0 || ratio <= 0.0 {
-                    // A point on the very edge, missed by rounding.
+                    // A point on the very edge may be missed by rounding.
                     lost += 1;
                     continue;
                 }

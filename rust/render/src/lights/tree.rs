@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The light tree: which lights are near each other and look the same way (`shaders/light/tree.glsl` walks it).
+//! The light tree, which groups lights by position and direction (`shaders/light/tree.glsl` walks it).
 //!
 //! Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting" (surface area
 //! orientation heuristic, eq. 1); cones after Pharr et al. 2023, 3.8.4 and 12.6.3. Built top down in bins; below
-//! `HEURISTIC_DEPTH` halves are cut off by number, so that no way is longer than [`LIGHT_TREE_DEPTH`]. Pure; the result
+//! `HEURISTIC_DEPTH` nodes are halved by number, so that no path is longer than [`LIGHT_TREE_DEPTH`]. Pure; the result
 //! depends on the lights' order only.
 
 use super::narrow;
@@ -16,22 +16,22 @@ const HEURISTIC_DEPTH: u32 = 20;
 const BINS: usize = 12;
 const _: () = assert!(HEURISTIC_DEPTH + 23 < LIGHT_TREE_DEPTH, "halving fits the rest of the depth");
 
-/// Where a light is, where it shines, and how much.
+/// Position, directions and power of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LightBounds {
     pub(super) min: [f64; 3],
     pub(super) max: [f64; 3],
     pub(super) axis: [f64; 3],
-    /// Half angle of the cone about `axis` in which the directions lie that the light, or its parts, look in.
+    /// Half angle of the cone about `axis` that contains the normals of the light or its parts.
     pub(super) spread: f64,
-    /// Angle up to which it shines about each of these.
+    /// Angle about each normal up to which it shines.
     pub(super) emission: f64,
-    /// How much goes to the other side, 0 to 1.
+    /// The share that shines to the other side, 0 to 1.
     pub(super) back: f64,
     pub(super) power: f64,
 }
 
-/// What is the same from all sides, has no power and is nowhere.
+/// The bounds of no light: no power and an empty box.
 pub(super) const NOTHING: LightBounds = LightBounds {
     min: [0.0; 3],
     max: [0.0; 3],
@@ -57,7 +57,7 @@ fn cone_union(a: ([f64; 3], f64), b: ([f64; 3], f64)) -> ([f64; 3], f64) {
     if spread >= PI {
         return (a.0, PI);
     }
-    // From a's axis towards b's.
+    // Turns from a's axis towards b's.
     let turn = spread - a.1;
     let aside = [0, 1, 2].map(|k| b.0[k] - a.0[k] * between.cos());
     let length = dot(aside, aside).sqrt();
@@ -77,7 +77,7 @@ impl LightBounds {
         if self.power <= 0.0 {
             return *other;
         }
-        // What shines the same to both sides has no sign.
+        // A light that shines the same to both sides has no sign.
         let both = self.back >= 1.0 && other.back >= 1.0;
         let turn = if both && dot(self.axis, other.axis) < 0.0 { -1.0 } else { 1.0 };
         let (axis, spread) = cone_union((self.axis, self.spread), (other.axis.map(|x| turn * x), other.spread));
@@ -101,7 +101,7 @@ impl LightBounds {
     fn cost(&self) -> f64 {
         let d = [0, 1, 2].map(|k| self.max[k] - self.min[k]);
         let area = 2.0 * (d[0] * d[1] + d[1] * d[2] + d[2] * d[0]);
-        // Lights in one plane or place still differ in direction.
+        // Lights in one plane or position still differ in direction.
         let size = dot(d, d).max(1e-60);
         let (o, w) = (self.spread, (self.spread + self.emission).min(PI));
         let angle =
@@ -110,7 +110,7 @@ impl LightBounds {
     }
 }
 
-/// The nodes, the root first; leaves name lights by their number in `lights`. Not more than [`MAX_LIGHTS`] are taken.
+/// Builds the nodes, the root first; leaves name lights by their number in `lights`. At most [`MAX_LIGHTS`] are taken.
 /// Lights of power 0 are never chosen, nor found by rays.
 pub(super) fn build(lights: &[LightBounds]) -> Vec<GpuLightNode> {
     let count = u32::try_from(lights.len().min(MAX_LIGHTS)).unwrap_or_default();
@@ -138,9 +138,9 @@ pub(super) fn joint(first: &LightBounds, second: &LightBounds) -> GpuLightNode {
     node
 }
 
-/// Appends a tree of [`build`] whose leaves are to be numbered from `first_leaf`; gives the index of its root.
+/// Appends a tree of [`build`] whose leaves are to be numbered from `first_leaf`; returns the index of its root.
 pub(super) fn append(nodes: &mut Vec<GpuLightNode>, tree: &[GpuLightNode], first_leaf: u32) -> u32 {
-    // Fewer than 2^25.
+    // There are fewer than 2^25 nodes.
     let root = u32::try_from(nodes.len()).unwrap_or_default();
     nodes.extend(tree.iter().map(|node| GpuLightNode {
         child: node.child.map(|child| child + if child & LIGHT_LEAF != 0 { first_leaf } else { root }),
@@ -223,7 +223,7 @@ impl LightTreeBuilder<'_> {
         }
     }
 
-    /// Sorts `order` into two parts, and says where the second begins: neither is empty.
+    /// Sorts `order` into two parts, and returns the beginning of the second: neither is empty.
     fn cut(&self, order: &mut [u32], depth: u32) -> usize {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for light in order.iter().filter_map(|&i| self.light(i)) {
@@ -278,7 +278,7 @@ impl LightTreeBuilder<'_> {
                 if left.power <= 0.0 || right[at].power <= 0.0 {
                     continue;
                 }
-                // Thin boxes are not to be cut along their short sides.
+                // Thin boxes should not be cut along their short sides.
                 let cost = (left.cost() + right[at].cost()) * (largest / extent[k]);
                 if best.is_none_or(|(least, _, _)| cost < least) {
                     best = Some((cost, k, at));

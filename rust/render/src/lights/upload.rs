@@ -17,7 +17,7 @@ use oocpt_gpu::HeapRange;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How long writing may take before the device counts as lost.
+/// The longest time that writing may take before the device counts as lost.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// A picture on the device.
@@ -32,7 +32,7 @@ struct ResidentPicture {
 #[derive(Debug)]
 struct ResidentMeshes {
     lights: Arc<MeshLights>,
-    /// In the order of the addresses in [`LightTablePointers`]; `None`: not needed.
+    /// Tables in the order of the addresses in [`LightTablePointers`]; `None` for those that are not needed.
     tables: Vec<Option<HeapRange>>,
 }
 
@@ -75,7 +75,7 @@ impl MeshTables {
     }
 }
 
-/// See the module.
+/// The tables of lights, pictures and mesh lights on the device.
 #[derive(Debug, Default)]
 pub(crate) struct LightTables {
     pictures: Vec<ResidentPicture>,
@@ -86,7 +86,7 @@ pub(crate) struct LightTables {
 }
 
 impl LightTables {
-    /// Makes the device have what `lights` need, and nothing else.
+    /// Makes the device hold what `lights` need, and nothing else.
     pub(crate) fn sync(&mut self, device: &Device, lights: &LightTable) -> Result<(), RenderError> {
         self.tables.clear();
         self.lighting = 0;
@@ -137,7 +137,7 @@ impl LightTables {
         Ok(())
     }
 
-    /// Lists what is on the device.
+    /// Lists the tables on the device.
     pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         let pictures = self.pictures.iter().flat_map(|have| std::iter::once(&have.texels).chain(&have.cells));
         let meshes = self.meshes.iter().flat_map(|meshes| meshes.tables.iter().flatten());

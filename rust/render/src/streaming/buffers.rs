@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The memory of a streaming render: paths in slots, lists of rays that wait, the demand for
-//! units, and what the host reads of it.
+//! The memory of a streaming render: paths in slots, lists of waiting rays, the demand for units, and what the host
+//! reads of it.
 
 use super::needs::StreamingNeeds;
 use super::observe::{StepExtents, StepObservation};
@@ -16,16 +16,16 @@ use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::{Buffer, BufferUsage, CommandList, Gpu, GpuError};
 use std::sync::Arc;
 
-/// Most units whose demand the host reads in a step, 16 bytes each; the others ask again in the next one.
+/// Most units whose demand the host reads in a step, 16 bytes each; the others ask again in the next step.
 const MOST_LISTED: u32 = 1 << 16;
 
-/// See the module.
+/// The device and readback buffers of a streaming render.
 #[derive(Debug)]
 pub(crate) struct StreamBuffers {
     /// One entry for each slot.
     pub(crate) paths: PathBuffers,
     pub(crate) ended: RadiancePlaces,
-    /// Paths in flight and in all that were asked for; there may have been no memory for so many.
+    /// The requested number of paths, in flight and in all; memory may have allowed fewer.
     asked: (u64, u64),
     needs: StreamingNeeds,
     textures: Option<TextureBuffers>,
@@ -34,10 +34,10 @@ pub(crate) struct StreamBuffers {
     places: Buffer,
     free_slots: Buffer,
     pending: Buffer,
-    /// Only with shadow rays.
+    /// `None` without shadow rays.
     shadow_pending: Option<Buffer>,
     surfaces: Buffer,
-    /// Only with materials.
+    /// `None` without materials.
     surface_materials: Option<Buffer>,
     deferred: [Buffer; 2],
     segments: Buffer,
@@ -49,13 +49,13 @@ pub(crate) struct StreamBuffers {
     sort_sums: Buffer,
     unit_rays: Buffer,
     streaming: Buffer,
-    /// What the host reads of a step: counters, segments, demand; one for each step under way.
+    /// The results of a step for the host: counters, segments, demand; one buffer for each step under way.
     readback: [Buffer; 2],
 }
 
 impl StreamBuffers {
-    /// Memory for `capacity` paths in flight (a power of two), where `asked` were wanted in flight and in all; of host
-    /// memory about `host_bytes`.
+    /// Allocates memory for `capacity` paths in flight (a power of two), where `asked` were wanted in flight and in
+    /// all; about `host_bytes` of it in host memory.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         capacity: u32,
@@ -112,7 +112,7 @@ impl StreamBuffers {
         Ok(buffers)
     }
 
-    /// Lists the memory there is, and what is left out of it.
+    /// Lists the buffers, and those that are left out.
     pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         self.paths.list(inventory);
         let Self { progress, places, free_slots, pending, surfaces, deferred, readback, .. } = self;
@@ -157,7 +157,7 @@ impl StreamBuffers {
         u64::from(self.paths.capacity) * slot_bytes(gpu, self.needs)
     }
 
-    /// Whether this memory serves such a scene and so many paths, or is as much as there could be for them.
+    /// Returns true if this memory serves such a scene and so many paths, or is as much as can be allocated for them.
     pub(crate) fn serves(&self, needs: StreamingNeeds, asked: (u64, u64)) -> bool {
         let enough = self.asked.0 >= asked.0 && self.asked.1 >= asked.1;
         self.needs == needs.at_least_one() && enough
@@ -215,7 +215,7 @@ impl StreamBuffers {
         frame.streaming = self.streaming.address();
     }
 
-    /// What the trace passes write, besides what belongs to the paths.
+    /// The buffers that the trace passes write, besides those of the paths.
     pub(crate) fn written(&self) -> Vec<&Buffer> {
         let Self { progress, free_slots, pending, deferred, segments, unit_rays, .. } = self;
         let always = [progress, free_slots, pending, &deferred[0], &deferred[1], segments, unit_rays];
@@ -225,7 +225,7 @@ impl StreamBuffers {
         always.into_iter().chain(waiting).chain(questions).collect()
     }
 
-    /// Forgets everything, before a stage.
+    /// Records commands that clear everything, before a stage.
     pub(crate) fn clear(&self, commands: &mut CommandList) {
         for buffer in [&self.paths.counters, &self.segments, &self.unit_rays, &self.demand] {
             commands.fill(buffer, 0, buffer.size(), 0);
@@ -235,12 +235,12 @@ impl StreamBuffers {
         }
     }
 
-    /// Before the deferred rays are sorted.
+    /// Clears the counts before the deferred rays are sorted.
     pub(crate) fn clear_sort(&self, commands: &mut CommandList) {
         commands.fill(&self.sort_counts, 0, self.sort_counts.size(), 0);
     }
 
-    /// Before demand is counted.
+    /// Clears the demand before it is counted.
     pub(crate) fn clear_demand(&self, commands: &mut CommandList) {
         commands.fill(&self.demand_counts, 0, self.demand_counts.size(), 0);
     }
@@ -250,15 +250,15 @@ impl StreamBuffers {
         listed(self.needs).div_ceil(64).min(64)
     }
 
-    /// Before what rays bring is added up.
+    /// Clears the sums before the contributions of rays are added up.
     pub(crate) fn clear_worth(&self, commands: &mut CommandList) {
         for buffer in self.roulette.iter().flat_map(|roulette| [&roulette.worth, &roulette.worth_sums]) {
             commands.fill(buffer, 0, buffer.size(), 0);
         }
     }
 
-    /// Writes what the pass that plays roulette reads in step `number`, none of whose two predecessors may still be
-    /// under way: a weight by chunk, where there is one.
+    /// Writes the verdicts that the roulette pass reads in step `number`, none of whose two predecessors may still be
+    /// under way: a weight by chunk, if there is one.
     pub(crate) fn write_verdicts(&self, number: u64, verdicts: &[f32]) -> Result<(), RenderError> {
         let Some(roulette) = &self.roulette else { return Ok(()) };
         Ok(roulette.verdicts[verdict_table(number) as usize].write(0, bytemuck::cast_slice(verdicts))?)
@@ -269,7 +269,7 @@ impl StreamBuffers {
         sort_blocks(sorted(self.needs))
     }
 
-    /// Copies what the host reads of step `number`.
+    /// Records a copy of what the host reads of step `number`.
     pub(crate) fn copy_out(&self, commands: &mut CommandList, number: u64) {
         let target = self.readback_of(number);
         commands.concurrent(|c| {
@@ -289,7 +289,7 @@ impl StreamBuffers {
         &self.readback[usize::from(number & 1 == 1)]
     }
 
-    /// Puts what step `number` left, once it has ended, into `seen`.
+    /// Reads the results of step `number`, once it has ended, into `seen`.
     pub(crate) fn observe(&self, number: u64, seen: &mut StepObservation) -> Result<(), RenderError> {
         let extents = StepExtents {
             segments: self.ended.segment_count as usize,
@@ -310,7 +310,7 @@ impl StreamBuffers {
     }
 }
 
-/// Which table of verdicts step `number` reads.
+/// The table of verdicts that step `number` reads.
 pub(super) fn verdict_table(number: u64) -> u32 {
     u32::from(number & 1 == 1)
 }
@@ -320,12 +320,12 @@ fn listed(needs: StreamingNeeds) -> u32 {
     needs.units.min(MOST_LISTED)
 }
 
-/// As many chunks as have the keys that deferred rays, and with textures materials, are sorted by.
+/// Number of chunks that have the keys by which deferred rays, and with textures materials, are sorted.
 fn sorted(needs: StreamingNeeds) -> u32 {
     if needs.textures { needs.chunks + TILE_KEYS / 2 } else { needs.chunks }
 }
 
-/// What the paths in slots need.
+/// The needs of the paths in slots.
 fn path_needs(needs: StreamingNeeds) -> PathNeeds {
     let StreamingNeeds { textures, light_paths, shadows, .. } = needs;
     PathNeeds { shadows, textures, light_paths, feedback: false, deferred_cutouts: false }
@@ -336,7 +336,7 @@ pub(super) fn slot_bytes(gpu: &Gpu, needs: StreamingNeeds) -> u64 {
     let textures = if needs.textures { 8 + u64::from(needs.lookups) * LOOKUP_BYTES as u64 } else { 0 };
     let materials = if needs.materials { size_of::<GpuSurfaceMaterial>() as u64 } else { 0 };
     let cutouts = if needs.cutouts { 2 * question_bytes(needs) as u64 } else { 0 };
-    // progress, places, free_slots; two lists of what is deferred.
+    // The buffers progress, places, free_slots; two lists of deferred rays.
     let numbers = 3 * 4 + 2 * 8;
     let pending = (1 + u64::from(needs.shadows)) * size_of::<PendingItems>() as u64;
     let waiting = numbers + pending + size_of::<GpuSurface>() as u64;
@@ -369,7 +369,7 @@ mod tests {
                 roulette: false,
                 visits: false,
             };
-            // Places are as many as they can be, eight a slot.
+            // The largest number of places is assumed, eight a slot.
             let of = |capacity: u32| {
                 let paths = 1 << 40;
                 let made = StreamBuffers::new(&gpu, capacity, ((u64::from(capacity), paths), 1 << 40), needs);

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where the time of a streaming render goes, as the host sees it.
+//! The time of a streaming render by activity, as the host sees it.
 
 use std::time::Instant;
 
-/// Sums of seconds by what was under way.
+/// Sums of seconds by the activity under way.
 #[derive(Debug)]
 pub(crate) struct StageClock {
     last: Instant,
     state: StageActivity,
-    /// The device had work.
+    /// Seconds in which the device had work.
     pub(crate) tracing: f64,
-    /// Something was being loaded.
+    /// Seconds in which something was being loaded.
     pub(crate) loading: f64,
-    /// Something was being loaded and the device had no work.
+    /// Seconds in which something was being loaded and the device had no work.
     pub(crate) waiting: f64,
-    /// Both at once.
+    /// Seconds in which both were under way.
     pub(crate) overlapped: f64,
 }
 
-/// What is under way.
+/// The activities under way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct StageActivity {
     pub(crate) tracing: bool,
@@ -26,13 +26,13 @@ pub(crate) struct StageActivity {
 }
 
 impl StageClock {
-    /// Starts with nothing under way.
+    /// Starts with no activity.
     pub(crate) fn new(now: Instant) -> Self {
         let state = StageActivity::default();
         Self { last: now, state, tracing: 0.0, loading: 0.0, waiting: 0.0, overlapped: 0.0 }
     }
 
-    /// From `now` on, `state` is under way.
+    /// Changes the activities at `now` to `state`.
     pub(crate) fn change(&mut self, now: Instant, state: StageActivity) {
         let secs = now.saturating_duration_since(self.last).as_secs_f64();
         let StageActivity { tracing, loading } = self.state;

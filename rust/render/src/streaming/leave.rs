@@ -1,60 +1,60 @@
 // SPDX-License-Identifier: Apache-2.0
-//! When a picture that streams goes on without streaming: as soon as every chunk of the scene is on the device or where
-//! rays read it in host memory. Then no ray waits any more, and passes without a word of streaming in them are faster,
-//! with half the memory for a path. What no ray has asked for is brought for that while others trace, if enough paths
-//! are left or were streamed; then a later picture does not stream at all. Tiles of textures need not be there: passes
-//! of scenes in core say which ones they lack.
+//! Decides when a streaming picture goes on without streaming: as soon as every chunk of the scene is on the device or
+//! where rays read it in host memory. Then no ray waits any more, and passes compiled without streaming are faster,
+//! with half the memory for a path. Units that no ray has asked for are loaded for that while others trace, if enough
+//! paths are left or were streamed; then a later picture does not stream at all. Tiles of textures need not be
+//! resident: passes of scenes in core report the missing ones.
 
 use super::residency::SceneResidency;
 use crate::engine::StreamingEnd;
 use crate::wavefront::PendingCompiles;
 
-/// Nanoseconds that a path saves, without and with tiles of textures, where the device is busy (decisions/0050).
+/// Nanoseconds that a path saves, without and with tiles of textures, when the device is busy (decisions/0050).
 const NANOS_A_PATH: [u64; 2] = [5, 80];
-/// What it saves more with so many paths in flight; with half as many, twice that. A round takes as long as its longest
-/// ray, however few it traces (see the book, design/streaming).
+/// Additional nanoseconds that a path saves with [`PATHS_IN_FLIGHT`] paths in flight; with half as many, twice that. A
+/// round takes as long as its longest ray, however few it traces (see the book, design/streaming).
 const NANOS_IN_FLIGHT: u64 = 20;
 const PATHS_IN_FLIGHT: u64 = 1 << 20;
 /// Nanoseconds that are lost, without and with tiles: paths run out, and processors compile the other passes before.
 const NANOS_LOST: [u64; 2] = [200_000_000, 600_000_000];
-/// Bytes that are brought for a nanosecond saved: a loader brings four in one, while the processors have little else to
+/// Bytes that are loaded for a nanosecond saved: a loader brings four in one, while the processors have little else to
 /// do.
 const BYTES_A_NANO: u64 = 12;
-/// Tiles that come without streaming need so many bytes beside geometry, for themselves or in place of others.
+/// Tiles that are loaded without streaming need so many bytes beside geometry, for themselves or in place of others.
 const ROOM_FOR_TILES: u64 = 8 << 20;
 
-/// Whether and when to leave off.
+/// Decides whether and when streaming ends.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LeaveDecision {
-    /// It may be: the memory of host and device holds the scene.
+    /// True if the memory of host and device holds the scene.
     is_possible: bool,
-    /// Whatever is left, and however little room tiles have.
+    /// True if streaming ends whatever is left, and however little room tiles have.
     is_soon: bool,
     has_tiles: bool,
-    /// What a path saves that is not streamed, nanoseconds.
+    /// Nanoseconds that a path saves if it is not streamed.
     nanos_a_path: u64,
-    /// The other passes.
+    /// The passes without streaming, while they are compiled.
     pub(super) compiles: PendingCompiles,
     pub(super) left_off: Option<StreamingEnd>,
 }
 
 impl LeaveDecision {
-    /// For a scene that can be all there, or cannot, without or with tiles of textures, and at most so many paths in
-    /// flight; `is_soon`: whatever is left to trace.
+    /// `is_possible`: the scene can be wholly resident; `has_tiles`: it has tiles of textures; at most so many paths
+    /// are in flight; `is_soon`: streaming ends whatever is left to trace.
     pub(super) fn new(is_possible: bool, has_tiles: bool, in_flight: u32, is_soon: bool) -> Self {
         let waited = NANOS_IN_FLIGHT * PATHS_IN_FLIGHT / u64::from(in_flight.max(1));
         let nanos_a_path = NANOS_A_PATH[usize::from(has_tiles)] + waited;
         Self { is_possible, is_soon, has_tiles, nanos_a_path, compiles: PendingCompiles::default(), left_off: None }
     }
 
-    /// Whether to leave off now, after so many rays, with so many paths that have not begun and that were streamed; has
-    /// the rest of the scene brought where that pays, and geometry go where it leaves tiles no room.
+    /// Returns true if streaming is to end now, after so many rays, with so many paths that have not begun and that
+    /// were streamed. Also requests the rest of the scene if that pays, and evicts geometry that leaves tiles no room.
     pub(super) fn step(&self, residency: &mut SceneResidency<'_>, rays: u64, (unbegun, streamed): (u64, u64)) -> bool {
         if !self.is_possible || self.left_off.is_some() {
             return false;
         }
         if residency.is_all_there() {
-            // Without streaming nothing comes to the device any more.
+            // Without streaming nothing is promoted to the device any more.
             let is_settled = self.is_soon || residency.is_settled(rays);
             if !(self.is_ready() && is_settled && self.pays(unbegun)) {
                 return false;
@@ -69,30 +69,31 @@ impl LeaveDecision {
         false
     }
 
-    /// Has the rest of the scene brought if that pays where so many paths were streamed or have not begun.
+    /// Requests the rest of the scene if that pays where so many paths were streamed or have not begun.
     pub(super) fn bring_rest(&self, residency: &mut SceneResidency<'_>, paths: u64) {
         if self.is_possible && !residency.brings_rest {
             residency.brings_rest = self.brings(residency.rest_bytes(), paths);
         }
     }
 
-    /// Whether the other passes are there; until then paths are streamed.
+    /// Returns true if the passes without streaming are compiled.
     fn is_ready(&self) -> bool {
         self.is_soon || self.compiles.is_over()
     }
 
-    /// Whether tiles, if there are any, find room in so many bytes.
+    /// Returns true if tiles, if there are any, find room in so many bytes.
     fn is_roomy(&self, bytes: u64) -> bool {
         self.is_soon || !self.has_tiles || bytes >= ROOM_FOR_TILES
     }
 
-    /// Whether other passes pay for so many paths.
+    /// Returns true if the passes without streaming pay for so many paths.
     pub(super) fn pays(&self, unbegun: u64) -> bool {
         let lost = if self.is_soon { 0 } else { NANOS_LOST[usize::from(self.has_tiles)] };
         unbegun.saturating_mul(self.nanos_a_path) > lost
     }
 
-    /// Whether to bring `missing` bytes that no ray has asked for, where `paths` were streamed or have not begun.
+    /// Returns true if `missing` bytes that no ray has asked for are worth loading, where `paths` were streamed or have
+    /// not begun.
     fn brings(&self, missing: u64, paths: u64) -> bool {
         self.is_soon || paths.saturating_mul(self.nanos_a_path) >= missing / BYTES_A_NANO
     }

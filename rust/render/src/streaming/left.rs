@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How the paths ran out: the table "time against paths left" of L. Berchtold's thesis (2022). Pure.
+//! The number of unfinished paths over time: the table "time against paths left" of L. Berchtold's thesis (2022). Pure.
 
 use crate::timings::LeftMoment;
 
-/// When the first entry is made, seconds, and how much later each next one is.
+/// The next entry is due at [`STEP`] times the time of the last one plus this, seconds.
 const FIRST: f64 = 0.05;
+/// The factor from the time of an entry to that of the next.
 const STEP: f64 = 1.1;
-/// Shares of the paths left at which there is an entry whatever the time.
+/// Shares of the paths left at which an entry is made whatever the time.
 const SHARES: [f64; 6] = [0.5, 0.1, 0.01, 0.001, 0.0001, 0.0];
 
 /// Moments at growing intervals, and when shares were passed.
@@ -15,17 +16,17 @@ pub(crate) struct PathsLeftLog {
     pub(crate) moments: Vec<LeftMoment>,
     /// Paths of the render.
     total: u64,
-    /// Of [`SHARES`], those passed.
+    /// Number of [`SHARES`] that were passed.
     passed: usize,
 }
 
 impl PathsLeftLog {
-    /// Of so many paths.
+    /// A log for so many paths.
     pub(crate) fn of(total: u64) -> Self {
         Self { total, ..Self::default() }
     }
 
-    /// Takes note of a moment.
+    /// Adds a moment.
     pub(crate) fn note(&mut self, moment: LeftMoment) {
         #[expect(clippy::cast_precision_loss, reason = "a share")]
         let share = moment.paths_left as f64 / self.total.max(1) as f64;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Brings chunks, meshes and tiles into host memory where rays read them (`reach`): those that rays wait for and the
+//! Loads chunks, meshes and tiles into host memory where rays read them (`reach`): those that rays wait for and the
 //! device has no room for. Render thread only.
 
 use super::reach::MappedUnits;
@@ -13,20 +13,24 @@ use std::time::{Duration, Instant};
 
 /// Units that are begun in a step, those that most rays wait for first.
 const MAPPED_A_STEP: usize = 4096;
-/// Units that no ray has asked for that are begun in a step; how many assets may be on the way then, and bytes of them
-/// while rays wait for others, which come after those.
+/// Units that no ray has asked for that are begun in a step.
 const REST_A_STEP: usize = 1024;
+/// Most assets in transit when such units are begun.
 const REST_ON_THE_WAY: usize = 4096;
+/// Most bytes of such units in transit while rays wait for others, which would be loaded after them.
 const REST_BYTES_BEFORE_WANTED: u64 = 64 << 20;
-/// How long to wait for an asset at a time, and for any of them, before rays are traced that bring theirs first.
+/// The time of one wait for an asset.
 const WAIT: Duration = Duration::from_millis(20);
+/// Longest wait without an asset, after which rays are traced, whose own assets are loaded first.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
-/// The device has what is visited most when less than this share of its geometry is on its way, after so many rays.
+/// The most visited units count as resident when less than one part in so many of the device's geometry is in transit,
+/// after [`SETTLING_RAYS`].
 const SETTLED_SHARE: u64 = 32;
+/// Rays after which the most visited units are known.
 const SETTLING_RAYS: u64 = 1 << 22;
 
 impl SceneResidency<'_> {
-    /// Shows what host memory has of earlier frames and the device has not.
+    /// Shows the assets of earlier frames that are in host memory and not on the device.
     pub(super) fn take_over_mapped(&mut self) {
         if !self.store.maps_any() {
             return;
@@ -47,13 +51,14 @@ impl SceneResidency<'_> {
         self.reach = Some(reach);
     }
 
-    /// Assets of a unit that host memory does not have.
+    /// Assets of a unit that are not in host memory.
     fn unmapped(&self, unit: UnitId) -> Vec<AssetId> {
         let is_mapped = |asset: &AssetId| self.assets.key(*asset).is_some_and(|key| self.store.mapped(&key).is_some());
         self.assets.catalog.assets(unit).iter().copied().filter(|asset| !is_mapped(asset)).collect()
     }
 
-    /// Begins to bring what rays wait for into host memory, but for what the device has room for beside all it holds.
+    /// Begins to load the units that rays wait for into host memory, except those for which the device has room beside
+    /// all it holds.
     pub(super) fn map_demanded(&mut self, demand: &RayDemand<'_>) -> Result<(), RenderError> {
         let Some(mut reach) = self.reach.take() else { return Ok(()) };
         let begun = self.map_most_wanted(&mut reach, demand);
@@ -65,7 +70,7 @@ impl SceneResidency<'_> {
         let waiting = |unit: UnitId| demand.waiting.get(unit as usize).copied().unwrap_or(0);
         let asked = demand.asked.unwrap_or_default().iter().copied();
         let mut wanted: Vec<UnitId> = asked.filter(|unit| waiting(*unit) > 0 && reach.is_absent(*unit)).collect();
-        // What the planner has begun comes to the device.
+        // Units that the planner has begun are loaded to the device.
         wanted.retain(|unit| self.planner.state(*unit) != UnitState::Loading);
         let nothing_wanted = wanted.is_empty();
         wanted.sort_unstable_by_key(|unit| (std::cmp::Reverse(waiting(*unit)), *unit));
@@ -88,8 +93,8 @@ impl SceneResidency<'_> {
         if self.brings_rest { self.map_rest(reach, nothing_wanted) } else { Ok(()) }
     }
 
-    /// Brings all geometry into host memory before any ray waits for it, one unit after the other. Leaves off when the
-    /// gate says no, or when nothing comes.
+    /// Loads all geometry into host memory before any ray waits for it, one unit after the other. Stops if the gate
+    /// says so, or if nothing arrives.
     pub(super) fn map_all(&mut self, gate: &FrameGate<'_>) -> Result<(), RenderError> {
         let (mut came, mut count) = (Instant::now(), 0);
         while !self.is_all_there() && came.elapsed() < LONGEST_WAIT && gate.proceed() {
@@ -102,13 +107,13 @@ impl SceneResidency<'_> {
         Ok(())
     }
 
-    /// Whether what is visited most has come to the device, as far as there is room, after so many rays.
+    /// Returns true if the most visited units are on the device, as far as there is room, after so many rays.
     pub(super) fn is_settled(&self, rays: u64) -> bool {
         is_settled(rays, self.planner.stats().bytes_in_flight, self.planner.budget())
     }
 
-    /// Begins to bring what no ray has asked for. Few rays may wait for something in every step, so this goes on beside
-    /// them.
+    /// Begins to load units that no ray has asked for. A few rays may wait for something in every step, so this goes on
+    /// beside them.
     fn map_rest(&mut self, reach: &mut MappedUnits, nothing_wanted: bool) -> Result<(), RenderError> {
         if self.store.mapping() >= REST_ON_THE_WAY {
             return Ok(());
@@ -126,7 +131,7 @@ impl SceneResidency<'_> {
         Ok(())
     }
 
-    /// Begins to bring a unit into host memory; false when no memory is made for it yet.
+    /// Begins to load a unit into host memory; returns false if no memory is allocated for it yet.
     fn map(&mut self, unit: UnitId, reach: &mut MappedUnits) -> Result<bool, RenderError> {
         let missing = self.unmapped(unit);
         for &asset in &missing {
@@ -147,18 +152,18 @@ impl SceneResidency<'_> {
         self.assets.geometry_units().filter(|unit| !reach.is_there(*unit) && !self.planner.is_resident(*unit))
     }
 
-    /// Whether rays can use all geometry.
+    /// Returns true if rays can use all geometry.
     pub(super) fn is_all_there(&self) -> bool {
         self.reach.as_ref().is_some_and(|reach| self.rest(reach).next().is_none())
     }
 
-    /// Bytes that tiles of textures have or may take without geometry that goes.
+    /// Bytes that tiles of textures have or may take without evicting geometry.
     pub(super) fn room_for_tiles(&self) -> u64 {
         self.budget.saturating_sub(self.planner.stats().bytes_held) + self.textures.bytes_held
     }
 
-    /// Lets geometry go until tiles have so much room, as far as the budget has so much; what goes is read in host
-    /// memory, or brought there.
+    /// Evicts geometry until tiles have so much room, as far as the budget has so much; the evicted units are read in
+    /// host memory, or loaded there.
     pub(super) fn make_room_for_tiles(&mut self, bytes: u64) {
         let geometry = beside_tiles(self.budget, self.textures.bytes_held, bytes);
         if geometry < self.planner.budget() && self.planner.set_budget(geometry).is_err() {
@@ -166,7 +171,7 @@ impl SceneResidency<'_> {
         }
     }
 
-    /// Bytes of what they cannot use.
+    /// Bytes of the units that rays cannot use.
     pub(super) fn rest_bytes(&self) -> u64 {
         let Some(reach) = &self.reach else { return 0 };
         let on_device = |asset: &AssetId| self.assets.key(*asset).is_some_and(|key| self.store.get(&key).is_some());
@@ -175,7 +180,7 @@ impl SceneResidency<'_> {
         missing.filter_map(|asset| self.assets.source(*asset)).map(|source| source.bytes()).sum()
     }
 
-    /// An asset is in host memory.
+    /// Takes in an asset that has arrived in host memory.
     pub(super) fn mapped(&mut self, asset: AssetId) {
         let units = self.reach.as_mut().map(|reach| reach.arrived(asset)).unwrap_or_default();
         for unit in units {
@@ -185,7 +190,7 @@ impl SceneResidency<'_> {
         }
     }
 
-    /// Shows a unit where its assets are.
+    /// Shows a unit at the addresses of its assets.
     fn show_all(&mut self, unit: UnitId) {
         let closure: Vec<AssetId> = self.assets.catalog.assets(unit).to_vec();
         for asset in closure {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Renders a scene that does not fit: paths wait for chunks, the planner brings what most of them wait for.
+//! Renders a scene that does not fit: paths wait for chunks, and the planner loads those that most of them wait for.
 //!
-//! [`render`] makes the memory and lets the engine run over a [`StreamingStage`]: take what the device has finished
-//! (`observe`), move the loads on and ask the planner (`residency`), hand the device its next step (`record`). A step
-//! writes the chunk table, wakes the rays whose chunk is there, traces some rounds and counts the waiting rays of each
-//! unit. Loads go on beside the steps on the loader's threads and the transfer queue.
+//! [`render`] allocates the memory and lets the engine run over a [`StreamingStage`]: take in what the device has
+//! finished (`observe`), advance the loads and ask the planner (`residency`), submit the next step (`record`). A step
+//! writes the chunk table, wakes the rays whose chunk is resident, traces some rounds and counts the waiting rays of
+//! each unit. Loads go on beside the steps on the loader's threads and the transfer queue.
 //!
-//! The picture does not depend on any of this: `shaders/README.md` ("Streaming") and decisions/0005 say why.
+//! The picture does not depend on any of this: `shaders/README.md` ("Streaming") and decisions/0005 explain it.
 
 mod buffers;
 mod clock;
@@ -61,20 +61,21 @@ use stragglers::StragglerRoulette;
 
 /// Most paths in slots.
 const MOST_PATHS: u64 = 1 << 25;
-/// Most paths in slots when images are shown on the way: a round of them is short enough for stop and pause to be felt.
+/// Most paths in slots if images are shown on the way: a round of them is short enough for stop and pause to take
+/// effect.
 const MOST_PATHS_INTERACTIVE: u64 = 1 << 22;
 /// Most paths in slots on a processor that traces in software.
 const MOST_PATHS_CPU: u64 = 1 << 14;
 /// Fewest paths in slots.
 const FEWEST_PATHS: u64 = 1 << 12;
-/// Bytes of the buffers of a frame that do not grow with its paths, about.
+/// Approximate bytes of the buffers of a frame that do not grow with its paths.
 const SMALL_BUFFERS: u64 = 1 << 20;
-/// Smallest arena that is made ahead, bytes.
+/// Smallest arena that is allocated ahead, bytes.
 const LEAST_RESERVED: u64 = 4 << 20;
-/// Share of the geometry's memory that is left free for holes between ranges.
+/// One part in so many of the geometry's memory is left free for holes between ranges.
 const SLACK: u64 = 16;
 
-/// What the stages of a frame share.
+/// The state that the stages of a frame share.
 #[derive(Debug)]
 pub(crate) struct StreamingContext<'a, 'r> {
     pub(crate) tracer: WavefrontTracer<'a>,
@@ -84,9 +85,9 @@ pub(crate) struct StreamingContext<'a, 'r> {
     /// Stack entries below the top level that the passes are compiled for.
     pub(crate) stack_entries: u32,
     view: SceneView,
-    /// How the paths ran out.
+    /// The number of unfinished paths over time.
     pub(crate) left: PathsLeftLog,
-    /// Only with `oocpt:stragglerRoulette`.
+    /// `None` without `oocpt:stragglerRoulette`.
     pub(crate) stragglers: Option<StragglerRoulette>,
 }
 
@@ -175,9 +176,9 @@ fn lookups(context: &FrameContext<'_>) -> u32 {
     u32::try_from(context.job.snapshot.surfaces.most_lookups()).unwrap_or(0) + of_lights
 }
 
-/// Path memory: its share of what the budget leaves beside what cannot go ([`ShareRequest`]), and no more than the
-/// render has paths; less when there is no memory. What the scene holds on the device goes if paths have no room beside
-/// it.
+/// Allocates path memory: its share of what the budget leaves beside what must stay ([`ShareRequest`]), and no more
+/// than the render has paths; less if memory runs out. The scene's assets on the device are evicted if paths have no
+/// room beside them.
 fn make_buffers(
     context: &FrameContext<'_>,
     scene: &mut DeviceScene,
@@ -221,7 +222,7 @@ fn make_buffers(
         fewest: FEWEST_PATHS,
     };
     let capacity = room.slots();
-    // The tables of a streamed scene, and a little for the small buffers of a frame.
+    // The tables of a streamed scene, and a little for the small buffers of a frame, come beside it.
     let beside = scene.table_bytes() + SMALL_BUFFERS;
     if capacity * slot_bytes + beside > unused(device.gpu.memory()) {
         scene.clear(device)?;
@@ -233,7 +234,7 @@ fn make_buffers(
     Ok(())
 }
 
-/// Whether a scene that is all there, on the device and in host memory, may be rendered without streaming. Tiles of
+/// Returns true if a scene that is wholly on the device and in host memory may be rendered without streaming. Tiles of
 /// textures need room then, which a cap on geometry gives to chunks.
 pub(crate) fn may_split(context: &FrameContext<'_>, scene: &DeviceScene) -> bool {
     let FrameContext { device, job, film, .. } = *context;
@@ -245,13 +246,14 @@ pub(crate) fn may_split(context: &FrameContext<'_>, scene: &DeviceScene) -> bool
         && (scene.assets.tile_bytes == 0 || !context.has_outgrown && geometry_cap(job).is_none())
 }
 
-/// Whether the device, with `budget` bytes for geometry, and what host memory there may be hold all of the scene.
+/// Returns true if the device, with `budget` bytes for geometry, and the host memory that may be used hold all of the
+/// scene.
 fn holds(device: &Device, assets: &SceneAssets, budget: u64) -> Result<bool, RenderError> {
     let (bytes, mapped) = (assets.geometry_bytes(), device.host_heap()?.limit().unwrap_or(0));
     Ok(bytes + bytes / SLACK <= budget.saturating_add(mapped))
 }
 
-/// Whether a test wants the rest of a picture without streaming, however short it is.
+/// Returns true if a test wants the rest of a picture rendered without streaming, however short it is.
 fn leaves_soon(job: &RenderJob) -> bool {
     #[cfg(feature = "faults")]
     return job.options.faults.leaves_soon;
@@ -273,7 +275,7 @@ fn most_paths(context: &FrameContext<'_>) -> u64 {
     }
 }
 
-/// Divides the host memory for encoded geometry: what rays read in it is not kept a second time.
+/// Divides the host memory for encoded geometry: geometry that rays read there is not kept a second time.
 fn host_share(
     context: &FrameContext<'_>,
     scene: &mut DeviceScene,
@@ -321,7 +323,7 @@ fn reserve(context: &FrameContext<'_>, scene: &DeviceScene, budget: u64) -> Resu
     let wanted = budget.min(scene.assets.bytes);
     let wanted = (wanted + wanted / SLACK).saturating_sub(there);
     let unused = memory.budget.saturating_sub(memory.used).saturating_sub(SMALL_BUFFERS);
-    // What is too large for arenas has memory of its own, which these are to leave.
+    // Units too large for arenas have memory of their own, which the arenas must leave.
     let largest = scene.assets.largest_bytes;
     let dedicated = if largest > context.device.heap.largest_shared() { largest } else { 0 };
     let mut left = wanted.min(unused).saturating_sub(dedicated);
@@ -335,7 +337,7 @@ fn reserve(context: &FrameContext<'_>, scene: &DeviceScene, budget: u64) -> Resu
 }
 
 impl StreamingContext<'_, '_> {
-    /// Compiles the passes anew when a chunk on the device needs a deeper stack than they have.
+    /// Compiles the passes anew if a chunk on the device needs a deeper stack than they have.
     pub(crate) fn deepen(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
         if self.residency.stack_entries <= self.stack_entries {
             return Ok(());
@@ -346,7 +348,7 @@ impl StreamingContext<'_, '_> {
         self.tracer.deepen(view.stack_size, &mut progress.timings)
     }
 
-    /// Remembers how many paths were left `seconds` after the first sample was begun.
+    /// Notes the number of paths left `seconds` after the first sample was begun.
     fn note_left(&mut self, seconds: f64, paths_left: u64) {
         let planner = self.residency.planner.stats();
         let (loads, bytes_paged) = (planner.loads, planner.bytes_loaded);
@@ -358,7 +360,7 @@ impl StreamingContext<'_, '_> {
         self.tracer.context.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes)
     }
 
-    /// Brings the stats up to date.
+    /// Updates the stats.
     fn report(&self, progress: &mut FrameProgress<'_>, seen: &StepObservation, stragglers: u64, paths_left: u64) {
         let heap = self.tracer.context.device.heap.stats();
         let planner = self.residency.planner.stats();

@@ -1,37 +1,37 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a scene that streams needs of the buffers of its frames. Pure.
+//! The sizes that a streamed scene needs of the buffers of its frames. Pure.
 
-/// What of a scene decides how much memory there has to be.
+/// The properties of a scene that decide the amount of memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct StreamingNeeds {
     pub(crate) levels: u32,
     pub(crate) chunks: u32,
-    /// Chunks, then meshes.
+    /// Number of chunks and meshes.
     pub(crate) geometry: u32,
-    /// These, then tiles of textures.
+    /// Number of chunks, meshes and tiles of textures.
     pub(crate) units: u32,
-    /// Paths wait for tiles.
+    /// True if paths wait for tiles.
     pub(crate) textures: bool,
     /// Most lookups of textures that a material makes.
     pub(crate) lookups: u32,
-    /// Rays do.
+    /// True if rays wait for tiles, because of cutouts.
     pub(crate) cutouts: bool,
-    /// They do in programs.
+    /// True if rays wait for tiles in programs.
     pub(crate) cutout_programs: bool,
-    /// Some mesh has a material.
+    /// True if some mesh has a material.
     pub(crate) materials: bool,
-    /// Lights ask something of paths.
+    /// True if lights need data of the surface that a ray left.
     pub(crate) light_paths: bool,
-    /// Some light asks for shadow rays.
+    /// True if some light needs shadow rays.
     pub(crate) shadows: bool,
-    /// Roulette on loads is played.
+    /// True if roulette on loads is played.
     pub(crate) roulette: bool,
-    /// The rays that enter each chunk and mesh are counted.
+    /// True if the rays that enter each chunk and mesh are counted.
     pub(crate) visits: bool,
 }
 
 impl StreamingNeeds {
-    /// The same with one unit of each kind, where there is none: buffers have some bytes.
+    /// These needs with at least one unit of each kind, so that no buffer is empty.
     pub(super) fn at_least_one(self) -> Self {
         let [chunks, geometry, units] = [self.chunks, self.geometry, self.units].map(|count| count.max(1));
         Self { chunks, geometry, units, ..self }

@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the host knows of the paths: the counters, segments and demand that a step left behind. Pure.
+//! The host's view of the paths: the counters, segments and demand that a step left behind. Pure.
 
 use super::segments;
 use oocpt_abi::{PathSegment, RouletteStats, UnitDemand, WavefrontCounters};
 use oocpt_core::residency::UnitId;
 
-/// How many there are of what a step leaves behind.
+/// The sizes of the parts of a step's results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct StepExtents {
-    /// Segments.
+    /// Number of segments.
     pub(crate) segments: usize,
     /// Most entries of the list of demand.
     pub(crate) listed: usize,
-    /// Units.
+    /// Number of units.
     pub(crate) units: usize,
-    /// Chunks and meshes whose rays are counted.
+    /// Number of chunks and meshes whose rays are counted.
     pub(crate) visited: usize,
 }
 
@@ -25,39 +25,39 @@ impl StepExtents {
     }
 }
 
-/// See the module. What a step leaves replaces what is there; that costs what was asked for, not the scene.
+/// The results of the newest step. Reading a step costs time in proportion to what was requested, not to the scene.
 #[derive(Debug, Default)]
 pub(crate) struct StepObservation {
-    /// The step that left it; 0 = none yet.
+    /// The step that left the results; 0 = none yet.
     pub(crate) step: u64,
     pub(crate) counters: WavefrontCounters,
-    /// By segment.
+    /// Paths that are alive or have begun, by segment.
     pub(crate) segments: Vec<PathSegment>,
     /// Rays that wait for each unit first.
     pub(crate) waiting: Vec<u32>,
     /// Rays that have each unit further down their list.
     pub(crate) next: Vec<u32>,
-    /// 1 + a unit that rays need at the same time as this one, 0: none.
+    /// 1 + a unit that rays need at the same time as this one; 0 = none.
     pub(crate) partners: Vec<u32>,
     /// The units of which one of `waiting` and `next` is not 0, ascending.
     pub(crate) asked: Vec<UnitId>,
-    /// Rays that entered each chunk and mesh since the stage began, modulo 2^32; empty when nobody counts.
+    /// Rays that entered each chunk and mesh since the stage began, modulo 2^32; empty if they are not counted.
     pub(crate) visited: Vec<u32>,
-    /// With roulette on loads: what it knows and counts.
+    /// The statistics of roulette on loads.
     pub(crate) roulette: RouletteStats,
-    /// With it: what the rays that wait for each chunk and mesh first may bring, in `1 / WORTH_ONE`; empty when nobody
-    /// looked.
+    /// With roulette on loads: the possible contribution of the rays that wait for each chunk and mesh first, in `1 /
+    /// WORTH_ONE`; empty if it was not measured.
     pub(crate) worth: Vec<u32>,
 }
 
 impl StepObservation {
-    /// Whether all paths of a segment are known to be dead; `begun`: the step of each segment's beginning.
+    /// Returns true if all paths of a segment are known to be dead; `begun`: the step of each segment's beginning.
     pub(crate) fn is_finished(&self, begun: &[u64], segment: &segments::LiveSegment) -> bool {
         let since = begun.get(segment.index as usize).copied().unwrap_or(u64::MAX);
         since <= self.step && self.alive(segment.index) == Some(0)
     }
 
-    /// Reads what [`super::StreamBuffers::copy_out`] wrote.
+    /// Reads the bytes that [`super::StreamBuffers::copy_out`] wrote.
     pub(crate) fn read(&mut self, step: u64, bytes: &[u8], extents: StepExtents) {
         let (counters, rest) = bytes.split_at(size_of::<WavefrontCounters>());
         let (table, rest) = rest.split_at(extents.segments * size_of::<PathSegment>());

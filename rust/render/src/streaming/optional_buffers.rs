@@ -10,23 +10,23 @@ use std::sync::Arc;
 /// Bytes of the value of a lookup.
 pub(super) const LOOKUP_BYTES: usize = 16;
 
-/// What only textures need.
+/// The buffers that only textures need.
 #[derive(Debug)]
 pub(super) struct TextureBuffers {
     pub(super) resolve_queue: Buffer,
     pub(super) resolved: Buffer,
     pub(super) resolve_progress: Buffer,
-    /// With cutouts: of the closest ray and of the shadow ray.
+    /// With cutouts: the questions of the closest ray and of the shadow ray.
     pub(super) questions: Option<[Buffer; 2]>,
 }
 
-/// What only roulette on loads needs.
+/// The buffers that only roulette on loads needs.
 #[derive(Debug)]
 pub(super) struct RouletteBuffers {
     pub(super) block: Buffer,
     pub(super) worth: Buffer,
     pub(super) worth_sums: Buffer,
-    /// Used in turn, by the steps under way.
+    /// Used in turn by the steps under way.
     pub(super) verdicts: [Buffer; 2],
 }
 
@@ -58,7 +58,7 @@ impl TextureBuffers {
     }
 }
 
-/// Lists the questions of cutouts, or what is left out of them.
+/// Lists the questions of cutouts, or that they are left out.
 pub(super) fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inventory: &mut RenderInventory) {
     for (at, name) in ["questions", "shadow_questions"].into_iter().enumerate() {
         match questions {
@@ -68,7 +68,7 @@ pub(super) fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inv
     }
 }
 
-/// Bytes of a question, with what programs keep behind all of them.
+/// Bytes of a question, with the values of programs behind all of them.
 pub(super) fn question_bytes(needs: StreamingNeeds) -> usize {
     let kept = if needs.cutout_programs { LOOKUP_BYTES * (CUTOUT_LOOKUPS as usize - 1) } else { 0 };
     size_of::<DeferredAlphaTest>() + kept

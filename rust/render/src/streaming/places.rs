@@ -1,43 +1,45 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where the radiance of ended paths waits for its turn in the film: how many places there are, and in which memory.
+//! The places where the radiance of ended paths waits for its turn in the film: their number, and the memory that they
+//! are in.
 //!
-//! Segments go into the film in the order of their paths, so the oldest straggler holds all later ones back. The more
-//! places there are, the longer new paths can begin all the same. A place is written once and read once, so it may lie
-//! across the bus: decisions/0002. Render thread only.
+//! Segments are added to the film in the order of their paths, so the oldest straggler holds all later ones back. The
+//! more places there are, the longer new paths can begin all the same. A place is written once and read once, so it may
+//! lie across the bus: decisions/0002. Render thread only.
 
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use std::sync::Arc;
 
-/// Segments as large as all slots together.
+/// A segment is one part in so many of all slots together.
 const SEGMENTS_PER_FILL: u32 = 64;
 /// Most places for every slot in the memory that the slots are in.
 const PER_SLOT: u32 = 8;
-/// Most places for every slot in host memory, and how many places make more than [`PER_SLOT`] too many.
+/// Most places for every slot in host memory.
 const PER_SLOT_HOST: u32 = 64;
+/// Number of places that is enough in host memory, unless [`PER_SLOT`] for every slot are more.
 const ENOUGH: u64 = 1 << 26;
 /// Bytes of a place: the radiance of a path.
 const PLACE_BYTES: u64 = 16;
 
-/// What bounds the places.
+/// The bounds on the number of places.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlaceBounds {
-    /// Paths of the render.
+    /// The bounds on the number of places.
     pub(super) total: u64,
-    /// Bytes of host memory; on unified devices it does not count.
+    /// Bytes of host memory; not used on unified devices.
     pub(super) host_bytes: u64,
 }
 
-/// See the module.
+/// The buffer of the places.
 #[derive(Debug)]
 pub(crate) struct RadiancePlaces {
     pub(super) segment_count: u32,
     pub(super) segment_size: u32,
-    /// f32x4 by place.
+    /// Radiance as f32x4 by place.
     pub(super) radiance: Buffer,
 }
 
 impl RadiancePlaces {
-    /// Places for `capacity` slots (a power of two); fewer where memory is short.
+    /// Allocates places for `capacity` slots (a power of two); fewer if memory is short.
     pub(super) fn new(gpu: &Arc<Gpu>, capacity: u32, bounds: PlaceBounds) -> Result<Self, GpuError> {
         Self::in_memory(gpu, if gpu.is_unified() { BufferUsage::Device } else { BufferUsage::Shared }, capacity, bounds)
     }
@@ -61,8 +63,8 @@ pub(super) fn device_bytes(gpu: &Gpu) -> u64 {
     if gpu.is_unified() { PLACE_BYTES * u64::from(PER_SLOT) } else { 0 }
 }
 
-/// Places for each of `capacity` slots: no more than the render has paths, than the driver gives in one piece, nor than
-/// there is host memory.
+/// Places for each of `capacity` slots: no more than the render has paths, than the driver allocates in one piece, nor
+/// than there is host memory.
 fn per_slot(capacity: u32, bounds: PlaceBounds, usage: BufferUsage, max_allocation_bytes: u64) -> u32 {
     let slots = u64::from(capacity).max(1);
     let (most, bytes) = match usage {
@@ -116,7 +118,7 @@ mod tests {
                 times,
             });
             let made = RadiancePlaces::in_memory(&gpu, usage, 1 << 10, MANY);
-            // What was not struck is not to strike somebody else.
+            // A failure that was not triggered must not hit another test.
             gpu.plant_failure(PlantedFailure { call: DriverCall::Buffer, after: u64::MAX, times: 1 });
             made.map(|places| (places.segment_count, places.radiance.size()))
         };

@@ -1,43 +1,44 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Chunks, meshes and tiles that rays read in host memory, across the bus, while the device has no room for them: none
-//! waits for these. What is visited most comes to the device (`ResidencyPlanner`), what has to go is read in host
-//! memory again.
+//! Chunks, meshes and tiles that rays read in host memory, across the bus, while the device has no room for them: no
+//! ray waits for these. The most visited ones are promoted to the device (`ResidencyPlanner`), the evicted ones are
+//! read in host memory again.
 //!
-//! A unit is reached when all assets of its closure lie in host memory. Pure bookkeeping.
+//! A unit is readable when all assets of its closure lie in host memory. Pure bookkeeping.
 
 use oocpt_core::residency::{AssetId, RayDemand, UnitId};
 use rustc_hash::FxHashMap;
 
-/// Where a unit is on its way into host memory.
+/// The state of a unit on its way into host memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum MappingState {
     #[default]
     Absent,
-    /// So many of its assets are not there yet.
+    /// So many of its assets have not arrived yet.
     Coming(usize),
     There,
 }
 
-/// See the module.
+/// The units in host memory and those in transit.
 #[derive(Debug, Default)]
 pub(super) struct MappedUnits {
     states: Vec<MappingState>,
     /// Units that wait for an asset.
     dependents: FxHashMap<AssetId, Vec<UnitId>>,
-    /// By unit, for the planner: whether it is there.
+    /// True by unit if it is in host memory, for the planner.
     mapped: Vec<bool>,
-    /// Rays that wait for each unit and have to.
+    /// Rays that wait for each unit and cannot read it.
     waiting: Vec<u32>,
-    /// Units that `waiting` has something of.
+    /// Units for which `waiting` is not 0.
     asked: Vec<UnitId>,
     /// Rays that entered each unit since the step before.
     visits: Vec<u32>,
-    /// Rays that entered it until then, modulo 2^32.
+    /// Rays that had entered each unit by then, modulo 2^32.
     counted: Vec<u32>,
 }
 
 impl MappedUnits {
-    /// Nothing is there of so many units, of which the first so many are chunks and meshes, whose visits are counted.
+    /// Begins with none of so many units in host memory; the first `geometry` of them are chunks and meshes, whose
+    /// visits are counted.
     pub(super) fn new(units: usize, geometry: usize) -> Self {
         Self {
             states: vec![MappingState::Absent; units],
@@ -48,22 +49,22 @@ impl MappedUnits {
         }
     }
 
-    /// Counts begin at 0 again.
+    /// Restarts the counts at 0.
     pub(super) fn begin(&mut self) {
         self.counted.fill(0);
     }
 
-    /// Whether rays can read it.
+    /// Returns true if rays can read the unit in host memory.
     pub(super) fn is_there(&self, unit: UnitId) -> bool {
         self.mapped.get(unit as usize) == Some(&true)
     }
 
-    /// Whether it is neither there nor on its way.
+    /// Returns true if the unit is neither in host memory nor in transit.
     pub(super) fn is_absent(&self, unit: UnitId) -> bool {
         self.states.get(unit as usize) == Some(&MappingState::Absent)
     }
 
-    /// A unit is there as soon as these assets are.
+    /// Notes that a unit becomes readable as soon as these assets arrive.
     pub(super) fn expect(&mut self, unit: UnitId, missing: &[AssetId]) {
         for &asset in missing {
             self.dependents.entry(asset).or_default().push(unit);
@@ -78,7 +79,7 @@ impl MappedUnits {
         }
     }
 
-    /// An asset is there; gives the units that are with it.
+    /// Takes in an asset; returns the units that it completes.
     pub(super) fn arrived(&mut self, asset: AssetId) -> Vec<UnitId> {
         let mut there = Vec::new();
         for unit in self.dependents.remove(&asset).unwrap_or_default() {
@@ -92,7 +93,7 @@ impl MappedUnits {
         there
     }
 
-    /// Takes note of how many rays have entered each unit since the counts began.
+    /// Takes in the number of rays that have entered each unit since the counts began.
     pub(super) fn count(&mut self, counts: &[u32]) {
         for ((visits, counted), count) in self.visits.iter_mut().zip(&mut self.counted).zip(counts) {
             *visits = count.wrapping_sub(*counted);
@@ -100,7 +101,7 @@ impl MappedUnits {
         }
     }
 
-    /// What the planner is asked: nobody waits for what is there or on its way.
+    /// The demand for the planner: no ray waits for a unit that is in host memory or in transit.
     pub(super) fn demand<'a>(&'a mut self, demand: &RayDemand<'a>) -> RayDemand<'a> {
         for unit in self.asked.drain(..) {
             if let Some(rays) = self.waiting.get_mut(unit as usize) {

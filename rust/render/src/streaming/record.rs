@@ -11,22 +11,22 @@ use oocpt_abi::{PREPARE_DEMAND, PushConstants, SCAN_BLOCKS, SCAN_SUMS};
 use oocpt_gpu::{CommandList, Submission};
 use oocpt_shaders::Pass;
 
-/// What a step is to do.
+/// The work of a step.
 #[derive(Debug, Default)]
 pub(super) struct StepPlan {
     /// The first round.
     pub(super) round: u32,
     /// Rounds to trace.
     pub(super) rounds: u32,
-    /// Segments that are done and go into the film, oldest first.
+    /// Finished segments that are added to the film, oldest first.
     pub(super) finished: Vec<LiveSegment>,
     /// Segments that begin.
     pub(super) started: Vec<LiveSegment>,
-    /// Whether rays may be waiting.
+    /// True if rays may be waiting.
     pub(super) wakes: bool,
-    /// Whether there are verdicts for rays that wait (roulette on loads).
+    /// True if there are verdicts for rays that wait (roulette on loads).
     pub(super) plays: bool,
-    /// Whether what rays that wait bring is looked at (roulette on loads).
+    /// True if the contributions of waiting rays are measured (roulette on loads).
     pub(super) weighs: bool,
     /// An image is copied out at the end, of which so much is there.
     pub(super) publishes: Option<Extent>,
@@ -39,7 +39,7 @@ impl StreamingContext<'_, '_> {
         push.with(round, segment.index * self.buffers.ended.segment_size)
     }
 
-    /// Forgets the samples and paths of the frame or stage before.
+    /// Clears the samples and paths of the previous frame or stage.
     pub(super) fn clear(&self, kind: PathKind) -> Result<(), RenderError> {
         let mut commands = self.tracer.commands("clear")?;
         self.buffers.clear(&mut commands);
@@ -50,7 +50,7 @@ impl StreamingContext<'_, '_> {
         Ok(())
     }
 
-    /// Records and submits a step; gives the octaves of samples that it completes.
+    /// Records and submits a step; returns the octaves of samples that it completes.
     pub(super) fn step(
         &mut self,
         kind: PathKind,
@@ -101,7 +101,7 @@ impl StreamingContext<'_, '_> {
         Ok((commands.submit()?, octaves))
     }
 
-    /// Starts new paths, and wakes the rays whose chunk is there, sorted by chunk.
+    /// Starts new paths, and wakes the rays whose chunk is resident, sorted by chunk.
     fn begin(&self, commands: &mut CommandList, kind: PathKind, plan: &StepPlan) {
         let recorder = self.tracer.recorder();
         let q = recorder.push(kind).with(plan.round, 0);

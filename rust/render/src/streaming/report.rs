@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Writes what `oocpt report chunks` draws: chunks, loads, rays, and how the paths ran out.
+//! Writes the data for `oocpt report chunks`: chunks, loads, rays, and the number of unfinished paths over time.
 
 use super::StreamingContext;
 use crate::chunk_report::{ChunkReport, ReportCamera, ReportChunk, ReportInstance, ReportMoment, VERSION};

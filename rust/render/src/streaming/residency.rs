@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Carries out what the planner decides: starts loads, lets go of what is evicted, shows units to the rays when
-//! everything they need is there.
+//! Carries out what the planner decides: starts loads, evicts, and shows units to the rays when everything they need is
+//! resident.
 //!
 //! A unit is shown and hidden by its entry in the chunk table, written between two submissions: inside a submission
-//! nothing appears or disappears. Memory of evicted assets is free when the submissions made before have ended.
-//! Render thread only.
+//! nothing appears or disappears. Memory of evicted assets is free when the submissions made before have ended. Render
+//! thread only.
 
 use super::reach::MappedUnits;
 use crate::assets::{AssetStore, HostHeapFiller, MemoryWait, SceneAssets, SceneTables, TableEntries};
@@ -19,12 +19,13 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Share of the budget that may be on its way at a time, and the most bytes of it: throughput is what is on its way
-/// over the time of a load, about two steps.
+/// One part in so many of the budget may be in transit at a time: throughput is the bytes in transit over the time of a
+/// load, about two steps.
 const IN_FLIGHT_SHARE: u64 = 6;
+/// Most bytes in transit at a time.
 const MOST_IN_FLIGHT: u64 = 2 << 30;
 
-/// A load that the planner asked for.
+/// A load that the planner requested.
 #[derive(Debug)]
 struct PlannedLoad {
     unit: UnitId,
@@ -34,7 +35,7 @@ struct PlannedLoad {
     begun: Vec<AssetId>,
 }
 
-/// See the module.
+/// The residency of a scene's units, as the planner decides it.
 #[derive(Debug)]
 pub(crate) struct SceneResidency<'a> {
     pub(super) device: &'a Device,
@@ -47,19 +48,20 @@ pub(crate) struct SceneResidency<'a> {
     pub(super) budget: u64,
     /// Loads that wait for memory, in the planner's order.
     waiting: VecDeque<PlannedLoad>,
-    /// Assets not ready yet of every unit on its way, and the units that wait for each of these.
+    /// The number of missing assets of every unit in transit.
     missing: FxHashMap<UnitId, usize>,
+    /// The units that wait for each missing asset.
     dependents: FxHashMap<AssetId, Vec<UnitId>>,
-    /// Assets on their way that nobody needs any more.
+    /// Assets in transit that nobody needs any more.
     orphans: FxHashSet<AssetId>,
     /// Entries to write before the next step.
     changed: Vec<AssetId>,
     copies: Vec<Arc<Submission>>,
-    /// Where rays read chunks and meshes in host memory.
+    /// The chunks and meshes that rays read in host memory.
     pub(super) reach: Option<MappedUnits>,
-    /// What no ray has asked for is brought into host memory too.
+    /// True if units that no ray has asked for are loaded into host memory too.
     pub(super) brings_rest: bool,
-    /// All geometry is there and the passes that come next count on it: none goes any more.
+    /// True if all geometry is resident and the next passes rely on it: nothing is evicted any more.
     pub(super) stays: bool,
     pub(super) filler: Option<HostHeapFiller>,
     /// Units that the rays of the next step see for the first time.
@@ -70,17 +72,17 @@ pub(crate) struct SceneResidency<'a> {
     pub(crate) textures: TileStats,
 }
 
-/// What the planner's counters say of tiles of textures alone.
+/// The part of the planner's counters that concerns tiles of textures.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TileStats {
     pub(crate) loads: u64,
     pub(crate) reloads: u64,
     pub(crate) bytes_loaded: u64,
-    /// On the device now.
+    /// Bytes on the device now.
     pub(crate) bytes_held: u64,
 }
 
-/// What a residency starts from.
+/// The inputs of a residency.
 pub(crate) struct ResidencyStart<'a> {
     pub(crate) device: &'a Device,
     pub(crate) assets: &'a Arc<SceneAssets>,
@@ -88,12 +90,12 @@ pub(crate) struct ResidencyStart<'a> {
     pub(crate) tables: &'a SceneTables,
     pub(crate) budget: u64,
     pub(crate) policy: PolicyKind,
-    /// Makes the memory in which rays may read chunks; none where they may not.
+    /// Allocates the memory in which rays may read chunks; `None` if they may not.
     pub(crate) filler: Option<HostHeapFiller>,
 }
 
 impl<'a> SceneResidency<'a> {
-    /// Takes over what the store still holds of earlier frames, as far as it fits `budget`; frees the rest.
+    /// Takes over the assets of earlier frames, as far as they fit `budget`; frees the rest.
     pub(crate) fn new(start: ResidencyStart<'a>) -> Result<Self, RenderError> {
         let ResidencyStart { device, assets, store, tables, budget, policy, filler } = start;
         let options = PlannerOptions {
@@ -135,7 +137,7 @@ impl<'a> SceneResidency<'a> {
     fn take_over(&mut self) {
         let mut kept: FxHashSet<AssetId> = FxHashSet::default();
         let geometry: Vec<UnitId> = self.assets.geometry_units().collect();
-        // There may be millions of tiles: only those that are there are looked at.
+        // There may be millions of tiles: only the resident ones are visited.
         let tiles = self.store.tiles().filter_map(|(image, tile)| self.assets.textures.number_of(image, tile));
         let mut tiles: Vec<UnitId> = tiles.map(|tile| self.assets.tile_unit(tile)).collect();
         tiles.sort_unstable();
@@ -162,7 +164,7 @@ impl<'a> SceneResidency<'a> {
         self.assets.key(asset).is_some_and(|key| self.store.get(&key).is_some())
     }
 
-    /// Sets the table entry of a ready asset, in host memory if the device does not have it.
+    /// Sets the table entry of a ready asset, in host memory if it is not on the device.
     pub(super) fn show(&mut self, asset: AssetId) {
         let key = self.assets.key(asset);
         if let Some(resident) = key.and_then(|key| self.store.reached(&key)) {
@@ -179,8 +181,8 @@ impl<'a> SceneResidency<'a> {
         self.stack_entries = self.stack_entries.max(self.assets.stack_of(unit, own));
     }
 
-    /// Asks the planner what to do about `demand`, and begins to do it; loads of units that rays wait for as far as
-    /// `agrees` agrees.
+    /// Asks the planner what to do about `demand`, and begins to do it; units that rays wait for are loaded only if
+    /// `agrees` returns true.
     pub(crate) fn plan(
         &mut self,
         demand: &RayDemand<'_>,
@@ -211,7 +213,7 @@ impl<'a> SceneResidency<'a> {
     }
 
     fn evict(&mut self, unit: UnitId, assets: &[AssetId]) {
-        // Of a load that failed nothing was there.
+        // A failed load may have brought none of its assets.
         if assets.iter().any(|&asset| self.is_ready(asset)) {
             self.textures.bytes_held = self.textures.bytes_held.saturating_sub(self.bytes_of_tile(unit));
         }
@@ -222,7 +224,8 @@ impl<'a> SceneResidency<'a> {
         let is_reached = self.reach.as_ref().is_some_and(|reach| reach.is_there(unit));
         for &asset in assets.iter().chain((!assets.contains(&own)).then_some(&own)) {
             let is_mapped = self.assets.key(asset).is_some_and(|key| self.store.mapped(&key).is_some());
-            // Other chunks may read it in host memory; the unit's own is seen when all that it needs is there.
+            // Other chunks may read it in host memory; the unit's own asset is shown when all that it needs is
+            // resident.
             if is_mapped && (asset != own || is_reached) {
                 self.show(asset);
             } else {
@@ -251,7 +254,7 @@ impl<'a> SceneResidency<'a> {
         self.waiting.push_back(PlannedLoad { unit, unplaced: assets.into(), begun: Vec::new() });
     }
 
-    /// Gives memory to the loads that wait for it, in order, as far as there is any, and has the loader begin.
+    /// Allocates memory for the waiting loads, in order, as far as there is any, and starts them.
     fn place_waiting(&mut self) -> Result<(), RenderError> {
         self.place()?;
         self.store.send(self.device)
@@ -260,7 +263,7 @@ impl<'a> SceneResidency<'a> {
     fn place(&mut self) -> Result<(), RenderError> {
         while let Some(mut load) = self.waiting.pop_front() {
             while let Some(asset) = load.unplaced.pop_front() {
-                // What another load has left on its way, or what has come of it since this one was queued.
+                // The asset may be in transit for another load, or have arrived since this one was queued.
                 if self.orphans.remove(&asset) || self.is_ready(asset) {
                     continue;
                 }
@@ -269,7 +272,7 @@ impl<'a> SceneResidency<'a> {
                     continue;
                 }
                 load.unplaced.push_front(asset);
-                // Orphans are let go as soon as they are there.
+                // Orphans are dropped as soon as they have arrived.
                 if self.device.heap.stats().retired_bytes == 0 && self.orphans.is_empty() {
                     self.give_up(load);
                     return Ok(());
@@ -282,7 +285,7 @@ impl<'a> SceneResidency<'a> {
         Ok(())
     }
 
-    /// Starts to bring an asset; one that is too large for arenas, if need be in place of those that hold nothing.
+    /// Starts to load an asset; for one that is too large for arenas, empty arenas are freed if need be.
     fn begins(&mut self, asset: AssetId) -> Result<bool, RenderError> {
         let Self { device, assets, store, .. } = self;
         if store.begin(device, assets, asset, MemoryWait::Now)? {
@@ -295,8 +298,8 @@ impl<'a> SceneResidency<'a> {
         store.begin(device, assets, asset, MemoryWait::Now)
     }
 
-    /// There is no memory for a load although nothing is about to be freed: the planner must make room. The loads after
-    /// it stay: given up as well, they would teach the planner that far less fits than does.
+    /// Gives up a load for which there is no memory although nothing is about to be freed: the planner must make room.
+    /// The loads after it stay: given up as well, they would teach the planner that far less fits than does.
     fn give_up(&mut self, load: PlannedLoad) {
         tracing::debug!(unit = load.unit, "no memory for a unit");
         self.missing.remove(&load.unit);
@@ -315,7 +318,7 @@ impl<'a> SceneResidency<'a> {
         self.planner.failed(load.unit);
     }
 
-    /// Takes note of what has arrived; waits at most `wait` when nothing else is to do.
+    /// Takes in what has arrived; waits at most `wait` if there is nothing else to do.
     pub(crate) fn advance(&mut self, wait: Duration) -> Result<(), RenderError> {
         let arrived = self.store.advance(&self.assets, wait)?;
         self.bytes_copied += arrived.bytes;
@@ -363,7 +366,7 @@ impl<'a> SceneResidency<'a> {
         self.planner.loaded(unit);
     }
 
-    /// Whether anything is on its way.
+    /// Returns true if anything is in transit.
     pub(crate) fn is_loading(&self) -> bool {
         self.store.in_flight() > 0 || !self.waiting.is_empty()
     }
@@ -385,13 +388,13 @@ impl<'a> SceneResidency<'a> {
         commands.concurrent(|c| self.tables.update(c, &self.assets, &self.entries, &changed));
     }
 
-    /// Whether the next step would write table entries.
+    /// Returns true if the next step would write table entries.
     pub(crate) fn has_changes(&self) -> bool {
         !self.changed.is_empty()
     }
 }
 
-/// What does not fit together is the one thing no planner can help.
+/// Converts a plan error: units that do not fit together are the one thing no planner can help.
 fn plan_error(assets: &SceneAssets, error: &PlanError) -> RenderError {
     match *error {
         PlanError::TooLarge { units, bytes, budget } => {

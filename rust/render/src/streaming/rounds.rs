@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How many rounds a step traces: enough to keep the device busy until the next one, few enough for stop and pause to
-//! be felt, and not many more than have rays: a round without any still is half a dozen passes, which a software
-//! renderer spends as much time on as on short work. Pure.
+//! Decides how many rounds a step traces: enough to keep the device busy until the next step, few enough for stop and
+//! pause to take effect, and not many more than have rays: a round without rays is still half a dozen passes, on which
+//! a software renderer spends as much time as on short work. Pure.
 
-/// Seconds that a step should take: short enough for stop and pause to be felt and for demand to be read again.
+/// Target seconds of a step: short enough for stop and pause to take effect and for demand to be read again.
 const STEP_SECS: f64 = 0.03;
 /// Most rounds of a step.
 const MOST_ROUNDS: u32 = 16;
-/// Most rounds of a step on a GPU that more rays are about to join, which they do between steps: a round takes as long
-/// as its longest ray, whatever it traces beside it (see the book, design/streaming).
+/// Most rounds of a step on a GPU if more rays are about to join, which they do between steps: a round takes as long as
+/// its longest ray, whatever it traces beside it (see the book, design/streaming).
 const MOST_BEFORE_MORE: u32 = 1;
 
-/// What became of a step.
+/// The outcome of a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StepResult {
     pub(super) rounds: u32,
@@ -20,8 +20,8 @@ pub(super) struct StepResult {
     pub(super) secs: f64,
 }
 
-/// Rounds of the step after `planned`, which those under way have: more when steps are short and use all of theirs,
-/// fewer when they are long, and little by little fewer when the last ones of a step had nothing to trace.
+/// Rounds of the step after `planned`, the number of those under way: more if steps are short and use all of theirs,
+/// fewer if they are long, and gradually fewer if the last ones of a step had nothing to trace.
 pub(super) fn next(planned: u32, done: StepResult) -> u32 {
     let StepResult { rounds, busy, secs } = done;
     if secs > STEP_SECS {
@@ -35,8 +35,8 @@ pub(super) fn next(planned: u32, done: StepResult) -> u32 {
     }
 }
 
-/// Most rounds of the next step, on a processor or not, where `more_join`: paths can still begin, or few rays are at
-/// hand and loads are to wake others.
+/// Most rounds of the next step, on a processor or not; `more_join`: paths can still begin, or few rays are ready and
+/// loads will wake others.
 pub(super) fn most(is_cpu: bool, more_join: bool) -> u32 {
     if more_join && !is_cpu { MOST_BEFORE_MORE } else { MOST_ROUNDS }
 }
@@ -52,7 +52,7 @@ mod tests {
         assert_eq!(most(true, true), 16, "a processor is busy with few");
     }
 
-    /// What becomes of `planned` after many steps that take `secs` per round, of which `busy` rounds at most have rays.
+    /// The limit of `planned` after many steps that take `secs` per round, of which at most `busy` rounds have rays.
     fn settled(busy: u32, secs: f64) -> Vec<u32> {
         let mut planned = 1;
         let steps = (0..100).map(|_| {

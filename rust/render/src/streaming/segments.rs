@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which paths are under way: segments, each a contiguous range of paths with a place for the radiance of each. There
-//! are more places than slots (paths in flight): a path that ends gives its slot to a new one and leaves only its
-//! radiance behind.
+//! The paths under way: segments, each a contiguous range of paths with a place for the radiance of each. There are
+//! more places than slots (paths in flight): a path that ends gives its slot to a new one and leaves only its radiance
+//! behind.
 //!
 //! A segment is added to the film when all its paths are dead and every earlier segment has been added: samples of a
 //! pixel are summed in ascending order whatever came back first.
 //!
-//! When all segments are in use, the paths that keep the oldest ones alive wait for chunks that few others want. Were a
-//! new segment begun for each that ends, its camera rays would drive those chunks out again; so no segment begins until
-//! all are free: the chunks of the stragglers are loaded once for all paths that wait for them (measured:
-//! decisions/0002). Pure.
+//! When all segments are in use, the paths that keep the oldest ones alive wait for chunks that few others want. If a
+//! new segment began for each that ends, its camera rays would evict those chunks again; so no segment begins until all
+//! are free: the chunks of the stragglers are loaded once for all paths that wait for them (measured: decisions/0002).
+//! Pure.
 
 use crate::wave::Wave;
 use std::collections::VecDeque;
@@ -17,32 +17,32 @@ use std::collections::VecDeque;
 /// A segment under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct LiveSegment {
-    /// Its number: places `index * size ..`.
+    /// Its number; its places are `index * size ..`.
     pub(crate) index: u32,
     /// Slots that were taken before it.
     pub(crate) first_slot: u64,
-    /// Its paths.
+    /// The paths of the segment.
     pub(crate) wave: Wave,
 }
 
-/// See the module.
+/// The segments under way and the paths that have not begun.
 #[derive(Debug)]
 pub(crate) struct SegmentQueue {
     size: u32,
     /// Paths that may be in flight.
     slots: u64,
-    /// How many there are.
+    /// Number of segments.
     count: usize,
     free: VecDeque<u32>,
-    /// All have been in use, and not all are free again.
+    /// True if all segments have been in use, and not all are free again.
     draining: bool,
-    /// Under way, oldest first.
+    /// The segments under way, oldest first.
     alive: VecDeque<LiveSegment>,
     next: u64,
     total: u64,
     /// Paths from here on may not begin yet.
     open: u64,
-    /// Paths that no segment may go across, ascending.
+    /// Paths that no segment may cross, ascending.
     cuts: Vec<u64>,
 }
 
@@ -55,13 +55,13 @@ impl SegmentQueue {
         Self { size, slots, count, free, draining: false, alive, next: 0, total, open: total, cuts }
     }
 
-    /// Gives a free segment the next paths; none when there is no free segment, no path left, or no slot: `ended` paths
-    /// have given theirs back so far.
+    /// Gives a free segment the next paths; returns `None` if there is no free segment, no path left, or no slot:
+    /// `ended` paths have given theirs back so far.
     pub(crate) fn start(&mut self, ended: u64) -> Option<LiveSegment> {
         if !self.can_start(ended) {
             return None;
         }
-        // Slots are taken in turn, and no segment has some of one turn and some of the next.
+        // Slots are taken in turns, and no segment has some of one turn and some of the next.
         let turn = self.slots - self.next % self.slots.max(1);
         let cut = self.cuts.iter().find(|cut| **cut > self.next).map_or(u64::MAX, |cut| cut - self.next);
         let left = self.end().saturating_sub(self.next).min(turn).min(cut);
@@ -77,7 +77,7 @@ impl SegmentQueue {
         Some(segment)
     }
 
-    /// Takes the oldest segment when it is finished.
+    /// Takes the oldest segment if it is finished.
     pub(crate) fn take_finished(&mut self, is_finished: impl Fn(&LiveSegment) -> bool) -> Option<LiveSegment> {
         let oldest = *self.alive.front()?;
         if !is_finished(&oldest) {
@@ -89,12 +89,12 @@ impl SegmentQueue {
         Some(oldest)
     }
 
-    /// Lets paths before `open` begin, but for those beyond the total.
+    /// Lets paths before `open` begin, except those beyond the total.
     pub(crate) fn open_to(&mut self, open: u64) {
         self.open = open;
     }
 
-    /// Lets no more paths begin, whatever is opened later; gives the first that has not.
+    /// Lets no more paths begin, whatever is opened later; returns the first that has not begun.
     pub(crate) fn close(&mut self) -> u64 {
         self.total = self.next;
         self.next
@@ -109,7 +109,7 @@ impl SegmentQueue {
         self.total.min(self.open)
     }
 
-    /// Whether every path that may begin has been taken.
+    /// Returns true if every path that may begin has been taken.
     pub(crate) fn is_done(&self) -> bool {
         self.alive.is_empty() && self.next >= self.end()
     }
@@ -119,7 +119,7 @@ impl SegmentQueue {
         self.alive.front().copied()
     }
 
-    /// Paths of the segments that were begun after `step`; `begun` tells the step of each segment.
+    /// Paths of the segments that were begun after `step`; `begun` has the step of each segment.
     pub(crate) fn begun_after(&self, step: u64, begun: &[u64]) -> u64 {
         let after = |segment: &&LiveSegment| begun.get(segment.index as usize).is_some_and(|begun| *begun > step);
         self.alive.iter().filter(after).map(|segment| u64::from(segment.wave.count)).sum()
@@ -130,8 +130,8 @@ impl SegmentQueue {
         self.end().saturating_sub(self.next)
     }
 
-    /// Whether a segment could begin when `ended` paths have given their slots back; none while the last ones of a full
-    /// set of segments end.
+    /// Returns true if a segment could begin when `ended` paths have given their slots back; false while the last ones
+    /// of a full set of segments end.
     pub(crate) fn can_start(&self, ended: u64) -> bool {
         !self.draining
             && !self.free.is_empty()

@@ -1,46 +1,47 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How device memory is shared between paths and what they visit: decisions/0029. Pure.
+//! Divides device memory between paths and units: decisions/0029. Pure.
 //!
-//! Paths in flight fill the device `paths / slots` times, and each fill brings about what does not stay: `units - kept`
+//! Paths in flight fill the device `paths / slots` times, and each fill loads about what does not stay: `units - kept`
 //! bytes, several times over. With `room = slots * slot_bytes + kept` that is `paths * (slot_bytes + missing / slots)`,
 //! `missing = units - room`, which only falls as slots grow. So paths get a large share, up to what a render has, and
-//! units keep what batches of loads need to be brought side by side. Where hardly anything is missing the sum hardly
-//! falls, and 2^24 slots were slower than 2^23 with less memory: then paths get what fills a device (see the book,
+//! units keep what batches of loads need to be resident together. If hardly anything is missing the sum hardly falls,
+//! and 2^24 slots were slower than 2^23 with less memory: then paths get what fills a device (see the book,
 //! design/residency).
 
-/// Share of the room that paths may take. Neither more nor less was faster (decisions/0029).
+/// Paths may take one part in so many of the room. Neither more nor less was faster (decisions/0029).
 const PATHS_SHARE: u64 = 2;
 /// Slots that fill a device.
 const ENOUGH_SLOTS: u64 = 1 << 22;
-/// Beyond these, slots may take so many times what is missing.
+/// Beyond these, slots may take so many times the missing bytes.
 const WORTH: u64 = 2;
-/// Units keep at least so many times the largest one: one is traced while others come; and where rays read them in host
-/// memory, so that none has to come.
+/// Units keep at least so many times the largest one: one is traced while others are loaded.
 const LARGEST_UNITS: u64 = 4;
+/// The same number if rays read units in host memory, so that none has to be loaded.
 const LARGEST_UNITS_BESIDE_MAPPED: u64 = 2;
 
-/// What is to be shared.
+/// The memory to be shared and its users.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ShareRequest {
     /// Bytes for paths and units together.
     pub(super) bytes: u64,
-    /// Of one path in flight.
+    /// Bytes of one path in flight.
     pub(super) slot_bytes: u64,
-    /// The largest unit with all it needs.
+    /// Bytes of the largest unit with all it needs.
     pub(super) largest_unit: u64,
-    /// All units.
+    /// Bytes of all units.
     pub(super) units: u64,
     /// Most bytes that units may take.
     pub(super) cap: u64,
-    /// Rays read in host memory what is not on the device: more slots bring nothing less.
+    /// True if rays read missing units in host memory: more slots then do not reduce loads.
     pub(super) maps: bool,
-    /// Paths in flight that the render could use, and the fewest that are worth it.
+    /// Paths in flight that the render could use.
     pub(super) wanted: u64,
+    /// Fewest paths in flight that are worth it.
     pub(super) fewest: u64,
 }
 
 impl ShareRequest {
-    /// Slots for paths: a power of two, `fewest` where there is hardly room for anything.
+    /// Slots for paths: a power of two, `fewest` if there is hardly room for anything.
     pub(super) fn slots(self) -> u64 {
         let Self { bytes, slot_bytes, largest_unit, units, cap, maps, wanted, fewest } = self;
         let slot_bytes = slot_bytes.max(1);
@@ -48,7 +49,7 @@ impl ShareRequest {
         let few = if maps { LARGEST_UNITS_BESIDE_MAPPED } else { LARGEST_UNITS };
         let beside_few = bytes.saturating_sub(few.saturating_mul(largest_unit));
         let beside_all = bytes.saturating_sub(units.min(cap));
-        // Never so much that the largest unit has to go without.
+        // The largest unit must always find room.
         let share = share.min(beside_few).max(beside_all);
         let slots = (share / slot_bytes).clamp(1, wanted.max(1));
         let missing = units.saturating_sub(bytes.min(cap));
@@ -58,10 +59,10 @@ impl ShareRequest {
     }
 }
 
-/// Bytes of units on the device where the rest of a picture may be traced without streaming: of the `left` bytes so
-/// many that, when the `slots` bytes of paths in slots are freed, there is room for `waves` bytes of paths in core, or
-/// half of both. What else there is of the scene is read in host memory then; a wave that is too small takes
-/// longer than that (decisions/0029).
+/// Bytes of units on the device if the rest of a picture may be traced without streaming: so many of the `left` bytes
+/// that, when the `slots` bytes of paths in slots are freed, there is room for `waves` bytes of paths in core, or half
+/// of both. The rest of the scene is read in host memory then; a wave that is too small costs more time than that
+/// (decisions/0029).
 pub(super) fn beside_waves(left: u64, slots: u64, waves: u64) -> u64 {
     let all = left.saturating_add(slots);
     left.min(all.saturating_sub(waves).max(all / 2))

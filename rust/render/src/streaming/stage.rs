@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The paths of a scene that streams: steps over segments of paths whose rays may wait for chunks, and the loads that
-//! go on beside them.
+//! The paths of a streamed scene: steps over segments of paths whose rays may wait for chunks, and the loads that go on
+//! beside them.
 //!
-//! When the device has nothing to trace, the stage waits for the loader, however long that takes; when there is nothing
-//! to wait for either and paths are left, that is a defect and reported as one.
+//! If the device has nothing to trace, the stage waits for the loader, however long that takes; if there is nothing to
+//! wait for either and paths are left, that is a defect and reported as one.
 
 use super::StreamingContext;
 use super::clock::StageActivity;
@@ -29,29 +29,29 @@ use oocpt_core::residency::{LoadProposal, RayDemand, ResidencyStats, UnitId};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Rays that a step has at hand, about: a few for each thread of a large device.
+/// Approximate number of rays that a step should have ready: a few for each thread of a large device.
 const ACTIVE_RAYS: u64 = 1 << 22;
-/// Rays that are worth a step while more chunks are on their way (decisions/0029).
+/// Rays that are worth a step while more chunks are in transit (decisions/0029).
 const WORTHWHILE_RAYS: u64 = ACTIVE_RAYS / 16;
-/// Of the paths alive, the share whose rays are worth a step.
+/// Share of the living paths whose rays are worth a step.
 const WORTHWHILE_SHARE: u64 = 4;
 /// Longest wait for such a step.
 const HOLD: Duration = Duration::from_millis(50);
-/// How long to wait for the loader at a time.
+/// The time of one wait for the loader.
 const LOAD_WAIT: Duration = Duration::from_millis(20);
-/// How long nothing at all may happen.
+/// The time after which a stage in which nothing happens is a defect.
 const STALL_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// What is remembered of a step.
+/// The record of a submitted step.
 #[derive(Debug)]
 pub(crate) struct StreamingStep {
     number: u64,
     rounds: u32,
-    /// What rays bring was looked at.
+    /// True if the step measures the contributions of waiting rays.
     weighs: bool,
 }
 
-/// See the module.
+/// The streaming of the paths of one frame, as a feed of the engine.
 #[derive(Debug)]
 pub(crate) struct StreamingStage<'a, 'r> {
     streamer: StreamingContext<'a, 'r>,
@@ -72,7 +72,7 @@ pub(crate) struct StreamingStage<'a, 'r> {
     round: u32,
     started: Instant,
     last_event: Instant,
-    /// When something was last on its way.
+    /// The time at which something was last in transit.
     last_waited: Instant,
     patience: LoadWait,
     leave: LeaveDecision,
@@ -80,7 +80,7 @@ pub(crate) struct StreamingStage<'a, 'r> {
 }
 
 impl<'a, 'r> StreamingStage<'a, 'r> {
-    /// Nothing to do yet.
+    /// A stage without work.
     pub(super) fn new(streamer: StreamingContext<'a, 'r>, leave: LeaveDecision, patience: LoadWait) -> Self {
         let now = Instant::now();
         Self {
@@ -104,7 +104,7 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
         }
     }
 
-    /// Lets the paths begin that the target error asks for.
+    /// Lets the paths begin that the target error needs.
     fn open(&mut self, progress: &FrameProgress<'_>) {
         if self.kind == PathKind::Samples {
             self.segments.open_to(progress.open_paths());
@@ -113,7 +113,7 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
         }
     }
 
-    /// Whether a step would do anything, as far as the host knows.
+    /// Returns true if a step would do anything, as far as the host knows.
     fn has_work(&self) -> bool {
         let has_verdicts = self.streamer.stragglers.as_ref().is_some_and(StragglerRoulette::has_verdicts);
         self.seen.active() > 0 || self.streamer.residency.has_changes() || has_verdicts || self.can_move_segments()
@@ -125,7 +125,7 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
     }
 
     /// New rays that a step may add: enough to keep the device busy, few enough for the step to stay short, so that
-    /// what arrives meanwhile is used soon.
+    /// units which arrive meanwhile are used soon.
     fn room_for_rays(&self) -> u64 {
         let unseen = self.segments.begun_after(self.seen.step, &self.begun);
         ACTIVE_RAYS.saturating_sub(self.seen.active()).saturating_sub(unseen)
@@ -175,7 +175,7 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
         }
     }
 
-    /// What loads and paths cost, for roulette on loads.
+    /// The costs of loads and paths, for roulette on loads.
     fn prices(&self, progress: &FrameProgress<'_>) -> Option<LoadPrices> {
         let stragglers = self.streamer.stragglers.as_ref()?;
         let spent = RenderCost {
@@ -187,8 +187,8 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
         Some(stragglers.prices(&spent, &self.seen))
     }
 
-    /// Whether the number of living paths is below the threshold for roulette on loads, and none can begin or be
-    /// decided about.
+    /// Returns true if the number of living paths is below the threshold for roulette on loads, and none can begin or
+    /// be decided about.
     fn are_stragglers(&self) -> bool {
         let context = self.streamer.tracer.context;
         let adaptive = context.film.adaptive();
@@ -201,7 +201,7 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
             && self.streamer.stragglers.as_ref().is_some_and(are_few)
     }
 
-    /// For those who ask where the time goes.
+    /// Logs the step, for those who ask where the time goes.
     fn log(&self, step: &StreamingStep, secs: f64, before: &WavefrontCounters) {
         if !tracing::enabled!(tracing::Level::TRACE) {
             return;
@@ -390,8 +390,8 @@ impl PathSource for StreamingStage<'_, '_> {
     fn wait(&mut self, progress: &mut FrameProgress<'_>) -> Result<bool, RenderError> {
         let copied = self.streamer.residency.bytes_copied;
         self.streamer.residency.advance(LOAD_WAIT)?;
-        // Time passes for the planner too: what it refused for lack of memory is tried again.
-        // Where it waits for more, the rays at hand keep it from counting as idle.
+        // Time passes for the planner too: loads that it refused for lack of memory are tried again. If it waits for
+        // more, the ready rays keep it from counting as idle.
         self.plan(self.seen.active(), progress)?;
         if self.streamer.residency.bytes_copied != copied || self.streamer.residency.has_changes() {
             self.last_event = Instant::now();
@@ -400,7 +400,7 @@ impl PathSource for StreamingStage<'_, '_> {
         if coming == 0 {
             self.patience.came(Instant::now());
         } else {
-            // Slow files are no fault.
+            // Slow files are not a fault.
             self.patience.came_at(self.last_event);
             self.last_waited = Instant::now();
             let lives = self.streamer.residency.device.loader()?.lives();

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Whether a picture gets on, in counted work: loads that were made and paths that have ended. Seconds say nothing of
-//! it, since disks and devices may be slow. Pure.
+//! Decides whether a picture makes progress, in counted work: loads that were made and paths that have ended. Seconds
+//! would not tell, since disks and devices may be slow. Pure.
 
 /// Loads without a path that ends, whatever the scene has: a million.
 const MOST_LOADS: u64 = 1 << 20;
-/// Beside these, for each unit of the scene.
+/// Additional loads for each unit of the scene.
 const LOADS_A_UNIT: u64 = 64;
 
-/// See the module.
+/// Counts the loads since a path ended last.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StallDetector {
     most_loads: u64,
@@ -17,13 +17,13 @@ pub(super) struct StallDetector {
 }
 
 impl StallDetector {
-    /// For a scene of so many units.
+    /// A detector for a scene of so many units.
     pub(super) fn new(units: usize) -> Self {
         Self { most_loads: MOST_LOADS + LOADS_A_UNIT * units as u64, ended: 0, loads: 0 }
     }
 
-    /// Takes note of the paths that have ended and of the loads so far; the loads that have brought no path to its end,
-    /// where these are far too many.
+    /// Takes in the paths that have ended and the loads so far; returns the loads since a path ended last, if these are
+    /// far too many.
     pub(super) fn note(&mut self, ended: u64, loads: u64) -> Option<u64> {
         if ended != self.ended {
             (self.ended, self.loads) = (ended, loads);

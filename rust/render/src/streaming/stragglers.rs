@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Roulette on loads as the loop of a stage plays it: what the rays at stake are worth as the device said, what loads
-//! and paths cost as the clock says, and what the device is to do with the rays. The decision itself is
+//! Roulette on loads in the loop of a stage: the worth of the waiting rays as the device measured it, the costs of
+//! loads and paths by the clock, and the verdicts for the rays. The decision itself is
 //! `oocpt_core::residency::roulette`.
 //!
-//! Loads are decided about when the planner is about to begin them, and only when nearly all rays wait and few paths
-//! are left that may begin or go on: as long as the device has work, loads cost nothing, and as long as there are many
+//! Loads are decided about when the planner is about to begin them, and only if nearly all rays wait and few paths are
+//! left that may begin or go on: as long as the device has work, loads cost nothing, and as long as there are many
 //! paths, others will want the chunk. Tiles of textures are always loaded: many rays share one, and it is small.
 //!
-//! What a load costs is what the picture waits for it: the seconds of just that time, by the bytes that came in it
-//! ([`StragglerPrice`]). By all the time in which something is loaded it is many times more, since most of that time
-//! the device traces; and ever more, the fewer loads are left.
+//! The cost of a load is the time that the picture waits for it: the seconds of just those waits, by the bytes that
+//! arrived in them ([`StragglerPrice`]). Measured by all the time in which something is loaded it would be many times
+//! more, since most of that time the device traces; and ever more, the fewer loads are left.
 
 use super::observe::StepObservation;
 use oocpt_abi::{WORTH_MUST, WORTH_ONE};
@@ -18,40 +18,42 @@ use oocpt_core::residency::roulette::LEAST;
 use oocpt_core::residency::roulette::{LoadPrices, LoadRoulette, LoadStakes};
 use oocpt_core::residency::{LoadProposal, UnitId};
 
-/// Stragglers are so few of the paths that are in flight when there are enough: one in this many.
+/// Paths are stragglers if they are fewer than one in so many of the paths in flight when there are enough.
 const FEW: u64 = 64;
-/// Rays that wait for a chunk from which on it is loaded whatever they bring; what `roulette_worth` adds for fewer
-/// stays below [`WORTH_MUST`].
+/// Number of rays waiting for a chunk from which on it is loaded whatever they contribute; the sum of `roulette_worth`
+/// for fewer stays below [`WORTH_MUST`].
 const MANY_RAYS: u32 = 1 << 12;
-/// The device idles when so many times more rays wait than can be traced, as the planner has it.
+/// The device idles if so many times more rays wait than can be traced, as in the planner.
 const IDLE_RATIO: u64 = 64;
-/// Loads from which on their price is known, and from which on older ones count half.
+/// Loads from which on their price is known.
 const KNOWN_LOADS: f64 = 8.0;
+/// Loads from which on older ones count half.
 const WINDOW_LOADS: f64 = 64.0;
 
-/// What paths have cost so far.
+/// The cost of the paths so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct RenderCost {
     pub(super) secs: f64,
-    /// Paths that have ended, and all of the picture.
+    /// Paths that have ended.
     pub(super) paths: u64,
+    /// All paths of the picture.
     pub(super) all_paths: u64,
     /// Relative variance per path of the picture's error, if it was measured.
     pub(super) variance: Option<f64>,
 }
 
-/// What the host knows at a moment.
+/// The host's knowledge at one moment.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct StragglerMoment {
-    /// Since the stage began.
+    /// Seconds since the stage began.
     pub(super) secs: f64,
     pub(super) loads: u64,
     pub(super) bytes_loaded: u64,
-    /// From now on few paths are left, nearly all wait, and something is being loaded.
+    /// True if from now on few paths are left, nearly all wait, and something is being loaded.
     pub(super) waits: bool,
 }
 
-/// Seconds by byte of the loads that the picture waits for, the latest ones most.
+/// Seconds by byte of the loads that the picture waits for, the latest ones weighted most.
 #[derive(Clone, Copy, Debug, Default)]
 struct StragglerPrice {
     last: StragglerMoment,
@@ -76,13 +78,13 @@ impl StragglerPrice {
         self.last = now;
     }
 
-    /// None as long as too little was loaded.
+    /// The price; `None` as long as too little was loaded.
     fn secs_per_byte(&self) -> Option<f64> {
         (self.loads >= KNOWN_LOADS).then(|| self.secs / self.bytes)
     }
 }
 
-/// See the module.
+/// The state of roulette on loads in one render.
 #[derive(Debug)]
 pub(crate) struct StragglerRoulette {
     roulette: LoadRoulette,
@@ -104,13 +106,13 @@ impl StragglerRoulette {
         }
     }
 
-    /// The same, with what a test plants.
+    /// This roulette with the faults that a test plants.
     #[cfg(feature = "faults")]
     pub(crate) fn with_faults(self, faults: crate::faults::PlantedFaults) -> Self {
         Self { faults, ..self }
     }
 
-    /// Whether `alive` paths are stragglers, where `most` may be in flight and none can begin.
+    /// Returns true if `alive` paths are stragglers, where `most` may be in flight and none can begin.
     pub(super) fn are_few(&self, alive: u64, most: u64) -> bool {
         #[cfg(feature = "faults")]
         if self.faults.roulette_per_mille.is_some() {
@@ -119,7 +121,7 @@ impl StragglerRoulette {
         alive.saturating_mul(FEW) <= most
     }
 
-    /// Tells what it came to.
+    /// Logs the result of the roulette.
     pub(super) fn log(&self, prices: &LoadPrices) {
         tracing::info!(
             loads_saved = self.roulette.loads_saved,
@@ -136,23 +138,23 @@ impl StragglerRoulette {
         self.roulette.loads_saved
     }
 
-    /// See [`LoadRoulette::observe`].
+    /// Takes in the results of a step, as [`LoadRoulette::observe`] does.
     pub(super) fn observe(&mut self, seen: &StepObservation, is_resident: impl Fn(UnitId) -> bool) {
         self.roulette.observe(seen.step, &seen.waiting, is_resident);
     }
 
-    /// Takes note of the time.
+    /// Takes in the time.
     pub(super) fn note(&mut self, now: StragglerMoment) {
         self.price.note(now);
     }
 
-    /// Whether nearly all rays wait.
+    /// Returns true if nearly all rays wait.
     pub(super) fn is_idle(seen: &StepObservation) -> bool {
         seen.waiting() > 0 && seen.waiting() >= seen.active().saturating_mul(IDLE_RATIO)
     }
 
-    /// Whether a load may begin; rays that wait for it first are weighted or ended in step `next`. Those that will come
-    /// to the chunk later on pay their share of it.
+    /// Returns true if a load may begin; rays that wait for it first are weighted or ended in step `next`. Rays that
+    /// will reach the chunk later pay their share of it.
     pub(super) fn agrees(
         &mut self,
         proposal: &LoadProposal,
@@ -163,7 +165,7 @@ impl StragglerRoulette {
         let of = |values: &[u32]| values.get(proposal.unit as usize).copied();
         let (first, later) = (of(&seen.waiting).unwrap_or(0), of(&seen.next).unwrap_or(0));
         let worth = match of(&seen.worth) {
-            // Of a mesh whose chunk is gone the rays are counted at that chunk: here none could be ended.
+            // Rays of a mesh whose chunk is absent are counted at that chunk: here none could be ended.
             Some(worth @ 1..WORTH_MUST) if proposal.is_idle && first > 0 && first < MANY_RAYS => {
                 f64::from(worth) / f64::from(WORTH_ONE)
             }
@@ -179,7 +181,7 @@ impl StragglerRoulette {
         self.roulette.judge(&stakes, prices, next)
     }
 
-    /// What is known of costs; what is not, is no number. Of two variances the smaller one.
+    /// The known costs; NaN for those that are not known. Of two variances the smaller one is taken.
     #[expect(clippy::cast_precision_loss, reason = "estimates")]
     pub(super) fn prices(&self, spent: &RenderCost, seen: &StepObservation) -> LoadPrices {
         let of_paths = f64::from(seen.roulette.variance);
@@ -195,13 +197,13 @@ impl StragglerRoulette {
         }
     }
 
-    /// Whether the next step has something to do.
+    /// Returns true if the next step has something to do.
     pub(super) fn has_verdicts(&self) -> bool {
         self.roulette.has_verdicts()
     }
 
-    /// The table of verdicts for the next step: by chunk, 0 = nothing, above: a weight, below: the rays end. None when
-    /// nothing was decided.
+    /// The verdicts for the next step: by chunk, 0 = none, above: a weight, below: the rays end. `None` if nothing was
+    /// decided.
     pub(super) fn take_verdicts(&mut self) -> Option<Vec<f32>> {
         if !self.has_verdicts() {
             return None;
@@ -227,7 +229,7 @@ mod tests {
         StepObservation { waiting: vec![0, waiting], worth: vec![0, worth], ..StepObservation::default() }
     }
 
-    /// Whether load after load of a chunk is agreed to, a hundred times.
+    /// Counts how many of a hundred loads of a chunk are agreed to.
     fn agreed(seen: &StepObservation, is_idle: bool) -> usize {
         let prices = LoadPrices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9 };
         let proposal = LoadProposal { unit: 1, bytes: 1 << 20, is_idle };

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! From rows to tiles: decodes an image once and makes the tiles of all its levels in that one pass.
+//! Converts rows to tiles: decodes an image once and makes the tiles of all its levels in that one pass.
 //!
-//! One thread decodes, another makes coarser levels and tiles, a few bands apart; where other files keep the cores
-//! busy, one does both. Memory: [`BANDS`] bands of rows, and for each level one row of tiles and two rows of sums
-//! (`oocpt_core::texture::TexturePyramid`); no level is ever whole.
+//! One thread decodes, another makes coarser levels and tiles, a few bands apart; if other files keep the cores busy,
+//! one does both. Memory: [`BANDS`] bands of rows, and for each level one row of tiles and two rows of sums
+//! (`oocpt_core::texture::TexturePyramid`); no level is ever held whole.
 
 use super::image::{ColorTransform, ImageError, SourceImage};
 use super::texels::StoredTexels;
@@ -21,19 +21,19 @@ pub(super) trait TileSink {
     fn tile(&mut self, level: u32, at: [u32; 2], size: [u32; 2], texels: &[u8]) -> Result<(), ImageError>;
 }
 
-/// What is decoded, and into what.
+/// The inputs of a conversion.
 pub(super) struct ImageDecoding<'a> {
     pub(super) image: &'a dyn SourceImage,
-    /// How tiles are stored.
+    /// The format in which tiles are stored.
     pub(super) texels: &'a StoredTexels,
-    /// How the image's texels are stored, if not so, and what makes them linear.
+    /// The format of the image's texels, if it differs, and the conversion that makes them linear.
     pub(super) transform: Option<(&'a StoredTexels, &'a dyn ColorTransform)>,
     pub(super) layout: &'a TileLayout,
     /// The finest level that is wanted.
     pub(super) first: u32,
 }
 
-/// Gives `sink` every tile of the levels that are wanted.
+/// Passes every tile of the wanted levels to `sink`.
 pub(super) fn convert(decoding: &ImageDecoding<'_>, sink: &mut dyn TileSink) -> Result<(), ImageError> {
     let image = decoding.image;
     let from = decoding.transform.map_or(decoding.texels, |(from, _)| from);
@@ -43,7 +43,7 @@ pub(super) fn convert(decoding: &ImageDecoding<'_>, sink: &mut dyn TileSink) -> 
     let mut maker = PyramidMaker::new(decoding);
     let busy = BusyFiles::new();
     if busy.has_cores() {
-        // On this thread, without copies of rows.
+        // The conversion runs on this thread, without copies of rows.
         let mut made = Ok(());
         image.decode(0, &mut |top, rows| {
             made = maker.band(top, row_bytes, rows, sink);
@@ -90,7 +90,7 @@ impl BusyFiles {
         Self(BUSY.fetch_add(1, Ordering::Relaxed) + 1)
     }
 
-    /// Whether a second thread for each would be more than there are cores.
+    /// Returns true if there are enough cores for a second thread for each file.
     fn has_cores(&self) -> bool {
         std::thread::available_parallelism().is_ok_and(|cores| 2 * self.0 > cores.get())
     }
@@ -121,9 +121,9 @@ struct PyramidMaker<'a> {
     taken: u32,
     cutter: TileCutter<'a>,
     values: Vec<f32>,
-    /// Two rows of bytes make one of level 1, which goes on from there.
+    /// True if two rows of bytes are averaged to one of level 1, from which the pyramid continues.
     halves: bool,
-    /// The first of the two.
+    /// The upper one of two rows.
     upper: Vec<u8>,
 }
 
@@ -135,9 +135,8 @@ struct TileCutter<'a> {
     tile: Vec<u8>,
 }
 
-/// Puts 0 in place of what is no number and the largest half in place of what is infinite: one such texel would be all
-/// that is left of
-/// the coarser levels. Whether there were any.
+/// Replaces NaN by 0 and infinities by the largest half: one such texel would be all that is left of the coarser
+/// levels. Returns true if there were any.
 pub(super) fn make_finite(values: &mut [f32]) -> bool {
     if values.iter().all(|value| value.is_finite()) {
         return false;
@@ -186,7 +185,7 @@ impl<'a> PyramidMaker<'a> {
             self.from.decode(row, &mut self.values);
             let is_changed = !self.from.is_bounded() && make_finite(&mut self.values);
             if let Some(transform) = self.transform {
-                // At most 4 channels.
+                // There are at most 4 channels.
                 transform.apply(&mut self.values, u32::try_from(self.from.channels()).unwrap_or(4))?;
                 make_finite(&mut self.values);
             }
@@ -196,7 +195,7 @@ impl<'a> PyramidMaker<'a> {
                 self.cutter.row(0, row, sink)?;
             }
             let (cutter, mut result) = (&mut self.cutter, Ok(()));
-            // The filter is symmetric: from the top down it gives what it gives from the bottom up.
+            // The filter is symmetric: it gives the same result from the top down as from the bottom up.
             self.pyramid.push(&self.values, &mut |level, _, values| {
                 if result.is_ok() {
                     result = cutter.values(level, values, sink);
@@ -207,7 +206,7 @@ impl<'a> PyramidMaker<'a> {
         Ok(())
     }
 
-    /// The next row, two of which make one of level 1: most of the work is in the finest level.
+    /// Takes the next row, two of which make one of level 1: most of the work is in the finest level.
     fn halve(&mut self, row: &[u8], sink: &mut dyn TileSink) -> Result<(), ImageError> {
         self.cutter.row(0, row, sink)?;
         if self.taken % 2 == 1 {
@@ -236,7 +235,7 @@ impl<'a> PyramidMaker<'a> {
 }
 
 impl TileCutter<'_> {
-    /// The next row of a level, as values.
+    /// Takes the next row of a level, as values.
     fn values(&mut self, level: u32, values: &[f32], sink: &mut dyn TileSink) -> Result<(), ImageError> {
         if level < self.first {
             return self.row(level, &[], sink);
@@ -248,7 +247,7 @@ impl TileCutter<'_> {
         result
     }
 
-    /// The next row of a level from the top, as stored.
+    /// Takes the next row of a level from the top, as stored.
     fn row(&mut self, level: u32, row: &[u8], sink: &mut dyn TileSink) -> Result<(), ImageError> {
         let Some(tiles) = self.levels.get_mut(level as usize) else { return Ok(()) };
         tiles.taken += 1;
@@ -269,7 +268,7 @@ impl TileCutter<'_> {
         Ok(())
     }
 
-    /// Cuts a row of tiles that is there.
+    /// Cuts a complete row of tiles.
     fn cut(&mut self, level: u32, bottom: u32, sink: &mut dyn TileSink) -> Result<(), ImageError> {
         let Some(TileRow { size, rows, .. }) = self.levels.get(level as usize) else { return Ok(()) };
         let texel = self.texels.file_bytes();

@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The folder in which decoded images are kept from render to render, shared by all processes of a user.
 //!
-//! An entry is a file of `tx`, named by a hash of its key: what tells the source from other files
-//! (`ImageLibrary::identity`) and how it
-//! is read. It is written under another name and renamed when it is whole, so nobody reads half of one; each tile has
-//! a checksum, and
-//! an entry that is damaged is removed and made again. Entries that were not used for longest are removed when all
-//! together are larger
-//! than the limit. Any thread.
+//! An entry is a file of `tx`, named by a hash of its key: the identity of the source (`ImageLibrary::identity`) and
+//! how it is read. It is written under another name and renamed when it is complete, so nobody reads half of one; each
+//! tile has a checksum, and a damaged entry is removed and made again. The least recently used entries are removed if
+//! all together exceed the limit. Any thread.
 
 use super::convert::TileSink;
 use super::image::ImageError;
@@ -23,28 +20,28 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, SystemTime};
 use xxhash_rust::xxh3::xxh3_128;
 
-/// How entries end.
+/// The extension of entries.
 const ENDING: &str = "tx";
-/// How files under way end. One as old as [`STALE`] was left behind by a process that died.
+/// The extension of files under way. One as old as [`STALE`] was left behind by a process that died.
 const UNDER_WAY: &str = "part";
 const STALE: Duration = Duration::from_secs(24 * 60 * 60);
 /// Entries are marked as used no more often than this.
 const MARK_AGE: Duration = Duration::from_secs(60 * 60);
 
-/// See the module.
+/// The folder with its limit and its state.
 #[derive(Debug)]
 pub(crate) struct DiskCache {
     folder: PathBuf,
     /// Bytes of all entries.
     limit: u64,
-    /// What they are, as far as this process knows; none before it has looked.
+    /// Their bytes, as far as this process knows; `None` before it has looked.
     known_bytes: Mutex<Option<u64>>,
     complaint: Mutex<Option<String>>,
     failed: AtomicBool,
 }
 
 impl DiskCache {
-    /// The cache of a setting: a folder; empty: the user's own; "0": none.
+    /// The cache of a setting, which is a folder; empty means the user's own folder, "0" no cache.
     pub(crate) fn of_setting(setting: &str, limit_mib: u32) -> Option<Self> {
         let folder = match setting {
             "0" => return None,
@@ -54,7 +51,7 @@ impl DiskCache {
         Some(Self::new(folder, u64::from(limit_mib) << 20))
     }
 
-    /// A cache in a folder, which is made when the first entry is.
+    /// A cache in a folder, which is created with the first entry.
     pub(crate) fn new(folder: PathBuf, limit: u64) -> Self {
         Self {
             folder,
@@ -65,12 +62,12 @@ impl DiskCache {
         }
     }
 
-    /// What went wrong, once: the render goes on without the cache where it fails.
+    /// The first error, once: the render goes on without the cache where it fails.
     pub(crate) fn take_complaint(&self) -> Option<String> {
         lock(&self.complaint).take()
     }
 
-    /// Whether something could not be written; from then on nothing is.
+    /// Returns true if a write failed; nothing is written from then on.
     pub(crate) fn has_failed(&self) -> bool {
         self.failed.load(Ordering::Relaxed)
     }
@@ -83,12 +80,12 @@ impl DiskCache {
         }
     }
 
-    /// Where the entry of a key is, or would be.
+    /// The path of the entry of a key, whether it exists or not.
     pub(crate) fn path(&self, key: &str) -> PathBuf {
         self.folder.join(format!("{:032x}.{ENDING}", xxh3_128(key.as_bytes())))
     }
 
-    /// The entry of a key, if there is one that is whole.
+    /// The entry of a key, if it exists and is complete.
     pub(crate) fn find(&self, key: &str) -> Option<TxFile> {
         let path = self.path(key);
         let file = oocpt_files::open(&path).ok()?;
@@ -97,7 +94,7 @@ impl DiskCache {
             Ok(entry) if entry.description().key == key => {
                 let now = SystemTime::now();
                 if used.is_ok_and(|used| now.duration_since(used).is_ok_and(|age| age > MARK_AGE)) {
-                    // The times of a folder that cannot be written do not matter.
+                    // The times do not matter in a folder that cannot be written.
                     let marked = File::options().append(true).open(&path).and_then(|file| file.set_modified(now));
                     tracing::trace!(?marked, "used");
                 }
@@ -112,14 +109,14 @@ impl DiskCache {
         }
     }
 
-    /// Removes the entry of a key; who has it open keeps it.
+    /// Removes the entry of a key; a process that has it open keeps it.
     pub(crate) fn remove(&self, key: &str) {
         if let Err(error) = fs::remove_file(self.path(key)) {
             tracing::trace!(%error, "no entry to remove");
         }
     }
 
-    /// Begins an entry; `None`, with a complaint, where nothing can be written.
+    /// Begins an entry; `None`, with a complaint, if nothing can be written.
     pub(crate) fn begin(&self, description: TxDescription) -> Option<PendingEntry<'_>> {
         if self.has_failed() {
             return None;
@@ -142,7 +139,7 @@ impl DiskCache {
         }
     }
 
-    /// Takes note of a new entry, and removes old ones if there are too many.
+    /// Takes in a new entry, and removes old ones if there are too many.
     fn added(&self, path: &Path, bytes: u64) {
         let mut known = lock(&self.known_bytes);
         let sum = match *known {
@@ -156,8 +153,8 @@ impl DiskCache {
         *known = Some(self.clean(path));
     }
 
-    /// Removes what is stale, and entries, the oldest first, until they are within the limit, but not `newest`. What
-    /// is left, bytes.
+    /// Removes stale files, and entries, the oldest first, until they are within the limit, but not `newest`. Returns
+    /// the bytes that are left.
     fn clean(&self, newest: &Path) -> u64 {
         let now = SystemTime::now();
         let mut entries = Vec::new();
@@ -192,14 +189,14 @@ impl DiskCache {
     }
 }
 
-/// Whether a file has the name of an entry: 32 hexadecimal digits before the first dot.
+/// Returns true if a file has the name of an entry: 32 hexadecimal digits before the first dot.
 fn is_ours(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let stem = name.split('.').next().unwrap_or_default();
     stem.len() == 32 && stem.bytes().all(|byte| byte.is_ascii_hexdigit())
 }
 
-/// Another process may have been faster.
+/// Removes a file; another process may have been faster.
 fn delete(path: &Path) {
     if let Err(error) = fs::remove_file(path) {
         tracing::debug!(path = %path.display(), %error, "cannot be removed");
@@ -216,11 +213,11 @@ pub(crate) struct PendingEntry<'a> {
 }
 
 impl PendingEntry<'_> {
-    /// Ends the file and gives it its name; `None`, with a complaint, if that fails.
+    /// Completes the file and renames it; `None`, with a complaint, if that fails.
     pub(crate) fn commit(mut self) -> Option<TxFile> {
         let writer = self.writer.take()?;
         let ended = writer.finish().and_then(|_file| {
-            // Opened before it has its name: from then on another process may remove it.
+            // The file is opened before it has its name: from then on another process may remove it.
             let entry = TxFile::open(oocpt_files::open(&self.part)?)?;
             fs::rename(&self.part, &self.path)?;
             Ok(entry)
@@ -250,7 +247,7 @@ impl TileSink for PendingEntry<'_> {
 
 impl Drop for PendingEntry<'_> {
     fn drop(&mut self) {
-        // After a commit it has another name.
+        // After a commit the file has another name.
         if self.part.exists() {
             delete(&self.part);
         }
@@ -264,7 +261,7 @@ mod tests {
     use crate::textures::ImageInfo;
     use oocpt_core::texture::TexelFormat;
 
-    /// A cache whose folder is gone at the end.
+    /// A cache whose folder is removed at the end.
     struct Scratch(DiskCache);
 
     impl std::ops::Deref for Scratch {
@@ -300,7 +297,7 @@ mod tests {
         TxDescription::new(key, &info, false, 6)
     }
 
-    /// Level 6 of 100 x 100 texels is one.
+    /// Adds an entry; level 6 of 100 x 100 texels is one texel.
     fn add(cache: &DiskCache, key: &str, texel: u8) -> TxFile {
         let mut pending = cache.begin(description(key)).expect("begun");
         pending.tile(6, [0, 0], [1, 1], &[texel]).expect("written");
@@ -328,7 +325,7 @@ mod tests {
         assert_eq!(texel(&old), 1, "who has the old one open keeps it");
         assert_eq!(cache.find("a").map(|file| texel(&file)), Some(3), "the new one");
         assert_eq!(cache.find("b").map(|file| texel(&file)), Some(2), "the other");
-        // A file of another key under this name is not it.
+        // The file of another key under this name is not accepted.
         fs::copy(cache.path("a"), cache.path("c")).expect("copied");
         assert!(cache.find("c").is_none(), "keys are compared, not only their hashes");
         cache.remove("a");

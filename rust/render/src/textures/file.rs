@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One texture file by itself, without a scene: what it is and what the cache on disk has of it, and filling that
-//! beforehand. Any thread, several files at once; the entries are those that renders look for, as long as the same
-//! library names the files.
+//! One texture file by itself, without a scene: its properties and its entry in the cache on disk, and filling the
+//! cache beforehand. Any thread, several files at once; the entries are those that renders look for, as long as the
+//! same library names the files.
 
 use super::disk::DiskCache;
 use super::image::{ImageError, ImageLibrary};
@@ -13,79 +13,79 @@ use oocpt_core::texture::{ColorSpace, TexelFormat};
 use serde::Serialize;
 use std::sync::Arc;
 
-/// What a texture file is.
+/// The properties of a texture file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct FileReport {
-    /// Texels of the finest level; of Ptex the texels of all faces and their reductions, in rows.
+    /// Texels of the finest level; for Ptex, the texels of all faces and their reductions, in rows.
     pub size: [u32; 2],
-    /// Of Ptex: the number of faces.
+    /// The number of faces of a Ptex file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub faces: Option<u32>,
-    /// Levels in the file; 1 where only the entry in the cache was looked at.
+    /// Levels in the file; 1 if only the entry in the cache was read.
     pub levels: usize,
-    /// 1 to 4.
+    /// Number of channels, 1 to 4.
     pub channels: u32,
-    /// Of a channel: `u8`, `f16` or `f32`.
+    /// Format of a channel: `u8`, `f16` or `f32`.
     pub format: &'static str,
-    /// Parts of the file can be read alone.
+    /// True if parts of the file can be read alone.
     pub is_tiled: bool,
-    /// Whether colours go through the sRGB curve.
+    /// True if colours go through the sRGB curve.
     pub is_srgb: bool,
-    /// What decides that, or which conversion is used instead.
+    /// The reason for that, or the conversion that is used instead.
     pub why: String,
-    /// Whether it is read as it is, without a cache.
+    /// True if the file is read without a cache.
     pub is_direct: bool,
-    /// What the cache has of it.
+    /// The entry in the cache.
     pub cache: CacheEntry,
 }
 
-/// What the cache on disk has of a file.
+/// The entry of a file in the cache on disk.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct CacheEntry {
-    /// What tells the file, read this way, from others; empty where there is no cache.
+    /// The identity of the file, read this way; empty if there is no cache.
     pub key: String,
-    /// Where it would be; empty where there is no cache.
+    /// The path of the entry, whether it exists or not; empty if there is no cache.
     pub path: String,
-    /// Its bytes; none if it is not there, or damaged.
+    /// Bytes of the entry; `None` if it does not exist, or is damaged.
     pub bytes: Option<u64>,
-    /// The finest level in it.
+    /// The finest level in the entry.
     pub first_level: Option<u32>,
 }
 
-/// What to look at, and where decoded textures are kept.
+/// A file to inspect, and the settings of the cache.
 #[derive(Debug)]
 pub struct TextureFile<'a> {
     /// Opens the file.
     pub library: &'a Arc<dyn ImageLibrary>,
-    /// The file; no set of files.
+    /// The file; not a set of files.
     pub asset: &'a AssetRef,
-    /// How it is read.
+    /// The color space in which it is read.
     pub color_space: &'a ColorSpace,
-    /// Say where the cache is.
+    /// The settings that name the cache.
     pub settings: &'a Settings,
 }
 
 impl TextureFile<'_> {
-    /// What the file is.
+    /// Returns the properties of the file.
     ///
     /// # Errors
-    /// It cannot be opened, or is none that textures are read from.
+    /// The file cannot be opened, or is not a texture.
     pub fn inspect(&self) -> Result<FileReport, ImageError> {
         let disk = self.disk();
         self.report(disk.as_ref(), &self.open(disk.clone())?)
     }
 
-    /// Puts all levels of the file into the cache, unless they are there, or it is read as it is.
+    /// Puts all levels of the file into the cache, unless they are there, or the file needs no cache.
     ///
     /// # Errors
-    /// As [`Self::inspect`]; or the file cannot be decoded, there is no cache, or it cannot be written.
+    /// The errors of [`Self::inspect`]; or the file cannot be decoded, there is no cache, or it cannot be written.
     pub fn fill(&self) -> Result<FileReport, ImageError> {
         let disk = self.disk();
         let image = self.open(disk.clone())?;
         if !image.is_direct() {
             let cache =
                 disk.as_ref().ok_or_else(|| ImageError("there is no texture cache: it is turned off".into()))?;
-            // Who asks for a tile of the finest level gets all levels.
+            // A request for a tile of the finest level decodes all levels.
             image.try_finest()?;
             if let Some(complaint) = cache.take_complaint() {
                 return Err(ImageError(complaint));
@@ -128,7 +128,7 @@ impl TextureFile<'_> {
             cache.path = disk.path(&key).display().to_string();
             cache.key = key;
         }
-        // An entry does not tell what levels and tiles its source has.
+        // An entry does not store the levels and tiles of its source.
         let source = match image.faces() {
             Some(_) => image.info().clone(),
             None => self.library.open(self.asset)?.info(),

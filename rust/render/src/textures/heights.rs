@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Textures that displace surfaces or cut them out, read through the same cache as those that the device sees. Called
-//! by the threads that build meshes during a commit; decoding uses no rayon pool, so nobody waits in a circle.
+//! Textures that displace surfaces or cut them out, read through the same cache as those of the device. Called by the
+//! threads that build meshes during a commit; decoding uses no rayon pool, so that no deadlock can arise.
 
 use super::convert::make_finite;
 use super::disk::DiskCache;
@@ -14,7 +14,7 @@ use oocpt_core::settings::Settings;
 use oocpt_core::texture::{HeightFiles, HeightImage, TexelFormat, TextureRef, TileLayout, Wrap};
 use std::sync::{Arc, Mutex};
 
-/// See the module.
+/// The textures that are read on the host during a commit.
 #[derive(Debug)]
 pub(crate) struct HeightTextures {
     library: Arc<dyn ImageLibrary>,
@@ -33,7 +33,7 @@ impl HeightTextures {
         Self { library, disk: Mutex::default() }
     }
 
-    /// Keeps decoded images where the settings say, from now on.
+    /// Sets where decoded images are kept from now on.
     pub(crate) fn keep_in(&self, settings: &Settings) {
         let folder = (settings.texture_cache.clone(), settings.texture_cache_mib);
         let mut disk = lock(&self.disk);
@@ -89,7 +89,7 @@ impl HeightImage for OpenHeight {
     }
 }
 
-/// The curve of floats is worked out by the device, which may round otherwise.
+/// Returns true for floats through the sRGB curve, which the device computes and may round differently.
 pub(super) fn has_curve_of_device(image: &TextureImage, channel: u8) -> bool {
     image.is_srgb() && image.info().format != TexelFormat::U8 && channel < 3
 }
@@ -104,7 +104,7 @@ fn read_channel(image: &TextureImage, level: u32, channel: u8) -> Result<Vec<f32
 /// Most texels that are decoded at once, unless a row of a tile has more.
 const BAND_TEXELS: u32 = 1 << 20;
 
-/// A channel of a level of an image, from the bottom on, in bands of whole rows: what is held of it is one band.
+/// Reads a channel of a level of an image, from the bottom up, in bands of whole rows, so that only one band is held.
 pub(super) fn read_channel_by_bands(
     image: &TextureImage,
     level: u32,
@@ -132,7 +132,7 @@ pub(super) fn read_channel_by_bands(
     Ok(())
 }
 
-/// A channel of a texel, as `oocpt_core::texture::expand` says.
+/// A channel of a texel, as `oocpt_core::texture::expand` defines it.
 fn picked(texel: &[f32], channel: u8) -> f32 {
     match (texel, channel) {
         ([r] | [r, _], 0..=2) => *r,

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the renderer asks of images: the bridge answers with the host's files, tests and command lines with their own.
+//! The interface through which the renderer reads images: the bridge implements it with the host's files, tests and
+//! command lines with their own.
 
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{TexelFormat, Wrap};
@@ -7,34 +8,33 @@ use oocpt_ptex::ReadAt;
 use std::fmt::Debug;
 use std::sync::Arc;
 
-/// Why an image cannot be had, in words for the user.
+/// The reason why an image cannot be read, for the user.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct ImageError(pub String);
 
-/// What is known of an image before its texels are read.
+/// The properties of an image, known before its texels are read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImageInfo {
     /// Texels of the levels in the file, the finest first; at least one. Levels that are not `max(1, size >> level)`
-    /// are not used, nor any after them; what lacks is made.
+    /// are not used, nor any after them; missing levels are computed.
     pub levels: Vec<[u32; 2]>,
-    /// 1 to 4.
+    /// Number of channels, 1 to 4.
     pub channels: u32,
-    /// Format that [`SourceImage::read`] gives.
+    /// Format that [`SourceImage::read`] returns.
     pub format: TexelFormat,
-    /// Reading a part costs about as much as the part. Else a part may cost as much as all rows above it: take all of
-    /// the image once
-    /// ([`SourceImage::decode`]) where more than a few texels are wanted.
+    /// True if reading a part costs about as much as the part. Otherwise a part may cost as much as all rows above it:
+    /// read the whole image once ([`SourceImage::decode`]) if more than a few texels are wanted.
     pub tile_friendly: bool,
-    /// The file says that it is sRGB, or that it is not.
+    /// True or false if the file says that it is sRGB or not; `None` if it does not say.
     pub is_srgb: Option<bool>,
-    /// The file says how it is continued outside, along s and t; never [`Wrap::UseMetadata`].
+    /// The wrap modes along s and t that the file states; never [`Wrap::UseMetadata`].
     pub wrap: Option<[Wrap; 2]>,
 }
 
 /// An open image. Called by several threads at once.
 pub trait SourceImage: Send + Sync + Debug {
-    /// What is known of it; always the same.
+    /// The properties of the image; always the same.
     fn info(&self) -> ImageInfo;
 
     /// Reads `size` texels of a level from `at` on (the lowest left one is (0, 0)) to `out`: tightly packed, row by row
@@ -43,12 +43,10 @@ pub trait SourceImage: Send + Sync + Debug {
     fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError>;
 
     /// Decodes a level once, from the top of the image down. `sink(top, rows)` gets bands of whole rows, of at most
-    /// [`BAND_BYTES`] or one
-    /// row: `top` is the number of the band's first row counted from the top of the image, and the rows in a band go
-    /// on downwards (those
-    /// of [`Self::read`] go up). Texels as `read` gives them. Bands come in order, on the calling thread; together
-    /// they are the level.
-    /// Where the sink gives `false` no more are decoded, which is no error.
+    /// [`BAND_BYTES`] or one row: `top` is the number of the band's first row counted from the top of the image, and
+    /// the rows in a band go on downwards (those of [`Self::read`] go up). Texels as `read` gives them. Bands come in
+    /// order, on the calling thread; together they are the level. Where the sink gives `false` no more are decoded,
+    /// which is no error.
     fn decode(&self, level: u32, sink: &mut dyn FnMut(u32, &[u8]) -> bool) -> Result<(), ImageError> {
         decode_by_reading(self, level, sink)
     }
@@ -87,8 +85,7 @@ fn decode_by_reading<I: SourceImage + ?Sized>(
 /// A conversion of colours to linear Rec. 709. Called by several threads at once.
 pub trait ColorTransform: Send + Sync + Debug {
     /// Converts texels of 1 to 4 channels, tightly packed, in place. Alpha (the second of two channels, the fourth)
-    /// stays. Grey goes through
-    /// as r = g = b, and the red that comes out is taken.
+    /// stays. Grey is converted as r = g = b, and the red of the result is taken.
     fn apply(&self, texels: &mut [f32], channels: u32) -> Result<(), ImageError>;
 }
 
@@ -97,7 +94,7 @@ pub trait ImageLibrary: Send + Sync + Debug {
     /// Opens a file.
     fn open(&self, asset: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError>;
 
-    /// Opens the member `number` (1001 to 1100) of a set of files with `<UDIM>` in its path; `None` when there is none.
+    /// Opens the member `number` (1001 to 1100) of a set of files with `<UDIM>` in its path; `None` if there is none.
     fn open_part(&self, set: &AssetRef, number: u32) -> Option<Result<Arc<dyn SourceImage>, ImageError>> {
         let name = |text: &str| text.replace("<UDIM>", &number.to_string()).into();
         let part = AssetRef { authored: name(&set.authored), resolved: name(&set.resolved) };
@@ -109,15 +106,14 @@ pub trait ImageLibrary: Send + Sync + Debug {
         Err(ImageError(format!("{} cannot be read in parts", asset.authored)))
     }
 
-    /// A text that changes when the content of a file may have changed, got without decoding anything:
-    /// `file:<canonical path>:<bytes>:<time
-    /// of modification in ns>` for a plain file, `hash:<xxh3 of the content, 128 bits, hexadecimal>:<bytes>` for
-    /// anything else.
+    /// A text that changes if the content of a file may have changed, computed without decoding: `file:<canonical
+    /// path>:<bytes>:<time of modification in ns>` for a plain file, `hash:<xxh3 of the content, 128 bits,
+    /// hexadecimal>:<bytes>` for anything else.
     fn identity(&self, asset: &AssetRef) -> Result<String, ImageError> {
         Err(ImageError(format!("{} has no identity", asset.authored)))
     }
 
-    /// A text that changes when what names of colour spaces mean may have changed.
+    /// A text that changes if the meaning of names of colour spaces may have changed.
     fn color_config(&self) -> String {
         String::new()
     }

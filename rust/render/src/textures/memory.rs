@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Decoded images in host memory, for where there is no texture cache on disk.
+//! Decoded images in host memory, used if there is no texture cache on disk.
 //!
-//! The bound: the levels of all images together take at most what the settings say ([`crate::host_memory::images`]), or
-//! those of a single image if they are more. The oldest are dropped, and decoded again when they are needed again.
+//! The bound: the levels of all images together take at most the bytes of the settings
+//! ([`crate::host_memory::images`]), or those of a single image if they are more. The oldest are dropped, and decoded
+//! again when they are needed again.
 
 use super::convert::TileSink;
 use super::image::ImageError;
@@ -23,7 +24,7 @@ pub(super) struct StoredLevels {
 }
 
 impl StoredLevels {
-    /// Room for the levels `first ..` of an image.
+    /// Allocates the levels `first ..` of an image.
     pub(super) fn new(layout: &TileLayout, texel_bytes: usize, first: u32) -> Self {
         let level = |level| {
             let size = layout.level_size(level);
@@ -32,7 +33,7 @@ impl StoredLevels {
         Self { first, texel_bytes, levels: (first..layout.levels()).map(level).collect() }
     }
 
-    /// The finest level that is there.
+    /// The finest level that is held.
     pub(super) fn first(&self) -> u32 {
         self.first
     }
@@ -73,7 +74,7 @@ impl TileSink for StoredLevels {
 
 /// An image that keeps levels in memory.
 pub(super) trait DroppableLevels: Send + Sync {
-    /// Lets go of them, unless somebody is at work on them.
+    /// Drops the levels, unless somebody is at work on them.
     fn drop_levels(&self) -> bool;
 }
 
@@ -97,12 +98,12 @@ impl std::fmt::Debug for MemoryStore {
 }
 
 impl MemoryStore {
-    /// From now on at most so many bytes; what is held stays until more comes.
+    /// Sets the limit in bytes; levels that are held stay until more are added.
     pub(crate) fn limit(&self, bytes: u64) {
         self.most.store(bytes, Ordering::Relaxed);
     }
 
-    /// Takes note of an image's levels; drops older ones if there are too many bytes.
+    /// Takes in an image's levels; drops older ones if there are too many bytes.
     pub(super) fn added(&self, image: Weak<dyn DroppableLevels>, levels: &StoredLevels) {
         let (bytes, most) = (levels.bytes(), self.most.load(Ordering::Relaxed));
         let mut held = lock(&self.held);

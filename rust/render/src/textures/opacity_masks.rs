@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The masks of a snapshot's cutouts: how much of them is there, without their textures
-//! (`oocpt_core::texture::OpacityMask`).
+//! The masks of a snapshot's cutouts: their coverage, without their textures (`oocpt_core::texture::OpacityMask`).
 //!
-//! Level 0 of each image is read once, when a scene has it first, through the cache that tiles come from. What has no
-//! mask is asked of the texture: Ptex, programs, images that cannot be read. All masks of a scene are as fine as
+//! Level 0 of each image is read once, when a scene has it first, through the cache that tiles come from. Cutouts
+//! without a mask look up the texture: Ptex, programs, images that cannot be read. All masks of a scene are as fine as
 //! [`LONGEST_SIDES`] allows. Render thread; reads on all cores.
 
 use super::heights::{has_curve_of_device, read_channel_by_bands};
@@ -19,10 +18,10 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::sync::Arc;
 
-/// Of all masks of a scene: they are always resident.
+/// Most bytes of all masks of a scene: they are always resident.
 const MOST_BYTES: usize = 64 << 20;
-/// Longest sides of levels of masks, texels, and what all masks may take with that. Lookups that are narrower than a
-/// texel of the finest level that is kept read the texture where that is partly there.
+/// Longest sides of levels of masks, texels, and the bytes that all masks may take with each. Lookups that are narrower
+/// than a texel of the finest kept level read the texture where that is partly covered.
 const LONGEST_SIDES: [(u32, usize); 8] = [
     (4096, MOST_BYTES / 8),
     (2048, MOST_BYTES / 8),
@@ -33,10 +32,10 @@ const LONGEST_SIDES: [(u32, usize); 8] = [
     (64, MOST_BYTES),
     (32, MOST_BYTES),
 ];
-/// Where no more than one in so many materials that have to be asked lacks a mask, what masks leave open is looked up
-/// in passes of its own: a ray that comes to a candidate without a mask is walked again.
+/// If at most one in so many materials with cutouts lacks a mask, cutouts that masks leave open are looked up in passes
+/// of their own: a ray that reaches a candidate without a mask is walked again.
 const LEAST_MASKED: usize = 4;
-/// Words between places where a mask may begin.
+/// Alignment of masks, words.
 const UNIT: usize = 4;
 /// Words of the record of a set of files.
 const SET_WORDS: usize = (2 + abi::UDIM_PARTS as usize).next_multiple_of(UNIT);
@@ -44,18 +43,19 @@ const SET_WORDS: usize = (2 + abi::UDIM_PARTS as usize).next_multiple_of(UNIT);
 /// See the module.
 #[derive(Debug, Default)]
 pub(crate) struct OpacityMasks {
-    /// All masks, each from a multiple of 16 bytes on.
+    /// The words of all masks, each aligned to 16 bytes.
     pub(crate) words: Vec<u32>,
-    /// By material: the first word of its mask, or of the record of its set.
+    /// The first word by material: of its mask, or of the record of its set.
     first_words: Vec<Option<u32>>,
-    /// By material: its surfaces are there everywhere.
+    /// True by material if its surfaces are opaque everywhere.
     are_opaque: Vec<bool>,
-    /// Whether some material has to be asked.
+    /// True if some material has cutouts.
     pub(crate) has_cutouts: bool,
-    /// Materials that have to be asked, and those of them that have no mask, or a part without one.
+    /// The number of materials with cutouts.
     asked: usize,
+    /// The number of those that have no mask, or a part without one.
     unmasked: usize,
-    /// What of them only the shaders look up, in words.
+    /// The cutouts that only the shaders can look up, in words.
     pub(crate) of_shaders: Option<&'static str>,
 }
 
@@ -65,17 +65,17 @@ impl OpacityMasks {
         self.first_words.get(material).copied().flatten()
     }
 
-    /// Whether masks answer for most materials, but for lookups that are near.
+    /// Returns true if masks answer for most materials, except for lookups at close range.
     pub(crate) fn answer_most(&self) -> bool {
         !self.words.is_empty() && LEAST_MASKED * self.unmasked <= self.asked
     }
 
-    /// Whether a material's surfaces are there, whatever it says of opacity.
+    /// Returns true if a material's surfaces are opaque everywhere, whatever its opacity input is.
     pub(crate) fn is_opaque(&self, material: usize) -> bool {
         self.are_opaque.get(material).copied().unwrap_or(false)
     }
 
-    /// Adds words, if there is room for them; where they begin.
+    /// Adds words, if there is room for them; returns the number of the first.
     fn add(&mut self, words: &[u32]) -> Option<u32> {
         let begin = self.words.len().next_multiple_of(UNIT);
         if (begin + words.len()) * size_of::<u32>() > MOST_BYTES {
@@ -94,17 +94,17 @@ struct WantedMask {
     image: Arc<TextureImage>,
 }
 
-/// What masks a material wants.
+/// The masks that a material wants.
 #[derive(Default)]
 struct AllWanted {
     is_set: bool,
-    /// By the number of the part, and 0 for one image.
+    /// Masks by the number of the part; 0 for a single image.
     parts: Vec<(usize, WantedMask)>,
-    /// There is another part, without a mask.
+    /// True if there is another part, without a mask.
     lacks_part: bool,
 }
 
-/// Masks on their way into one array.
+/// The placement of masks into one array.
 struct MaskPlacer<'a> {
     masks: OpacityMasks,
     made: &'a MadeMasks,
@@ -113,7 +113,7 @@ struct MaskPlacer<'a> {
 }
 
 impl TextureCache {
-    /// The masks of the materials of a snapshot, of which [`Self::sync`] has the textures.
+    /// The masks of the materials of a snapshot, whose textures [`Self::sync`] has opened.
     pub(crate) fn opacity_masks(&mut self, surfaces: &SurfaceTables, records: &[GpuTexture]) -> Arc<OpacityMasks> {
         let mut wanted: Vec<AllWanted> =
             surfaces.materials.iter().map(|material| self.all_wanted(material, surfaces, records)).collect();
@@ -137,7 +137,7 @@ impl TextureCache {
         Arc::new(masks)
     }
 
-    /// What masks a material wants; none where its cutouts are no textures.
+    /// The masks that a material wants; `None` if its cutouts are not textures.
     fn all_wanted(&self, material: &Material, surfaces: &SurfaceTables, records: &[GpuTexture]) -> AllWanted {
         let none = AllWanted::default();
         if !material.flags.contains(MaterialFlags::PRESENCE) {
@@ -164,7 +164,7 @@ impl TextureCache {
         all
     }
 
-    /// What mask a material wants of an image.
+    /// The mask that a material wants of an image.
     fn wanted(&self, material: &Material, file: &TextureRef, member: u32, record: &GpuTexture) -> Option<WantedMask> {
         let InputValue::Texture { channel, scale, bias, .. } = *material.input(MaterialInput::Opacity) else {
             return None;
@@ -200,7 +200,7 @@ fn longest_side(wanted: &[AllWanted]) -> u32 {
 }
 
 impl MaskPlacer<'_> {
-    /// Adds what there is of a material's masks.
+    /// Adds the masks of a material that exist.
     fn place(&mut self, material: &Material, wanted: &AllWanted, only_shaders: Option<&'static str>) {
         let one = wanted.parts.first().filter(|_| !wanted.is_set).map(|(_, wanted)| wanted.key);
         let is_opaque = one.and_then(|key| self.made.get(&key)?.as_ref()).is_some_and(|mask| mask.is_opaque);
@@ -242,7 +242,7 @@ impl MaskPlacer<'_> {
         let first = self.masks.add(&words);
         for (part, key) in &keys {
             let (Some(set), Some(first)) = (first, self.first_word(*key)) else { continue };
-            // Backwards for a mask that another material has as well.
+            // The offset is negative for a mask that another material has as well.
             let away = (i64::from(first) - i64::from(set)) / i64::try_from(UNIT).unwrap_or(1);
             let at = set as usize + 2 + part;
             if let (Some(word), Ok(away)) = (self.masks.words.get_mut(at), i32::try_from(away)) {
@@ -254,8 +254,8 @@ impl MaskPlacer<'_> {
     }
 }
 
-/// What of a material's opacity native traversal does not look up, in words: Ptex, and floats through the sRGB curve,
-/// which is the device's own function.
+/// The part of a material's opacity that native traversal does not look up, in words: Ptex, and floats through the sRGB
+/// curve, which is the device's own function.
 fn only_shaders(material: &Material, records: &[GpuTexture]) -> Option<&'static str> {
     let InputValue::Texture { texture, channel, .. } = *material.input(MaterialInput::Opacity) else { return None };
     let record = records.get(texture as usize)?;
@@ -286,9 +286,9 @@ fn wrap_of(mode: u32) -> Wrap {
 fn make(wanted: &WantedMask) -> Option<OpacityMask> {
     let WantedMask { key: (_, channel, [_, _, side], _), query, image } = wanted;
     let mut maker = OpacityMaskMaker::new(image.layout(), query, *side)?;
-    // Said first: all of it is wanted.
+    // All levels are wanted, so one decoding serves them.
     image.expect(image.layout().first_tile(0));
-    // Whoever looks at its tiles tells what is wrong with it.
+    // The error is reported by whoever loads its tiles.
     read_channel_by_bands(image, 0, *channel, &mut |band| maker.push(band))
         .map_err(|error| tracing::debug!("no opacity mask: {error}"))
         .ok()?;

@@ -2,9 +2,9 @@
 //! An image whose file cannot give parts of its levels at little cost: decoded once, kept on disk or in memory. Any
 //! thread.
 //!
-//! What is first asked for decides the finest level that is kept: a picture that shows a wall of 8 K on 200 pixels
-//! needs 1/1000 of it on
-//! disk. If something finer is asked for later, the image is decoded a second time, and all of it is kept.
+//! The first request decides the finest level that is kept: a picture that shows a wall of 8 K on 200 pixels needs
+//! 1/1000 of it on disk. If a finer level is requested later, the image is decoded a second time, and all of it is
+//! kept.
 
 use super::PAUSES;
 use super::convert::{ImageDecoding, TileSink, convert};
@@ -21,12 +21,12 @@ use oocpt_core::texture::TileLayout;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, TryLockError, Weak};
 
-/// Where an image comes from. Opened when it is first needed: what is on disk needs no decoder.
+/// The source of an image, opened when it is first needed: an entry on disk needs no decoder.
 #[derive(Debug)]
 pub(crate) struct ImageOrigin {
     library: Arc<dyn ImageLibrary>,
     asset: AssetRef,
-    /// A member of a set of files, or 0.
+    /// The number of a member of a set of files, or 0.
     member: u32,
     open: OnceLock<Arc<dyn SourceImage>>,
 }
@@ -52,7 +52,7 @@ impl ImageOrigin {
     }
 }
 
-/// What is decoded.
+/// The source of texels to decode.
 #[derive(Debug)]
 pub(super) enum TexelSource {
     /// An image, through its library.
@@ -76,7 +76,7 @@ impl TexelSource {
     }
 }
 
-/// The levels that are there.
+/// The levels that are held, and where.
 #[derive(Debug)]
 enum HeldLevels {
     Disk(TxFile),
@@ -105,26 +105,26 @@ struct PreparedState {
     failed: Option<ImageError>,
 }
 
-/// See the module.
+/// An image and its decoded levels.
 #[derive(Debug)]
 pub(super) struct PreparedImage {
     source: TexelSource,
-    /// As it is stored.
+    /// Properties of the image as it is stored.
     info: ImageInfo,
     /// The colour space that it is converted from.
     transform: Option<Arc<str>>,
     layout: TileLayout,
     texels: Arc<StoredTexels>,
-    /// Its key in the cache on disk; none where there is no cache, or nothing that tells the file from others.
+    /// The cache on disk and its key there; `None` if there is no cache, or the file has no identity.
     disk: Option<(Arc<DiskCache>, String)>,
     memory: Arc<MemoryStore>,
     state: Mutex<PreparedState>,
-    /// The finest level that was ever asked for.
+    /// The finest level that was ever requested.
     finest: AtomicU32,
     this: Weak<Self>,
 }
 
-/// What a [`PreparedImage`] is made from.
+/// The inputs of a [`PreparedImage`].
 pub(super) struct PreparedParts {
     pub(super) source: TexelSource,
     pub(super) info: ImageInfo,
@@ -133,7 +133,7 @@ pub(super) struct PreparedParts {
     pub(super) texels: Arc<StoredTexels>,
     pub(super) disk: Option<(Arc<DiskCache>, String)>,
     pub(super) memory: Arc<MemoryStore>,
-    /// What is on disk already.
+    /// The entry that is on disk already.
     pub(super) entry: Option<TxFile>,
 }
 
@@ -155,7 +155,7 @@ impl PreparedImage {
         })
     }
 
-    /// Says which level will be read, before any is: one decoding then serves all.
+    /// Announces the level that will be read, before any is: one decoding then serves all.
     pub(super) fn expect(&self, level: u32) {
         self.finest.fetch_min(level, Ordering::Relaxed);
     }
@@ -171,7 +171,7 @@ impl PreparedImage {
         self.held(level)?.read(level, at, size, out)
     }
 
-    /// Lets go of a damaged entry.
+    /// Drops a damaged entry.
     fn forget(&self, damaged: &Arc<HeldLevels>) {
         let mut state = lock(&self.state);
         if state.held.as_ref().is_some_and(|held| Arc::ptr_eq(held, damaged)) {
@@ -182,7 +182,7 @@ impl PreparedImage {
         }
     }
 
-    /// What has `level`; who asks while it is made waits.
+    /// The levels that include `level`; other threads wait while they are made.
     fn held(&self, level: u32) -> Result<Arc<HeldLevels>, ImageError> {
         let mut state = lock(&self.state);
         if let Some(error) = &state.failed {
@@ -191,7 +191,8 @@ impl PreparedImage {
         if let Some(held) = state.held.as_ref().filter(|held| held.first_level() <= level) {
             return Ok(Arc::clone(held));
         }
-        // A level more than is asked for: the next picture may be a little nearer. All of it if that was not enough.
+        // One level more than requested is kept: the next picture may be a little nearer. All levels are kept if that
+        // was not enough.
         let first = match state.held {
             None => self.finest.load(Ordering::Relaxed).min(level).saturating_sub(1),
             Some(_) => 0,
@@ -233,7 +234,7 @@ impl PreparedImage {
         }
         let transform = match &self.transform {
             Some(name) => {
-                // The curve of a named space is the conversion's affair.
+                // The conversion applies the curve of a named space.
                 let from = StoredTexels::new(&ImageInfo { is_srgb: None, ..info }, false);
                 Some((from, self.source.color_transform(name)?))
             }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! All textures of a snapshot: which images they are, the numbers of their tiles, their records on the device.
+//! All textures of a snapshot: their images, the numbers of their tiles, their records on the device.
 //!
 //! Tiles are numbered image by image. Textures that read one file the same way share its tiles. A UDIM set is a record
 //! whose `first_page` is the number of the first of 100 records, one for each member. Images stay open from snapshot to
@@ -22,11 +22,10 @@ use std::sync::Arc;
 /// Most tiles: their numbers share 32 bits with those of chunks.
 const MOST_TILES: u64 = 1 << 30;
 
-/// A file read one way: path, member of the set (0: no set), through the sRGB curve or not or by the file, as Ptex or
-/// not.
+/// Identity of a file read one way: path, member of the set (0: no set), color space, Ptex or not.
 type ImageKey = (Arc<str>, u32, oocpt_core::texture::ColorSpace, bool);
 
-/// See the module.
+/// The images, tiles and records of all textures.
 #[derive(Debug, Default)]
 pub(crate) struct TextureSet {
     images: Vec<Arc<TextureImage>>,
@@ -36,9 +35,9 @@ pub(crate) struct TextureSet {
     by_id: FxHashMap<u64, u32>,
     /// First the textures by their number in the snapshot, then members of sets. `decode` and `directory` are still 0.
     pub(crate) records: Vec<GpuTexture>,
-    /// Records of Ptex textures, with what their directories say.
+    /// Numbers and layouts of the records of Ptex textures.
     pub(crate) directories: Vec<(usize, Arc<FaceLayout>)>,
-    /// One for each texture that lacks something.
+    /// Warnings, one for each texture that cannot be shown as the scene asks.
     pub(crate) warnings: Vec<String>,
     disk: Option<Arc<DiskCache>>,
 }
@@ -66,18 +65,18 @@ impl TextureSet {
         self.by_id.get(&image).map(|first| first + tile)
     }
 
-    /// Whether the image is one of these.
+    /// Returns true if the image belongs to the set.
     pub(crate) fn has(&self, image: u64) -> bool {
         self.by_id.contains_key(&image)
     }
 
-    /// What went wrong while tiles were read and was not yet told.
+    /// The errors of reading tiles that were not reported yet.
     pub(crate) fn take_complaints(&self) -> Vec<String> {
         let of_cache = self.disk.iter().filter_map(|disk| disk.take_complaint());
         of_cache.chain(self.images.iter().filter_map(|image| image.take_complaint())).collect()
     }
 
-    /// Whether nothing reads a texture.
+    /// Returns true if nothing reads a texture.
     pub(crate) fn is_empty(&self) -> bool {
         self.records.is_empty()
     }
@@ -92,12 +91,12 @@ pub(crate) struct TextureCache {
     folder: Option<(String, u32)>,
     set: Arc<TextureSet>,
     textures: Vec<TextureRef>,
-    /// Of the materials of the last snapshot.
+    /// The masks of the materials of the last snapshot.
     pub(super) masks: MadeMasks,
 }
 
 impl TextureCache {
-    /// Keeps decoded images where the settings say, from now on.
+    /// Sets where decoded images are kept from now on.
     pub(crate) fn keep_in(&mut self, settings: &Settings) {
         self.stores.memory.limit(host_memory::images(settings));
         let folder = (settings.texture_cache.clone(), settings.texture_cache_mib);
@@ -107,7 +106,7 @@ impl TextureCache {
         }
     }
 
-    /// The set of `textures`; the same as last time if they are the same.
+    /// The set of `textures`; the previous set if they are the same.
     pub(crate) fn sync(&mut self, library: Option<&Arc<dyn ImageLibrary>>, textures: &[TextureRef]) -> Arc<TextureSet> {
         if self.textures != textures {
             self.open_all(library, textures);
@@ -128,7 +127,7 @@ impl TextureCache {
         self.open.get(&image_key(texture, member)).cloned()?.ok()?
     }
 
-    /// Opens what is not open, on all cores.
+    /// Opens the images that are not open, on all cores.
     fn open_all(&mut self, library: Option<&Arc<dyn ImageLibrary>>, textures: &[TextureRef]) {
         let mut asked: FxHashSet<ImageKey> = FxHashSet::default();
         let missing: Vec<(ImageKey, &TextureRef)> = textures
@@ -236,7 +235,7 @@ impl SetBuilder<'_> {
         }
     }
 
-    /// The number of an image in the set; `None` when there is none.
+    /// The number of an image in the set; `None` if it cannot be opened.
     fn image(&mut self, texture: &TextureRef, member: u32) -> Option<usize> {
         let key = image_key(texture, member);
         if let Some(number) = self.numbers.get(&key) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How the texels of an image are stored, and what they mean: from bytes of a file to linear values and back.
+//! The storage of an image's texels and their meaning: from bytes of a file to linear values and back.
 //!
 //! Mip levels are means of linear values, stored as the file's texels are. The device takes 1, 2 or 4 channels: three
 //! become four.
@@ -12,16 +12,16 @@ use oocpt_core::texture::{TexelFormat, linear_from_srgb, srgb_from_linear};
 /// Steps of the table that finds the byte of a linear value.
 const STEPS: usize = 4096;
 
-/// See the module.
+/// The format of texels, and the tables that decode and encode them.
 #[derive(Debug)]
 pub(super) struct StoredTexels {
-    /// 1 to 4.
+    /// Number of channels, 1 to 4.
     channels: usize,
     format: TexelFormat,
     is_srgb: bool,
-    /// What a byte of a colour channel stands for.
+    /// The linear values of the bytes of a colour channel.
     decoded: [f32; 256],
-    /// Where one byte ends and the next begins.
+    /// The bounds between the values of neighbouring bytes.
     between: [f32; 255],
     /// The byte of the value `i / STEPS`.
     coarse: Box<[u8]>,
@@ -54,12 +54,12 @@ impl StoredTexels {
         if self.channels == 3 { 4 } else { self.channels }
     }
 
-    /// Whether every texel is a number between 0 and 1.
+    /// Returns true if every texel is a number between 0 and 1.
     pub(super) fn is_bounded(&self) -> bool {
         self.format == TexelFormat::U8
     }
 
-    /// Whether colours go through the sRGB curve.
+    /// Returns true if colours go through the sRGB curve.
     pub(super) fn is_srgb(&self) -> bool {
         self.is_srgb
     }
@@ -74,12 +74,12 @@ impl StoredTexels {
         self.device_channels() * self.format.bytes() as usize
     }
 
-    /// Whether a channel of the file goes through the curve: all but alpha, the second of two or the fourth.
+    /// Returns true if a channel of the file goes through the curve: all but alpha, the second of two or the fourth.
     fn is_color(&self, channel: usize) -> bool {
         self.is_srgb && (channel == 0 || (channel < 3 && self.channels >= 3))
     }
 
-    /// Values of texels of the file; `out` has one for each channel of each.
+    /// Decodes texels of the file; `out` gets one value for each channel of each.
     pub(super) fn decode(&self, bytes: &[u8], out: &mut [f32]) {
         match self.format {
             TexelFormat::U8 => {
@@ -143,7 +143,7 @@ impl StoredTexels {
         }
     }
 
-    /// Stores values as the file would, in place of what is in `out`.
+    /// Stores values in the file's format, replacing the contents of `out`.
     pub(super) fn encode(&self, values: &[f32], out: &mut Vec<u8>) {
         out.clear();
         match self.format {
@@ -216,7 +216,7 @@ fn look_up(bytes: &[u8], table: &[f32; 256], out: &mut [f32]) {
     }
 }
 
-/// The byte of a value between 0 and 1 that is no colour.
+/// The byte of a value between 0 and 1 that is not a colour.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
 fn unit_byte(value: f32) -> u8 {
     (value * 255.0 + 0.5).clamp(0.0, 255.0) as u8

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One image as tiles: the bytes of each, as the device will have them. Any thread; called by the loader's.
+//! One image as tiles: the bytes of each in the device's format. Any thread; called by the loader's.
 
 use super::PAUSES;
 use super::disk::DiskCache;
@@ -17,16 +17,16 @@ use rustc_hash::FxHashSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// Where texels come from.
+/// The source of texels.
 #[derive(Debug)]
 enum PixelSource {
-    /// A tiled file that has all levels: read as it is.
+    /// A tiled file that has all levels: read directly.
     File(Arc<dyn SourceImage>),
-    /// Any other.
+    /// Any other file, decoded once.
     Prepared(Arc<PreparedImage>),
 }
 
-/// Where images are kept.
+/// The places where decoded images are kept.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ImageStores {
     pub(super) disk: Option<Arc<DiskCache>>,
@@ -36,43 +36,42 @@ pub(crate) struct ImageStores {
 /// An image that textures use, read one way (sRGB or not).
 #[derive(Debug)]
 pub(crate) struct TextureImage {
-    /// Different for every image that was ever opened.
+    /// A number that is different for every image ever opened.
     id: u64,
     name: Arc<str>,
     pixels: PixelSource,
     info: ImageInfo,
     layout: TileLayout,
-    /// Of Ptex: where the texels of faces are.
+    /// For Ptex: the layout of the texels of faces.
     faces: Option<Arc<FaceLayout>>,
     texels: Arc<StoredTexels>,
-    /// What is not as the scene asks.
+    /// The difference from what the scene asks for.
     warning: Option<String>,
     complaint: Mutex<Option<String>>,
-    /// Tiles that could not be read. Always the same ones, as long as the file is.
+    /// Tiles that could not be read; always the same ones, as long as the file does not change.
     broken: Mutex<FxHashSet<u32>>,
 }
 
-/// Which image to open.
+/// An image to open.
 #[derive(Debug)]
 pub(super) struct WantedImage<'a> {
-    /// For messages.
+    /// The name in messages.
     pub(super) name: &'a Arc<str>,
     pub(super) library: &'a Arc<dyn ImageLibrary>,
     pub(super) asset: &'a AssetRef,
-    /// A member of a set of files, or 0.
+    /// The number of a member of a set of files, or 0.
     pub(super) member: u32,
     /// The file itself: the asset, or the member.
     pub(super) file: &'a AssetRef,
     pub(super) color_space: &'a ColorSpace,
-    /// The file is Ptex.
+    /// True if the file is Ptex.
     pub(super) is_ptex: bool,
 }
 
 impl WantedImage<'_> {
-    /// The key in the cache on disk of the file, read as of a colour space; none where nothing tells the file from
-    /// others.
+    /// The key in the cache on disk of the file, read in a colour space; `None` if the file has no identity.
     pub(super) fn key(&self, disk: Option<&Arc<DiskCache>>, space: &ColorSpace) -> Option<(Arc<DiskCache>, String)> {
-        // First: without a cache no file need be hashed.
+        // This comes first: without a cache no file need be hashed.
         let disk = disk?;
         let identity = self.library.identity(self.file).ok()?;
         let config = match space {
@@ -85,7 +84,8 @@ impl WantedImage<'_> {
 }
 
 impl TextureImage {
-    /// Opens an image; `None` for a member of a set that does not exist. What is in the cache on disk is not decoded.
+    /// Opens an image; `None` for a member of a set that does not exist. An entry of the cache on disk is not decoded
+    /// again.
     pub(super) fn open(wanted: &WantedImage<'_>, stores: &ImageStores) -> Result<Option<Self>, ImageError> {
         if wanted.is_ptex {
             return Self::open_ptex(wanted, stores).map(Some);
@@ -95,7 +95,7 @@ impl TextureImage {
         let mut warning = None;
         let mut key = wanted.key(stores.disk.as_ref(), &space);
         let mut entry = key.as_ref().and_then(|(disk, key)| disk.find(key));
-        // An entry would not be there if its colour space were not known.
+        // An entry would not exist if its colour space were not known.
         if let (None, ColorSpace::Named(name)) = (&entry, &space)
             && let Err(error) = wanted.library.color_transform(name)
         {
@@ -148,7 +148,7 @@ impl TextureImage {
         }))
     }
 
-    /// Opens a Ptex file. Its table of faces is read even where its texels are in the cache: it says where they are.
+    /// Opens a Ptex file. Its table of faces is read even if its texels are in the cache, because it has their layout.
     fn open_ptex(wanted: &WantedImage<'_>, stores: &ImageStores) -> Result<Self, ImageError> {
         let source = PtexSource::open(wanted.library.bytes(wanted.file)?)?;
         let mut space = wanted.color_space.clone();
@@ -193,22 +193,22 @@ impl TextureImage {
         })
     }
 
-    /// Of Ptex: where the texels of faces are.
+    /// For Ptex: the layout of the texels of faces.
     pub(crate) fn faces(&self) -> Option<&Arc<FaceLayout>> {
         self.faces.as_ref()
     }
 
-    /// Its number.
+    /// The number of the image.
     pub(crate) fn id(&self) -> u64 {
         self.id
     }
 
-    /// How it is cut.
+    /// The layout of its tiles.
     pub(crate) fn layout(&self) -> &TileLayout {
         &self.layout
     }
 
-    /// What the file says.
+    /// The properties of the file.
     pub(crate) fn info(&self) -> &ImageInfo {
         &self.info
     }
@@ -218,33 +218,33 @@ impl TextureImage {
         if self.info.channels == 3 { 4 } else { self.info.channels }
     }
 
-    /// Whether colours go through the sRGB curve.
+    /// Returns true if colours go through the sRGB curve.
     pub(crate) fn is_srgb(&self) -> bool {
         self.texels.is_srgb()
     }
 
-    /// Whether tiles are read from the file as it is.
+    /// Returns true if tiles are read directly from the file.
     pub(super) fn is_direct(&self) -> bool {
         matches!(self.pixels, PixelSource::File(_))
     }
 
-    /// What is not as the scene asks.
+    /// The difference from what the scene asks for.
     pub(super) fn warning(&self) -> Option<&str> {
         self.warning.as_deref()
     }
 
-    /// What went wrong while tiles were read, once.
+    /// The first error of reading tiles, once.
     pub(crate) fn take_complaint(&self) -> Option<String> {
         lock(&self.complaint).take()
     }
 
-    /// Whether a tile could not be read, all of it, when it was last asked for.
+    /// Returns true if a tile could not be read completely when it was last requested.
     pub(crate) fn is_broken(&self, tile: u32) -> bool {
         lock(&self.broken).contains(&tile)
     }
 
-    /// Says that a tile will be read. Said of all tiles that are wanted before the first is read, one decoding serves
-    /// them.
+    /// Announces that a tile will be read. If all wanted tiles are announced before the first is read, one decoding
+    /// serves them.
     pub(crate) fn expect(&self, tile: u32) {
         let PixelSource::Prepared(prepared) = &self.pixels else { return };
         if let Some(piece) = self.layout.pieces(tile).first() {
@@ -252,7 +252,7 @@ impl TextureImage {
         }
     }
 
-    /// The bytes of a tile. What cannot be read is zero, with one complaint, and the tile is broken.
+    /// The bytes of a tile. Texels that cannot be read are zero, with one complaint, and the tile is broken.
     pub(crate) fn tile(&self, tile: u32) -> Vec<u8> {
         let length = usize::try_from(self.layout.tile_bytes(tile)).unwrap_or(0);
         let mut out = vec![0; length];
@@ -261,7 +261,8 @@ impl TextureImage {
             let begin = usize::try_from(piece.offset).unwrap_or(0);
             let bytes = piece.size[0] as usize * piece.size[1] as usize * self.texels.device_bytes();
             let Some(out) = out.get_mut(begin..begin + bytes) else { continue };
-            // A prepared image has tried again itself; one that could not be read is not waited for with every tile.
+            // A prepared image has tried again itself; an image that could not be read is not waited for with every
+            // tile.
             let is_known = !self.is_direct() || !lock(&self.broken).is_empty();
             let pauses = if is_known { &[][..] } else { &PAUSES };
             if let Err(error) = again(pauses, |_| true, std::thread::sleep, || self.piece(&piece, &mut raw, out)) {
@@ -275,7 +276,7 @@ impl TextureImage {
         out
     }
 
-    /// Reads the first tile of the finest level: whether the image can be decoded.
+    /// Reads the first tile of the finest level, to find out if the image can be decoded.
     pub(super) fn try_finest(&self) -> Result<(), ImageError> {
         let Some(piece) = self.layout.pieces(0).first().copied() else { return Ok(()) };
         let bytes = piece.size[0] as usize * piece.size[1] as usize * self.texels.device_bytes();
@@ -299,7 +300,7 @@ impl TextureImage {
     }
 }
 
-/// All levels of a texture's image, for whoever looks at texels on the host: nothing is decoded for it a second time.
+/// All levels of a texture's image, for readers on the host: nothing is decoded for them a second time.
 impl SourceImage for TextureImage {
     fn info(&self) -> ImageInfo {
         let levels = (0..self.layout.levels()).map(|level| self.layout.level_size(level)).collect();
@@ -344,14 +345,14 @@ fn name_of(space: ColorSpace) -> Option<Arc<str>> {
     }
 }
 
-/// A number that no image has.
+/// A number that no image has yet.
 fn next_id() -> u64 {
     static NEXT: AtomicU64 = AtomicU64::new(0);
     NEXT.fetch_add(1, Ordering::Relaxed)
 }
 
-/// What an image of a colour space is once it is decoded: those that go through a conversion become linear, for which
-/// 8 bits are too few.
+/// The properties of an image in a colour space once it is decoded: converted images become linear, for which 8 bits
+/// are too few.
 fn stored_as(info: ImageInfo, space: &ColorSpace) -> ImageInfo {
     if !matches!(space, ColorSpace::Named(_)) {
         return info;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which files this process is writing into texture caches, so that an interrupted process removes its partial files.
+//! The files that this process is writing into texture caches, so that an interrupted process removes its partial
+//! files.
 //!
-//! They have names of their own until they are whole ([`super::disk`]), so what is left is never taken for an entry; it
-//! would only lie there until it is stale.
+//! They have names of their own until they are complete ([`super::disk`]), so a leftover is never taken for an entry;
+//! it would only stay there until it is stale.
 
 use crate::sync::lock;
 use std::collections::BTreeSet;
@@ -11,18 +12,18 @@ use std::sync::Mutex;
 
 static FILES: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// This file is about to be written.
+/// Notes that this file is about to be written.
 pub(super) fn begin(file: &Path) {
     lock(&FILES).insert(file.to_path_buf());
 }
 
-/// This file is whole, or gone.
+/// Notes that this file is complete, or removed.
 pub(super) fn end(file: &Path) {
     lock(&FILES).remove(file);
 }
 
-/// Removes what this process has begun and not ended. For a process that is about to end; what writes a file then goes
-/// on into one without a name. Any thread.
+/// Removes the files that this process has begun and not completed. For a process that is about to end; a thread that
+/// still writes a file then goes on into one without a name. Any thread.
 pub fn remove_unfinished() {
     for file in std::mem::take(&mut *lock(&FILES)) {
         if let Err(error) = std::fs::remove_file(&file) {

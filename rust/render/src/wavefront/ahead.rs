@@ -11,22 +11,22 @@ use oocpt_shaders::PassInfo;
 use std::sync::{Arc, Mutex, Weak};
 use std::thread::JoinHandle;
 
-/// Threads that compile. The three longest passes take nearly all of the time; not those of rayon, which others would
-/// wait for.
+/// Threads that compile. The three longest passes take nearly all of the time. They are not rayon's threads, on which
+/// other work would wait.
 const THREADS: usize = 3;
 
-/// Tells whether threads compile still, whoever keeps it.
+/// A handle that does not keep the compilation alive and tells whether threads still compile.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PendingCompiles(Weak<Mutex<std::vec::IntoIter<&'static PassInfo>>>);
 
 impl PendingCompiles {
-    /// Whether all threads are done.
+    /// Returns true if all threads are done.
     pub(crate) fn is_over(&self) -> bool {
         self.0.strong_count() == 0
     }
 }
 
-/// The passes that were compiled last and the threads that do it. Dropping it waits for these: none may be in the
+/// The background compilation that was begun last, and its threads. Dropping it waits for these: none may be in the
 /// driver when the process ends.
 #[derive(Debug, Default)]
 pub(crate) struct BackgroundCompile {
@@ -37,8 +37,8 @@ pub(crate) struct BackgroundCompile {
 }
 
 impl BackgroundCompile {
-    /// Begins to compile what a frame of this kind needs; not while others are under way. What cannot be compiled is
-    /// told when the frame asks for it.
+    /// Begins to compile the passes of such a frame, unless others are under way. Errors are reported when the frame
+    /// asks for the pass.
     pub(crate) fn begin(
         &mut self,
         device: &Arc<Device>,
@@ -65,19 +65,19 @@ impl BackgroundCompile {
             };
             match std::thread::Builder::new().name("oocpt-compile".into()).spawn(compile) {
                 Ok(thread) => self.threads.push(thread),
-                // Then the frame compiles them.
+                // The frame compiles them then.
                 Err(error) => tracing::debug!(%error, "no thread to compile ahead"),
             }
         }
     }
 
-    /// Tells when they are there.
+    /// A handle that tells when they are compiled.
     pub(crate) fn pending(&self) -> PendingCompiles {
         self.pending.clone()
     }
 
-    /// Waits for passes that serve a frame of this kind; gives the size of their stacks, which may be larger, and how
-    /// many they are.
+    /// Waits for passes that serve such a frame; returns the size of their stacks, which may be larger, and their
+    /// number.
     pub(crate) fn serves(&mut self, special: PassSpecialisation) -> Option<(u32, u32)> {
         let have = self.special.filter(|have| {
             have.stack_size >= special.stack_size

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which backend walks the rays of a frame, and native traversal between two parts of a submission. Render thread only.
+//! Chooses the backend that walks the rays of a frame, and runs native traversal between two parts of a submission.
+//! Render thread only.
 
 use crate::assets::SceneView;
 use crate::device::{Device, PassSpecialisation, WAVE_TIMEOUT};
@@ -14,7 +15,7 @@ use std::sync::Arc;
 
 use super::TracedRays;
 
-/// Who walks the rays, and why.
+/// The backend that walks the rays, and the reason for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct TraversalBackend {
     pub(crate) is_native: bool,
@@ -23,7 +24,7 @@ pub(crate) struct TraversalBackend {
 }
 
 impl TraversalBackend {
-    /// What `wanted` asks for and this device, these features and the scene allow.
+    /// The backend that `wanted` asks for, as far as this device, these features and the scene allow.
     pub(crate) fn choose(
         wanted: TraversalKind,
         device: &Device,
@@ -61,21 +62,21 @@ impl TraversalBackend {
         }))
     }
 
-    /// Whether the frame has a pipeline of `pass`.
+    /// Returns true if the frame has a pipeline of `pass`.
     pub(crate) fn has(self, pass: Pass) -> bool {
         let traces =
             [Pass::IntersectClosest, Pass::IntersectShadow, Pass::SettleClosest, Pass::SettleShadow].contains(&pass);
         !self.is_native || !traces
     }
 
-    /// For the stats.
+    /// The choice and its reason, for the stats.
     pub(crate) fn list(self) -> TraversalUse {
         let backend = if self.is_native { TraversalKind::Native } else { TraversalKind::Compute };
         TraversalUse { backend: backend.name().to_owned(), why: self.why.to_owned() }
     }
 }
 
-/// Native traversal of a frame.
+/// Native traversal for a frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NativeTraversal<'a> {
     gpu: &'a Arc<Gpu>,

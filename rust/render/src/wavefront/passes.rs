@@ -12,10 +12,10 @@ use oocpt_shaders::{PASSES, Pass, PassImage, PassInfo};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// See the module.
+/// The pipelines of one frame.
 #[derive(Debug)]
 pub(crate) struct WavefrontPasses {
-    /// By pass; none where a condition does not hold.
+    /// Pipelines by pass; `None` if a condition does not hold.
     pipelines: [Option<Arc<Pipeline>>; PASSES.len()],
 }
 
@@ -35,7 +35,7 @@ pub(super) fn wanted(
 }
 
 impl WavefrontPasses {
-    /// Compiles what is not compiled yet, on all threads, and has each translated as soon as it is there (see
+    /// Compiles the missing pipelines, on all threads, and has each translated as soon as it is compiled (see
     /// [`Device::translate`]).
     pub(crate) fn new(
         device: &Device,
@@ -49,14 +49,14 @@ impl WavefrontPasses {
         let pipelines = rayon::in_place_scope(|scope| {
             for row in wanted {
                 let send = send.clone();
-                // Nobody listens any more once one has failed.
+                // Nobody receives any more once one has failed.
                 scope.spawn(move |_| drop(send.send((row.pass, device.pipeline(row.module, special)))));
             }
             drop(send);
             let mut pipelines: [Option<Arc<Pipeline>>; PASSES.len()] = [const { None }; PASSES.len()];
             for (pass, pipeline) in made {
                 let pipeline = pipelines[pass as usize].insert(pipeline?);
-                // While others are compiled.
+                // Translation overlaps with the compilation of others.
                 timings.translated += device.translate(pipeline)?;
             }
             Ok::<_, RenderError>(pipelines)
@@ -66,12 +66,12 @@ impl WavefrontPasses {
         Ok(Self { pipelines })
     }
 
-    /// The pipeline of `pass`; none where the frame does not need it.
+    /// The pipeline of `pass`; `None` if the frame does not need it.
     pub(crate) fn get(&self, pass: Pass) -> Option<&Arc<Pipeline>> {
         self.pipelines[pass as usize].as_ref()
     }
 
-    /// The pipelines that there are.
+    /// The pipelines of the frame.
     pub(crate) fn all(&self) -> impl Iterator<Item = &Arc<Pipeline>> {
         self.pipelines.iter().flatten()
     }

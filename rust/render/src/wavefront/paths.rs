@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The arrays and queues that paths live in, in core and streaming alike: one entry for each path in flight.
+//! The arrays and queues of paths, in core and streaming alike: one entry for each path in flight.
 //!
-//! [`PathArray`] lists them: what is made, what is counted ahead and what the inventory says come from it.
+//! [`PathArray`] lists them: allocation, the estimate of memory and the inventory are derived from it.
 
 use oocpt_abi::{
     FrameConstants, LIGHT_PATH_BYTES, MAX_LEVELS, PathState, Ray, ShadowRay, WavefrontCounters, hit_stride,
@@ -12,27 +12,27 @@ use std::sync::Arc;
 
 /// Bytes of a ray's cone.
 const CONE_BYTES: u64 = 8;
-/// Of so many paths one can keep the candidate that its ray depends on, and one that of its shadow ray; others are
+/// One in so many paths can keep the candidate that its ray depends on, and one that of its shadow ray; others are
 /// walked again.
 const PATHS_TO_KEPT: u32 = 8;
 
-/// What only some scenes ask of paths.
+/// The memory of paths that only some scenes need.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct PathNeeds {
-    /// Shadow rays: there is some light that they are sent to.
+    /// Shadow rays: some light needs them.
     pub(crate) shadows: bool,
     /// Ray cones: something reads a texture.
     pub(crate) textures: bool,
-    /// What lights ask of the surface that a ray left.
+    /// The data of the surface that a ray left, for lights.
     pub(crate) light_paths: bool,
     /// A flag per path that lacks a texture tile: in core, tiles are loaded on demand.
     pub(crate) feedback: bool,
-    /// Queues of the rays that depend on cutouts that no mask knows.
+    /// Queues of the rays that depend on cutouts that no mask decides.
     pub(crate) deferred_cutouts: bool,
 }
 
 impl PathNeeds {
-    /// Bytes of device memory for `capacity` paths of scenes of so many instance levels; of the counters there is one.
+    /// Bytes of device memory for `capacity` paths of scenes of so many instance levels, with one set of counters.
     pub(crate) fn bytes(self, capacity: u32, max_levels: u32) -> u64 {
         let arrays = PathArray::ALL.into_iter().filter(|array| array.is_needed(self));
         arrays.map(|array| array.bytes(capacity, max_levels)).sum()
@@ -60,8 +60,9 @@ enum PathArray {
     Cones,
     LightPaths,
     IncompletePaths,
-    /// What cutouts need that no mask knows: for rays, then as much for shadow rays.
+    /// The queue of rays with undecided cutouts: for rays, then as much for shadow rays.
     SettleQueue,
+    /// The candidates of these rays.
     SettleHits,
 }
 
@@ -145,22 +146,22 @@ impl PathArray {
     }
 }
 
-/// See the module.
+/// The arrays and queues of all paths in flight.
 #[derive(Debug)]
 pub(crate) struct PathBuffers {
     pub(crate) capacity: u32,
-    /// Paths that were asked for; there may have been no memory for so many.
+    /// The requested number of paths; memory may have allowed fewer.
     pub(crate) asked: u64,
     pub(crate) max_levels: u32,
     needs: PathNeeds,
-    /// By number of [`PathArray`]; none that the scene does not need.
+    /// Buffers by number of [`PathArray`]; `None` if the scene does not need it.
     arrays: [Option<Buffer>; PathArray::ALL.len()],
     /// One `WavefrontCounters`; also the arguments of the indirect dispatches.
     pub(crate) counters: Buffer,
 }
 
 impl PathBuffers {
-    /// Memory for `capacity` paths; `needs`: and for what not all scenes need.
+    /// Allocates memory for `capacity` paths; `needs` names the optional parts.
     pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, max_levels: u32, needs: PathNeeds) -> Result<Self, GpuError> {
         let mut arrays = [const { None }; PathArray::ALL.len()];
         for array in PathArray::ALL.into_iter().filter(|array| array.is_needed(needs)) {
@@ -175,12 +176,12 @@ impl PathBuffers {
         self.arrays[array as usize].as_ref()
     }
 
-    /// Flags of paths that lack a tile, where texture tiles are loaded on demand.
+    /// Flags of paths that lack a tile, if texture tiles are loaded on demand.
     pub(crate) fn incomplete_paths(&self) -> Option<&Buffer> {
         self.get(PathArray::IncompletePaths)
     }
 
-    /// Lists the memory there is, and what is left out of it.
+    /// Lists the buffers, and those that are left out.
     pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         let capacity = u64::from(self.capacity);
         inventory.paths = capacity;
@@ -195,12 +196,12 @@ impl PathBuffers {
         inventory.leave_out("hits", deepest * capacity);
     }
 
-    /// Whether this memory is what scenes of `levels` instance levels need, and no more.
+    /// Returns true if this memory is what scenes of `levels` instance levels need, and no more.
     pub(crate) fn serves(&self, levels: u32, needs: PathNeeds) -> bool {
         self.max_levels == levels && self.needs == needs
     }
 
-    /// What the trace passes write.
+    /// The buffers that the trace passes write.
     pub(crate) fn written(&self) -> Vec<&Buffer> {
         let arrays = [
             PathArray::Rays,
@@ -213,7 +214,7 @@ impl PathBuffers {
         arrays.into_iter().filter_map(|array| self.get(array)).chain([&self.counters]).collect()
     }
 
-    /// Writes the addresses into a frame block; 0 for what there is not: no pass reaches it then.
+    /// Writes the addresses into a frame block; 0 for absent buffers, which no pass reads.
     pub(crate) fn bind(&self, frame: &mut FrameConstants) {
         let at = |array: PathArray| self.get(array).map_or(0, Buffer::address);
         frame.rays = at(PathArray::Rays);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Records what the device does with paths: the ray's straight line from camera to film.
+//! Records the work of the device on paths, from the camera to the film.
 //!
 //! A round is [`WavefrontRecorder::trace`], then [`WavefrontRecorder::shade`]. A wave in core has all its rounds one
 //! after the other; a step of streaming has some, between waking rays and counting demand (`streaming/record.rs`).
-//! Passes that a frame has not are left out.
+//! Passes that a frame does not have are skipped.
 
 use super::{NativeTraversal, TracedRays, WavefrontPasses};
 use crate::film::{Film, error_groups};
@@ -15,7 +15,7 @@ use oocpt_abi::{
 use oocpt_gpu::{Buffer, CommandList};
 use oocpt_shaders::{DispatchSize, Pass};
 
-/// What paths are for.
+/// The purpose of paths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PathKind {
     /// First hits through pixel centres; a path is a pixel.
@@ -33,7 +33,7 @@ pub(crate) struct WavefrontRecorder<'a> {
     /// Device address of the frame block.
     pub(crate) frame: u64,
     pub(crate) pixels: u32,
-    /// Where the host walks the rays.
+    /// Native traversal, if the host walks the rays.
     pub(crate) native: Option<NativeTraversal<'a>>,
 }
 
@@ -86,7 +86,7 @@ impl WavefrontRecorder<'_> {
         }
     }
 
-    /// Shades what the rays of a round met; with streaming those of earlier rounds too whose last ray is done now.
+    /// Shades what the rays of a round met; with streaming also those of earlier rounds whose last ray is done now.
     pub(crate) fn shade(&self, commands: &mut CommandList, kind: PathKind, q: PushConstants, round: u32) {
         let resolve = [Pass::ResolveMaterials, Pass::ResolveLights].into_iter().find(|pass| self.has(*pass));
         let first = if resolve.is_some() { PREPARE_RESOLVE } else { PREPARE_SHADE };
@@ -111,7 +111,7 @@ impl WavefrontRecorder<'_> {
     }
 
     /// Adds the samples of a wave to the film, measuring on the way; `push` is the wave's, `arg0` its first place.
-    /// Gives the octaves measured.
+    /// Returns the octaves measured.
     pub(crate) fn accumulate(&self, commands: &mut CommandList, push: PushConstants, wave: Wave) -> Vec<u32> {
         let mut octaves = Vec::new();
         for piece in self.film.pieces(wave, u64::MAX) {
@@ -126,14 +126,14 @@ impl WavefrontRecorder<'_> {
         octaves
     }
 
-    /// Asks the film for its error; the answer goes to `slot`.
+    /// Measures the film's error; the result goes to `slot`.
     pub(crate) fn measure(&self, commands: &mut CommandList, slot: u32) {
         let groups = [error_groups(u64::from(self.pixels)), 1, 1];
         self.workgroups(commands, Pass::MeasureError, self.push(PathKind::Samples), groups);
         self.film.copy_error(commands, self.counters, slot);
     }
 
-    /// Makes the picture of what the film holds, and copies all images to where the host can read them.
+    /// Resolves the film to the picture, and copies all images to buffers that the host can read.
     pub(crate) fn copy_out(&self, commands: &mut CommandList) {
         if self.film.has_color() {
             commands.concurrent(|c| {
@@ -144,7 +144,7 @@ impl WavefrontRecorder<'_> {
         self.film.copy_out(commands, self.counters);
     }
 
-    /// Whether the frame has a pass.
+    /// Returns true if the frame has a pass.
     pub(crate) fn has(&self, pass: Pass) -> bool {
         self.passes.get(pass).is_some()
     }
@@ -161,7 +161,7 @@ impl WavefrontRecorder<'_> {
         }
     }
 
-    /// Records a pass whose threads the counters tell, where its row says.
+    /// Records a pass whose number of threads is in the counters, at the member that its row names.
     pub(crate) fn indirect(&self, commands: &mut CommandList, pass: Pass, push: PushConstants) {
         if let DispatchSize::Indirect(arguments) = pass.info().launch {
             self.indirect_by(commands, pass, push, arguments);

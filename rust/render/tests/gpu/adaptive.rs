@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Adaptive sampling: what it gains at equal samples, that it has no bias (and that a biased one is noticed), that it
-//! tells its error, and that its bits are the same everywhere.
+//! Adaptive sampling: its gain at equal samples, no bias (and that a biased variant is noticed), its error estimate,
+//! and the same bits everywhere.
 
 use crate::error_estimate::{gloss, mirror, view, window};
 use crate::scenes::{constant, dome, features, nested, prim, square};
@@ -17,7 +17,7 @@ fn rel_mse(picture: &[f32], reference: &[f64]) -> f64 {
     mean(&errors).0
 }
 
-/// Mean, and the variance of that.
+/// The mean, and its variance.
 #[expect(clippy::cast_precision_loss, reason = "few")]
 fn mean(values: &[f64]) -> (f64, f64) {
     let count = values.len() as f64;
@@ -187,7 +187,7 @@ fn the_confidence_interval_holds_the_true_error() {
         let (pictures, told): (Vec<_>, Vec<_>) = (0..number as usize).map(one).unzip();
         let all = average(&pictures);
         for (picture, told) in pictures.iter().zip(told) {
-            // Against the mean of the others, whose own noise is one part in as many as they are.
+            // Each picture is compared with the mean of the others, whose own noise is smaller by their number.
             let others: Vec<f64> =
                 all.iter().zip(picture).map(|(m, x)| (m * (more + 1.0) - f64::from(*x)) / more).collect();
             let (truth, told) = (rel_mse(picture, &others) / (1.0 + 1.0 / more), told.expect("an estimate"));

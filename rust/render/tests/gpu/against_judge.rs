@@ -97,7 +97,7 @@ fn light_agrees(build: fn(&mut SceneDb), name: &str) {
     let options = PathTracerOptions { samples: 1024, max_bounces: 3, ..PathTracerOptions::default() };
     let mut reference = path_trace(&world, &snapshot, &camera, &options).expect("the camera is invertible");
     let (data, own_variance) = render_seeds(build, &camera);
-    // The z-test assumes one variance for both; give it the one that makes the variance of their difference right.
+    // The z-test assumes one variance for both; it gets the one that makes the variance of their difference right.
     let (ours, theirs) = (1.0 / f64::from(TOTAL), 1.0 / f64::from(options.samples));
     for (variance, own) in reference.variance.data.iter_mut().zip(own_variance) {
         let difference = own * ours + f64::from(*variance) * theirs;

@@ -16,7 +16,7 @@ use oocpt_render::{AovKind, Session, SessionOptions};
 
 const SIZE: [u32; 2] = [64, 48];
 
-/// A ball of radius 1 about the origin, which is tested as what it is.
+/// A ball of radius 1 about the origin, which is tested in its exact form.
 fn ball(db: &mut SceneDb) {
     db.upsert_mesh(MeshDesc {
         shape: PrimShape::Points,
@@ -26,7 +26,8 @@ fn ball(db: &mut SceneDb) {
     });
 }
 
-/// What a ray through the middle of a pixel meets of the ball: the depth; `None` for pixels that rounding may decide.
+/// The depth at which a ray through the middle of a pixel meets the ball; the outer `None` is for pixels that rounding
+/// may decide.
 fn seen_of_ball(camera: &Camera, x: u32, y: u32) -> Option<Option<f64>> {
     let at = |k: u32, n: u32| 2.0 * (f64::from(k) + 0.5) / f64::from(n) - 1.0;
     let unproject = |z: f64| {
@@ -123,7 +124,7 @@ fn alpha(build: impl FnOnce(&mut SceneDb), camera: Camera, samples: u32) -> Vec<
 fn a_card_in_focus_is_cut_sharply_by_an_oblique_plane() {
     let mut camera = perspective(DVec3::Z * 10.0, DVec3::ZERO, 0.4, [32, 8]);
     (camera.lens_radius, camera.focus_distance) = (0.8, 10.0);
-    // Meets the card at x = 0.3, whatever the point of the lens.
+    // The ray meets the card at x = 0.3, whatever the point of the lens.
     camera.clip_planes = vec![DVec4::new(1.0, 0.0, 0.4, 4.0 - 0.3)];
     let met = alpha(|db| db.upsert_mesh(card("/card", 0.0, 40.0)), camera, 256);
     let pixel = 2.0 * 10.0 * 0.2_f64.tan() / 8.0;
@@ -141,7 +142,7 @@ fn clipping_planes_follow_a_moving_camera() {
     let at = |z: f64| DMat4::from_translation(DVec3::Z * z);
     camera.motion =
         vec![TransformSample { time: 0.0, transform: at(10.0) }, TransformSample { time: 1.0, transform: at(8.0) }];
-    // What is farther than 8.5: the card for the first three quarters; and then than 9.5: for a quarter.
+    // The card is farther than 8.5 for the first three quarters, and farther than 9.5 for a quarter.
     for (nearest, share) in [(8.5, 0.75), (9.5, 0.25)] {
         camera.clip_planes = vec![DVec4::new(0.0, 0.0, -2.0, -2.0 * nearest)];
         let met = alpha(|db| db.upsert_mesh(card("/card", 0.0, 40.0)), camera.clone(), 256);

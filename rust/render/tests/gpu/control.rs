@@ -176,7 +176,7 @@ fn a_request_without_images_converges_at_once() {
 fn sessions_come_and_go_without_growing_device_memory() {
     let mut used = Vec::new();
     for _ in 0..20 {
-        // A budget that no other test asks for: a device of its own, whose memory only these sessions use.
+        // No other test uses this budget, so the device is one of its own, whose memory only these sessions use.
         let session = session(Settings { memory_budget_mib: 1537, ..settings(1, 0) });
         session.with_scene(|db| {
             db.upsert_mesh(sphere(prim("/ball", DMat4::IDENTITY), 1, 20, 0.5));
@@ -188,7 +188,7 @@ fn sessions_come_and_go_without_growing_device_memory() {
     assert_eq!(used[2], used[19], "device memory grows with each session: {used:?}");
 }
 
-/// More pixels than the first slice of `trace_planes` has.
+/// On a processor the image has more pixels than the first wave has paths, so its first hits take several waves.
 #[test]
 fn every_pixel_of_a_large_image_gets_its_first_hit() {
     let session = session(settings(1, 0));

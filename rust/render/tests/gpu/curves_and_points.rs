@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Curves and points on the device against a solver in f64 that knows nothing of cones: a hull of two balls is met
-//! where the first of all balls between them is met.
+//! Curves and points on the device against a solver in f64 without cones: a hull of two balls is met where the first of
+//! all balls between them is met.
 
 use crate::scenes::{constant, dome, prim};
 use crate::support::{orthographic, perspective, read, render, request, session, settings};
@@ -58,7 +58,7 @@ fn points(path: &str, id: i32, pieces: &[Piece]) -> MeshDesc {
     }
 }
 
-/// Where the ray first meets a ball.
+/// The distance at which the ray first meets a ball.
 fn ball(center: DVec3, radius: f64, o: DVec3, d: DVec3) -> Option<f64> {
     let (along, squared) = ((center - o).dot(d), d.length_squared());
     let across = (center - o) - d * (along / squared);
@@ -66,7 +66,7 @@ fn ball(center: DVec3, radius: f64, o: DVec3, d: DVec3) -> Option<f64> {
     (rest >= 0.0).then(|| (along - (rest * squared).sqrt()) / squared)
 }
 
-/// Where a convex function on an interval is least, by thirds.
+/// The minimum of a convex function on an interval, by thirds.
 fn least(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
     for _ in 0..70 {
         let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
@@ -75,8 +75,9 @@ fn least(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Where the ray first meets the balls between both ends, and the number of that ball. How far a ball is from the line
-/// is convex along the piece, and so is where the line enters those that it meets: the hull is convex.
+/// The distance at which the ray first meets the balls between both ends, and the number of that ball. The distance of
+/// a ball from the line is convex along the piece, and so is the entry of the line into those that it meets: the hull
+/// is convex.
 fn hull(piece: &Piece, o: DVec3, d: DVec3) -> Option<(f64, f64)> {
     let [(p0, r0), (p1, r1)] = *piece;
     let center = |u: f64| p0 + (p1 - p0) * u;

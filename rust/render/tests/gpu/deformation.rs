@@ -15,7 +15,7 @@ const SIZE: [u32; 2] = [48, 16];
 /// Units of the picture's height.
 const HEIGHT: f64 = 1.5;
 
-/// A square of the plane z = 0, half a unit wide, in its own frame.
+/// A square of the plane z = 0 in its own frame, half a unit wide.
 fn card() -> MeshDesc {
     let corner = |x: f32, y: f32| [0.25 * x, 0.25 * y, 0.0];
     let points = vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
@@ -174,7 +174,7 @@ fn squeezed(db: &mut SceneDb, open: f64, close: f64) {
         let ball = sphere(prim(&format!("/ball_{i}"), place), 2, 6, 0.6);
         #[expect(clippy::cast_possible_truncation, reason = "positions")]
         let squeeze = |p: Vec3, time: f64| {
-            // The still is what is between the keys at its time.
+            // The still has the interpolated points of its time.
             let time = if open < close { time } else { open } as f32;
             let key = |time: f32| p * Vec3::new(0.8 + 0.4 * time, 1.0 - 0.7 * time * time, 0.8) + Vec3::Y * 0.8 * time;
             let (from, to) = if time < 0.5 { (0.0, 0.5) } else { (0.5, 1.0) };

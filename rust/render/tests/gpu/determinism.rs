@@ -52,7 +52,7 @@ fn bits_do_not_depend_on_paths_in_flight() {
 
 #[test]
 fn fewer_samples_are_a_prefix_of_more() {
-    // Sample s of a pixel does not depend on how many there are: 4 samples then 4 more average to 8.
+    // Sample s of a pixel does not depend on the number of samples: 4 samples then 4 more average to 8.
     let request = view([32, 24]);
     let pictures: Vec<Vec<f32>> = [4, 8]
         .map(|samples| images(nested, settings(samples, 2), &request).swap_remove(0))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! An edited scene renders as if it had been made that way, and what was not edited stays on the device.
+//! An edited scene renders as if it had been built that way, and unedited assets stay on the device.
 
 use crate::scenes::{constant, dome, instancer, nested, prim, sphere, square, sun};
 use crate::support::{images, perspective, read_all, render, request, session, settings};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Intervals of the picture's error hold what it is as often as they say, counted over scenes and seeds.
+//! Intervals of the picture's error contain the true error as often as they state, counted over scenes and seeds.
 
 use crate::error_estimate::{SIZE, gloss, lamps, low_sun, mirror, overcast, view, window};
 use crate::lights::TestFiles;
@@ -17,8 +17,9 @@ use std::sync::Arc;
 const SEEDS: [u32; 2] = [16, 32];
 /// Widest interval that is of use, as the factor from its middle to either end.
 const WIDEST: f64 = 3.0;
-/// Most paths of one picture, on a GPU and on a processor.
+/// Most paths of one picture on a GPU.
 const MOST_PATHS: u64 = 1 << 30;
+/// Most paths of one picture on a processor.
 const MOST_PATHS_CPU: u64 = 1 << 22;
 
 /// [`WIDEST`] by the samples: below 16 the slope of the error is a guess (decisions/0009).
@@ -41,7 +42,7 @@ fn through_a_lens() -> RenderRequest {
     view
 }
 
-/// Renders the scene with each of so many seeds; gives the pictures and what was said of their errors.
+/// Renders the scene with each of so many seeds; returns the pictures and their error estimates.
 fn pictures(case: &Case, seeds: u32) -> Vec<(Vec<f32>, ErrorRow)> {
     let session = Session::with_options(settings(case.samples, case.bounces), SessionOptions::default());
     session.set_light_files(Arc::new(TestFiles));
@@ -72,7 +73,7 @@ fn true_error(pictures: &[(Vec<f32>, ErrorRow)], index: usize) -> f64 {
     total / count / (1.0 + 1.0 / others)
 }
 
-/// What was counted of some cases.
+/// Counts over some cases.
 #[derive(Default)]
 struct Counted {
     /// Pictures whose interval holds the true error.
@@ -206,7 +207,7 @@ fn pictures_as_large_as_people_render_them_are_calibrated() {
     }
 }
 
-/// Whether pictures are rendered by something else than a processor.
+/// Returns true if pictures are rendered by something else than a processor.
 fn has_gpu() -> bool {
     let session = Session::new(settings(1, 0));
     render(&session, &view([4, 4]));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The picture's error as the renderer states it: the same whatever the budget; a report that survives; stopping at a
-//! target. Scenes that others use too.
+//! target. Other tests use its scenes too.
 
 use crate::lights::light;
 use crate::scenes::{dome, nested, prim, sphere, square, sun};
@@ -69,8 +69,8 @@ pub(crate) fn surface(path: &str, params: &[(&str, ParamValue)]) -> MaterialDesc
     MaterialDesc { path: path.into(), nodes: vec![node], surface: Some(0), ..MaterialDesc::default() }
 }
 
-/// A small lamp and a ball of the given material: rays from the floor find the lamp by way of the ball, seldom:
-/// fireflies.
+/// A small lamp and a ball of the given material: rays from the floor seldom find the lamp by way of the ball, which
+/// gives fireflies.
 fn caustic(db: &mut SceneDb, params: &[(&str, ParamValue)]) {
     floor(db);
     db.upsert_material(surface("/shiny", params));
@@ -206,7 +206,7 @@ fn a_render_stops_at_its_target_at_the_same_samples_in_core_and_streaming() {
     assert_eq!(fine, streamed, "same samples, same bits");
 }
 
-/// What one square of known brightness looks like through half of its samples.
+/// One square of known brightness, seen through half of its samples.
 #[test]
 fn a_reference_gives_the_true_error() {
     let file = std::env::temp_dir().join(format!("oocpt-reference-{}.exr", std::process::id()));
@@ -239,7 +239,7 @@ fn a_reference_gives_the_true_error() {
     std::fs::remove_file(file).expect("it is there");
 }
 
-/// A mesh that is not there would leave the pictures above without content.
+/// Without their meshes the pictures above would be meaningless.
 #[test]
 fn the_error_scenes_are_not_empty() {
     let session = session(settings(4, 1));

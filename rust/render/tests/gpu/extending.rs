@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The lobe and the light that `rust/book/src/extending.md` adds, against closed forms; and how many files they take.
-//! The kind of leaf that it adds is in [`leaf`].
+//! The lobe and the light that `rust/book/src/extending.md` adds, against closed forms, with the number of files that
+//! they take. The kind of leaf that it adds is in [`leaf`].
 
 mod leaf;
 
@@ -16,7 +16,7 @@ use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Of the diffuse lobe; the toy reflects half of what it leaves.
+/// Albedo of the diffuse lobe; the toy reflects half of the rest.
 const DIFFUSE: f64 = 0.4;
 const TOY: f64 = 0.5 * (1.0 - DIFFUSE);
 
@@ -38,7 +38,7 @@ fn lit(db: &mut SceneDb, light: LightDesc, wall: bool) {
     db.upsert_light(light);
 }
 
-/// The colours of that, seen from the front, with the toy and at `samples` per pixel.
+/// The colours of the board, seen from the front, with the toy and at `samples` per pixel.
 fn colors(light: LightDesc, samples: u32, [wall, force_streaming]: [bool; 2]) -> Vec<[f32; 4]> {
     let faults = PlantedFaults { more_features: Features::TOY_LOBE, ..PlantedFaults::default() };
     let options = SessionOptions { validation: true, force_streaming, faults, ..SessionOptions::default() };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Fails well: one clear message, a converged session, and the next render works.
+//! Failures are clean: one clear message, a converged session, and the next render works.
 
 use crate::materials::{Ramps, board, coordinates, textured, with};
 use crate::scenes::{dome, nested, prim, sphere};
@@ -127,7 +127,7 @@ fn a_second_device_loss_ends_the_render() {
     assert!(render_with_messages(&session, &view).is_empty(), "and the next picture has a device again");
 }
 
-/// Takes meshes and gives none back.
+/// Takes meshes and never returns one.
 #[derive(Debug)]
 struct Abyss(u64);
 
@@ -174,7 +174,7 @@ fn a_mesh_that_cannot_be_loaded_is_omitted_with_a_warning() {
             db.upsert_light(dome([0.25, 0.5, 1.0]));
         });
         for picture in 0..2 {
-            // The first picture also says that building the ball took more than there was for it.
+            // The first picture also says that building the ball exceeded its limit.
             let messages = render_with_messages(&session, &view);
             assert!(messages.iter().all(|message| message.severity == Severity::Warning), "{messages:?}");
             let told = messages.iter().filter(|message| message.text.contains("left out"));
@@ -189,7 +189,7 @@ fn a_mesh_that_cannot_be_loaded_is_omitted_with_a_warning() {
     }
 }
 
-/// [`Ramps`] on a disk that is busy: reads fail so many times, then take long.
+/// [`Ramps`] on a busy disk: reads fail so many times, then take long.
 #[derive(Debug)]
 struct Far {
     fails: Arc<AtomicU32>,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Leave out what a scene does not need: for every feature a scene that needs it, held against a bare one. Passes,
-//! pipelines, buffers and primvars of each are exactly those of the bare scene and what is written in its row; a
-//! feature without a row fails.
+//! Scenes leave out what they do not need: for every feature there is a scene that needs it, compared with a bare one.
+//! Passes, pipelines, buffers and primvars of each are exactly those of the bare scene and those in its row; a feature
+//! without a row fails.
 
 mod rows;
 mod scenes;
@@ -28,7 +28,7 @@ fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<V
     let settings = Settings {
         adaptive_sampling: row.also == Also::Adaptive,
         chunk_report,
-        // Else it would depend on the device.
+        // Otherwise it would depend on the device.
         host_mapped: if row.also == Also::Mapped { HostMapped::On } else { HostMapped::Off },
         straggler_roulette: row.also == Also::Roulette,
         ..settings(4, 2)
@@ -76,7 +76,7 @@ fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<V
     (session.stats().inventory, images)
 }
 
-/// Names of what there is: features, passes, buffers, primvars.
+/// Names of the features, passes, buffers and primvars that exist.
 fn made(inventory: &RenderInventory) -> [BTreeSet<String>; 4] {
     let RenderInventory { features, passes, buffers, primvars, .. } = inventory;
     [
@@ -87,11 +87,11 @@ fn made(inventory: &RenderInventory) -> [BTreeSet<String>; 4] {
     ]
 }
 
-/// Features of lights that shadow rays are sent to.
+/// Features of lights with shadow rays.
 const SHADOWED: Names = &["DOME", "DISTANT", "LOCAL_LIGHTS", "MESH_LIGHTS"];
 
-/// Rows that are rendered with everything carried along too, one for each kind of need, the last ones with `--full`
-/// alone: compiling everything takes long on a software renderer.
+/// Rows that are also rendered with all features carried, one for each kind of need, the last ones only with `--full`:
+/// compiling everything takes long on a software renderer.
 const CARRIED: Names = &[
     "a bare board",
     "a lamp",
@@ -104,8 +104,7 @@ const CARRIED: Names = &[
 ];
 const CARRIED_ALWAYS: usize = 4;
 
-/// Both checks of a row in one test, so that the passes it has compiled are there when it is rendered with everything
-/// carried along.
+/// Runs both checks of a row in one test, so that the passes it has compiled are used again with all features carried.
 fn check(rows: &[Row]) {
     let bare = made(&render(&BARE, ForcedFeatures::NONE).0);
     let carried = if support::is_full() { CARRIED } else { &CARRIED[..CARRIED_ALWAYS] };
@@ -155,7 +154,7 @@ fn streaming_enables_exactly_its_features() {
 }
 
 fn what_is_made_is_what_the_row_says(row: &Row, inventory: &RenderInventory, bare: &[BTreeSet<String>; 4]) {
-    // What only a scene in core lists: while streaming, geometry comes and goes.
+    // Only a scene in core lists these: while streaming, geometry is loaded and evicted.
     let of_assets = ["mesh nodes", "mesh triangles", "instance records", "instance trees", "rounding of assets"];
     let given = made(inventory);
     for (at, kind) in ["features", "passes", "buffers", "primvars"].into_iter().enumerate() {
@@ -171,7 +170,7 @@ fn what_is_made_is_what_the_row_says(row: &Row, inventory: &RenderInventory, bar
             expected.extend(["shadow_rays", "shadow_queue"].into_iter().chain(streamed).map(String::from));
         }
         let mut given = given[at].clone();
-        // How bytes are rounded is not what this is about, nor the passes that build trees: they are the device's.
+        // The test ignores how bytes are rounded, and the passes that build trees, which depend on the device.
         for set in [&mut given, &mut expected] {
             set.retain(|name| name != "rounding of assets");
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Light through glass: what enters a clear block leaves it again.
+//! Light through glass: the light that enters a clear block leaves it again.
 
 use crate::scenes::{dome, mesh, prim};
 use crate::support::{color_request, orthographic, read, render, session, settings};
@@ -21,7 +21,7 @@ fn glass(roughness: f32) -> MaterialDesc {
     MaterialDesc { path: "/glass".into(), nodes: vec![node], surface: Some(0), ..MaterialDesc::default() }
 }
 
-/// The picture of a tilted block of glass of this roughness in what `light` gives.
+/// The picture of a tilted block of glass of this roughness under `light`.
 fn block_in(light: LightDesc, roughness: f32) -> Vec<[f32; 4]> {
     let session = session(settings(64, 24));
     session.with_scene(|db| {
@@ -49,8 +49,8 @@ fn a_clear_glass_block_in_a_white_furnace_disappears() {
     assert!((mean - 1.0).abs() < 1e-2, "{mean} in the middle, not 1");
 }
 
-/// The same of a frosted one, to what its table of multiple scattering is off: the whole way of a scene that has rough
-/// glass.
+/// The furnace for a frosted block, within the error of its table of multiple scattering: it tests the whole way of a
+/// scene with rough glass.
 #[test]
 fn a_rough_glass_block_in_a_white_furnace_nearly_disappears() {
     let pixels = block_in(dome([1.0; 3]), 0.4);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What lights the last surface of a path: shadow rays what lobes with a density reflect, and the ray of a delta lobe
+//! Light at the last surface of a path: shadow rays give what lobes with a density reflect, and the ray of a delta lobe
 //! all that it meets.
 
 use crate::scenes::{dome, mesh, prim, square, sun};
@@ -32,7 +32,7 @@ fn floor(db: &mut SceneDb, roughness: f32) {
     db.upsert_material(surface("/mirror", &[&params[..], &[("diffuseColor", ParamValue::Vec3([1.0; 3]))]].concat()));
 }
 
-/// What a camera at an angle shows of the floor with so many bounces, the mean of red.
+/// The mean red of the floor, seen by a camera at an angle with so many bounces.
 fn shown(bounces: u32, samples: u32, build: Build<'_>) -> f64 {
     let session = session(settings(samples, bounces));
     session.with_scene(build);

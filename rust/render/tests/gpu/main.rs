@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Renders small scenes on whatever Vulkan device there is, with the validation layer on, and compares the images with
-//! answers that are known: closed forms, the judge's f64 renderer, another way to say the same scene.
+//! Renders small scenes on any Vulkan device, with the validation layer on, and compares the images with known answers:
+//! closed forms, the judge's f64 renderer, another description of the same scene.
 #![forbid(unsafe_code)]
 
 mod adaptive;

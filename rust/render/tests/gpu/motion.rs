@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What moves while the shutter is open: against closed forms, against the mean of still pictures, and the same bits in
+//! Motion while the shutter is open: against closed forms, against the mean of still pictures, and the same bits in
 //! core and streaming.
 
 use crate::scenes::{constant, dome, instanced, instancer, prim, sphere, square, sun};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The image `motion`, against where points are by closed forms in f64: cameras, placements and points that move.
+//! The image `motion`, against positions of points by closed forms in f64: cameras, placements and points that move.
 
 use crate::scenes::{constant, deforming, mesh, prim, square, widening};
 use crate::support::{orthographic, perspective, read, render, request, session, settings};
@@ -12,7 +12,7 @@ use std::f64::consts::FRAC_PI_2;
 
 const SIZE: [u32; 2] = [64, 48];
 
-/// Where what is seen as prim `id` at the world's point `p` in the middle of the shutter is at a time of it.
+/// The position at a time of the shutter of the point that is at `p`, on prim `id`, in the middle of the shutter.
 type Path<'a> = dyn Fn(i32, DVec3, f64) -> DVec3 + 'a;
 
 /// Pixel from the lower left corner, and camera depth, of a point of the world.
@@ -49,7 +49,7 @@ fn rendered(camera: &Camera, build: impl FnOnce(&mut SceneDb)) -> (Session, Vec<
 }
 
 /// Renders and compares every pixel. `still`: the camera in the middle of the shutter; `at`: its map at a time of it.
-/// Pixels of each prim id that moved.
+/// Returns the number of moving pixels of each prim id.
 fn agree(
     what: &str,
     (camera, still): (&Camera, &Camera),
@@ -106,7 +106,7 @@ fn cards(db: &mut SceneDb) {
         let id = i32::try_from(id).expect("small");
         let flat = DMat4::from_rotation_x(FRAC_PI_2);
         let mut desc = card(path, id, place_of(id, 0.0));
-        // The keys of a rotation and of a growth: between two the map is what `place_of` says.
+        // The keys of a rotation and of a growth: between two the map is that of `place_of`.
         desc.prim.motion =
             if id == 0 { Vec::new() } else { [0.0, 1.0].map(|t| sample(t, place_of(id, t) * flat)).to_vec() };
         db.upsert_mesh(desc);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Both traversal backends on the same scenes: the same bits of every image, in core and streaming; and who runs where.
+//! Both traversal backends on the same scenes: the same bits of every image, in core and streaming; and the choice of
+//! the backend.
 //!
 //! All other tests pin the shaders. With `OOCPT_TEST_TRAVERSAL=native` they run on the host instead.
 
@@ -17,7 +18,7 @@ use oocpt_core::settings::{Settings, TraversalKind};
 use oocpt_render::{ForcedFeatures, RenderRequest, Session, SessionOptions, Severity};
 use std::sync::Arc;
 
-/// All images of a scene, and who walked its rays.
+/// All images of a scene, and the backend that walked its rays.
 fn images(
     build: fn(&mut SceneDb),
     settings: Settings,
@@ -47,7 +48,7 @@ fn images_with(
     (read_all(&session, request), stats.inventory.traversal, session)
 }
 
-/// Compares both backends; on a device with memory of its own, asks for the message instead.
+/// Compares both backends; on a device with memory of its own, expects the message instead.
 pub(crate) fn same_bits(
     what: &str,
     build: fn(&mut SceneDb),

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The image of sample counts: known numbers without adaptive sampling, those that were decided with it, and nothing at
-//! all unless asked for.
+//! The image of sample counts: known numbers without adaptive sampling, the decided ones with it, and no counts unless
+//! they are requested.
 
 use crate::error_estimate::{mirror, view};
 use crate::scenes::nested;

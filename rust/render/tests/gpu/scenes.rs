@@ -116,7 +116,7 @@ pub(crate) fn sun(irradiance: f32, angle_degrees: f32, transform: DMat4) -> Ligh
     }
 }
 
-/// `desc` with points that `place` puts where they are at times of the shutter.
+/// `desc` with the points of `place` at times of the shutter.
 pub(crate) fn deforming(desc: MeshDesc, times: &[f64], place: &dyn Fn(Vec3, f64) -> Vec3) -> MeshDesc {
     let view = desc.points.view();
     #[expect(clippy::unwrap_used, reason = "a test")]
@@ -131,7 +131,7 @@ pub(crate) fn deforming(desc: MeshDesc, times: &[f64], place: &dyn Fn(Vec3, f64)
     MeshDesc { points: first, point_motion: PointsMotion { samples, ..PointsMotion::default() }, ..desc }
 }
 
-/// What [`deforming`] gives, with widths that change.
+/// The mesh of [`deforming`] with widths that change.
 pub(crate) fn widening(mut desc: MeshDesc, width: &dyn Fn(f64) -> f32) -> MeshDesc {
     desc.widths = constant(width(desc.point_motion.samples[0].time));
     for sample in &mut desc.point_motion.samples {
@@ -140,7 +140,7 @@ pub(crate) fn widening(mut desc: MeshDesc, width: &dyn Fn(f64) -> f32) -> MeshDe
     desc
 }
 
-/// What [`deforming`] gives, with normals that turn.
+/// The mesh of [`deforming`] with normals that turn.
 pub(crate) fn turning(mut desc: MeshDesc, normal: &dyn Fn(f64) -> Vec3) -> MeshDesc {
     desc.normals = constant(normal(desc.point_motion.samples[0].time).to_array());
     for sample in &mut desc.point_motion.samples {

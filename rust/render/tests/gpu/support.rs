@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How the tests render: one session, one request, every image, no message unnoticed.
+//! The helpers of the tests: one session, one request, every image, no message unnoticed.
 
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::camera::Camera;
@@ -9,12 +9,11 @@ use oocpt_render::{AovKind, AovRequest, Message, RenderRequest, Session, Session
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Longest wait for one render: it is there for what hangs, so a busy machine may take its time compiling.
+/// Longest wait for one render: it only ends tests that hang, so a busy machine may take its time compiling.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(300);
 
-/// Settings of the tests: few samples, one seed, rays walked by the shaders, which are what is tested, or by the host
-/// where `OOCPT_TEST_TRAVERSAL` says so: any test must pass with either. The device is the one that
-/// `OOCPT_TEST_DEVICE` names.
+/// Settings of the tests: few samples, one seed, rays walked by the shaders, or by the host if `OOCPT_TEST_TRAVERSAL`
+/// says so: any test must pass with either. `OOCPT_TEST_DEVICE` names the device.
 pub(crate) fn settings(samples: u32, bounces: u32) -> Settings {
     let said = std::env::var("OOCPT_TEST_TRAVERSAL").ok();
     let traversal = said.and_then(|name| TraversalKind::named(&name)).unwrap_or(TraversalKind::Compute);
@@ -23,12 +22,12 @@ pub(crate) fn settings(samples: u32, bounces: u32) -> Settings {
     Settings { samples_per_pixel: samples, max_bounces: bounces, interactive: false, ..defaults }
 }
 
-/// How many seeds a test counts over: a few, or, by `cargo xtask test --full`, many.
+/// The number of seeds that a test counts over: a few, or, by `cargo xtask test --full`, many.
 pub(crate) fn seeds([few, many]: [u32; 2]) -> u32 {
     if is_full() { many } else { few }
 }
 
-/// Whether the tests run by `cargo xtask test --full`.
+/// Returns true if the tests run by `cargo xtask test --full`.
 pub(crate) fn is_full() -> bool {
     std::env::var_os("OOCPT_TEST_FULL").is_some()
 }

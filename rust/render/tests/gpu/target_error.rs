@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Renders that stop at a target error: whether stopping biases the picture, and how far below its target the true
-//! error then is.
+//! Renders that stop at a target error: the bias by stopping, and the distance of the true error below its target.
 
 use crate::error_estimate::{mirror, view, window};
 use crate::scenes::nested;
@@ -21,7 +20,7 @@ fn picture(session: &Session, view: &RenderRequest, seed: usize) -> (Vec<f64>, u
     (channels.collect(), session.stats().error.expect("its error is told").samples)
 }
 
-/// What stopping does, over many seeds.
+/// The effects of stopping, over many seeds.
 #[derive(Debug)]
 struct Stopped {
     /// Bias of the mean of all pixels: relative, and in standard errors.
@@ -86,8 +85,7 @@ fn stopped(build: fn(&mut SceneDb), target: f32) -> Stopped {
     }
 }
 
-/// Stopping does bias where fireflies are: pictures that have met none stop earlier. The bounds are what decisions/0009
-/// states.
+/// Stopping does bias fireflies: pictures that have met none stop earlier. The bounds are those of decisions/0009.
 #[test]
 fn stopping_at_a_target_error_has_bounded_bias() {
     type Case = (&'static str, fn(&mut SceneDb), f32);

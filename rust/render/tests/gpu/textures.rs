@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Textures in renders: colours that are known, warnings, what is left out; and the same bits at every budget, of
-//! textured surfaces and of thousands of leaves with holes.
+//! Textures in renders: known colours, warnings, absent textures; and the same bits at every budget, of textured
+//! surfaces and of thousands of leaves with holes.
 
 mod clipped_boxes;
 mod filter;
@@ -75,7 +75,7 @@ fn session(settings: Settings, options: SessionOptions, build: fn(&mut SceneDb))
     session
 }
 
-/// An image of 32 x 32 on a board that fills the picture of 32 x 32: every pixel is a texel, looked at in its centre.
+/// An image of 32 x 32 on a board that fills the picture of 32 x 32: every pixel is a texel, sampled at its centre.
 fn board(db: &mut SceneDb, file: &str) {
     let points = vec![[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
     let desc = mesh(prim("/board", DMat4::IDENTITY), 1, points, &[vec![0, 1, 2, 3]], 0.5);
@@ -151,7 +151,7 @@ fn an_unreadable_texture_gives_one_warning_and_the_fallback() {
         read::<[f32; 3]>(&session, &request, AovKind::Albedo)
     };
     let albedo = seen(None);
-    // An image is decoded as a whole: where it breaks off there are no means of it either.
+    // An image is decoded as a whole: if it breaks off there are no coarser levels of it either.
     assert!(albedo.iter().all(|pixel| *pixel == [0.25, 0.5, 0.75]), "its fallback everywhere: {:?}", albedo[0]);
     assert!(seen(Some(256)) == albedo, "the same when it streams");
 }
@@ -307,7 +307,7 @@ fn tiles_beyond_the_budget_are_read_in_host_memory() {
     assert!(mapped.iter().all(|stats| stats.texture_loads < few && stats.mapped_bytes > 0), "they stay: {mapped:?}");
 }
 
-/// Boards that shine with their textures, and little else: what lights emit waits for tiles as well.
+/// Boards that shine with their textures, and few other lights: the emission of lights waits for tiles as well.
 fn signs(db: &mut SceneDb) {
     squares(db);
     for (i, file) in (0..).zip(["1000x800x4", "900x700x3", "1100x300x4"]) {
@@ -320,7 +320,7 @@ fn signs(db: &mut SceneDb) {
     }
 }
 
-/// The same boards, which swing.
+/// The same boards, swinging.
 fn swinging_signs(db: &mut SceneDb) {
     signs(db);
     for i in 0..3 {

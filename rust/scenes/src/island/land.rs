@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The ground of the island: heights, colours, and where what grows gladly. +x is right, -z is away from the camera, y
-//! is up, the sea is y = 0; metres. Pure; any thread.
+//! The ground of the island: heights, colours, and the density of plants. +x is right, -z is away from the camera, y is
+//! up, the sea is y = 0; metres. Pure; any thread.
 
 use glam::{DVec2, DVec3};
 
@@ -15,7 +15,7 @@ const COAST: f64 = 0.80;
 /// Width of the beach, in half sides.
 pub(crate) const BEACH: f64 = 0.13;
 
-/// Where a species grows.
+/// The places where a species grows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Habitat {
     /// All over the sand.
@@ -51,7 +51,7 @@ fn bump(at: DVec2, center: [f64; 2], radius: f64) -> f64 {
 }
 
 impl IslandTerrain {
-    /// The land that suits `instances`: fewer things make a smaller island, so that they do not get lost.
+    /// A land for `instances`: fewer instances make a smaller island, so that they do not get lost.
     pub(crate) fn new(instances: u64, seed: u64) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "a size, not a count")]
         let part = (instances as f64 / FULL_INSTANCES).cbrt().clamp(0.09, 1.0);
@@ -106,15 +106,15 @@ impl IslandTerrain {
         ground.lerp(rock, smooth(0.30, 0.42, 1.0 - normal.y)) * shade
     }
 
-    /// How gladly `habitat` is grown at a place: 0 where it is not, and beyond that with log-normal patches, so that
-    /// some places are a thousand times denser than others.
+    /// The density of `habitat` at a place: 0 outside of it, and inside varied by log-normal patches, so that some
+    /// places are a thousand times denser than others.
     pub(crate) fn density(&self, habitat: Habitat, x: f64, z: f64, stream: u64) -> f64 {
         let inland = self.inland(x, z);
         if inland < -0.03 {
             return 0.0;
         }
         let at = DVec2::new(x, z) / self.half;
-        // Only asked for where it matters: a normal takes four heights.
+        // The slope is computed only where it matters: a normal takes four heights.
         let slope = || 1.0 - self.normal(x, z).y;
         let hills = match smooth(BEACH, 1.5 * BEACH, inland) {
             above if above > 0.0 && matches!(habitat, Habitat::Meadow | Habitat::Hills) => {
@@ -135,7 +135,7 @@ impl IslandTerrain {
         if place <= 1e-9 {
             return 0.0;
         }
-        // More towards the camera's side, as a set dresser would.
+        // The density is higher towards the camera, as a set dresser would make it.
         let front = 0.35 + bump(at, [0.0, 0.62], 0.5);
         // Deviation of the logarithm about 1.7: one place in a hundred has 50 times the middle, one in a hundred 1/50.
         let patch = ValueNoise(self.patches.0 ^ stream.wrapping_mul(0x9e37_79b9)).at(at.x, at.y, 0.12, 4);

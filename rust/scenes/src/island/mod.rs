@@ -32,7 +32,7 @@ const QUADS_PER_INSTANCE: f64 = 2097.0;
 /// Largest part of the unique quads that goes to instanced meshes.
 const INSTANCED_PART: f64 = 0.35;
 
-/// What determines an island.
+/// The parameters that determine an island.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::Args, serde::Serialize)]
 pub struct IslandParameters {
     /// Placements of meshes on one island, nesting multiplied out.
@@ -69,7 +69,7 @@ impl IslandParameters {
     }
 }
 
-/// One island, made.
+/// One generated island.
 #[derive(Debug)]
 struct Island {
     land: IslandTerrain,
@@ -100,7 +100,7 @@ impl Island {
         TerrainMesh { points: &terrain.points, side, half: self.land.half }
     }
 
-    /// What places species number `k` of an island that is distinct from those of other numbers.
+    /// The scatter of species number `k` on an island, which differs for islands of other numbers.
     fn scatter(&self, k: usize, island: u32) -> SpeciesScatter<'_> {
         let species = &self.plants.species[k];
         let stream = k as u64 + 1;
@@ -137,7 +137,7 @@ fn counts(plants: &PlantCatalog, instances: u64) -> Vec<u64> {
         })
         .collect();
     let placed: u64 = counts.iter().zip(&sizes).map(|(count, size)| count * size).sum();
-    // The last species are single meshes: they take up what is left over.
+    // The last species are single meshes: they make up the remainder.
     if let Some(last) = counts.last_mut() {
         *last += instances - placed;
     }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What stands on the island: meshes, clumps of meshes (and of clumps), and the species that scatter them.
+//! The things that grow and lie on the island: meshes, clumps of meshes (and of clumps), and the species that scatter
+//! them.
 //!
-//! All variants of a species hold the same number of meshes, so that the number of instances comes out exactly.
+//! All variants of a species hold the same number of meshes, so that the number of instances is exact.
 
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
@@ -19,7 +20,7 @@ pub(crate) struct PlantPlacement {
 }
 
 impl PlantPlacement {
-    /// First `inner`, then this.
+    /// The placement that applies `inner` first, then this.
     pub(crate) fn of(&self, inner: &Self) -> Self {
         Self {
             at: self.at + self.turn * (inner.at * self.scale),
@@ -29,7 +30,7 @@ impl PlantPlacement {
     }
 }
 
-/// What a part or a species shows.
+/// The content of a part or a species.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PlantItem {
     /// Index into [`PlantCatalog::shapes`].
@@ -38,11 +39,11 @@ pub(crate) enum PlantItem {
     Clump(usize),
 }
 
-/// A few things that always stand together.
+/// A few items that always stand together.
 #[derive(Debug)]
 pub(crate) struct PlantClump {
     pub(crate) name: String,
-    /// Clumps among them come earlier in [`PlantCatalog::clumps`].
+    /// Items and placements; clumps among them come earlier in [`PlantCatalog::clumps`].
     pub(crate) parts: Vec<(PlantItem, PlantPlacement)>,
 }
 
@@ -51,19 +52,19 @@ pub(crate) struct PlantClump {
 pub(crate) struct Species {
     pub(crate) name: &'static str,
     pub(crate) habitat: Habitat,
-    /// Part of all instances, counted as meshes; 0 = what is left over.
+    /// Share of all instances, counted as meshes; 0 = the remainder.
     pub(crate) share: f64,
-    /// Shown in turn.
+    /// Items that are placed in turn.
     pub(crate) variants: Vec<PlantItem>,
     /// Least and greatest scale.
     pub(crate) scale: [f64; 2],
-    /// True: as many small ones as there are few large ones (even in the logarithm), false: even.
+    /// True if sizes are uniform in the logarithm, false if they are uniform.
     pub(crate) is_log: bool,
-    /// Metres to sink into the ground at scale 1.
+    /// Metres that it sinks into the ground at scale 1.
     pub(crate) sink: f64,
-    /// How much it follows the slope, 0 = upright.
+    /// The degree to which it follows the slope, 0 = upright.
     pub(crate) lean: f64,
-    /// Kept free around the camera, metres.
+    /// Radius around the camera that is kept free, metres.
     pub(crate) clearing: f64,
 }
 
@@ -74,7 +75,7 @@ pub(crate) struct PlantShape {
     pub(crate) soup: QuadSoup,
 }
 
-/// All of it.
+/// All shapes, clumps and species.
 #[derive(Debug)]
 pub(crate) struct PlantCatalog {
     pub(crate) shapes: Vec<PlantShape>,
@@ -84,7 +85,7 @@ pub(crate) struct PlantCatalog {
 
 type ShapeMaker = fn(u64, &mut KeyedRandom) -> QuadSoup;
 
-/// (name, variants, quads relative to the others, maker).
+/// The kinds of shapes: name, variants, quads relative to the others, maker.
 const SHAPES: &[(&str, u64, f64, ShapeMaker)] = &[
     ("pebble", 8, 0.6, pebble),
     ("shell", 3, 0.6, |quads, random| {
@@ -154,7 +155,7 @@ pub(crate) fn weights() -> Vec<f64> {
 }
 
 impl PlantCatalog {
-    /// Everything but the meshes, which come with [`PlantCatalog::make_shapes`].
+    /// Everything but the meshes, which [`PlantCatalog::make_shapes`] adds.
     pub(crate) fn new(seed: u64) -> Self {
         let names = SHAPES.iter().flat_map(|&(name, variants, ..)| (0..variants).map(move |k| format!("{name}_{k}")));
         let shapes = names.map(|name| PlantShape { name, soup: QuadSoup::default() }).collect();
@@ -205,7 +206,7 @@ impl PlantCatalog {
         (first..self.clumps.len()).map(PlantItem::Clump).collect()
     }
 
-    /// Where the trunk of a palm ends.
+    /// The upper end of the trunk of a palm.
     pub(crate) fn trunk_top(&self, trunk: PlantItem, seed: u64) -> DVec3 {
         match trunk {
             PlantItem::Shape(k) => trunk_at(1.0, PALM_HEIGHT, palm_bend(&mut shape_stream(seed, k))),
@@ -218,7 +219,7 @@ impl PlantCatalog {
         self.species.push(species);
     }
 
-    /// All shapes of an item with their places, clumps taken apart.
+    /// All shapes of an item with their placements, clumps resolved.
     pub(crate) fn flat(&self, item: PlantItem) -> Vec<(usize, PlantPlacement)> {
         match item {
             PlantItem::Shape(shape) => {
@@ -238,10 +239,10 @@ impl PlantCatalog {
 
 /// Equal parts of a clump.
 pub(crate) struct ClumpGroup<'a> {
-    /// Shown in turn.
+    /// Items that are placed in turn.
     pub(crate) items: &'a [PlantItem],
-    /// How many.
+    /// Number of parts.
     pub(crate) count: u32,
-    /// Where the part goes that has this fraction of the others before it.
+    /// The placement of the part that has this fraction of the others before it.
     pub(crate) place: &'a dyn Fn(f64, &mut KeyedRandom) -> PlantPlacement,
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The island as prims: the one description behind the scene database and the USD file.
 //!
-//! Paths are those of the USD stage. `BASE` is `/World/Island`, or `/World/Copies/Island` when an instancer copies it:
+//! Paths are those of the USD stage. `BASE` is `/World/Island`, or `/World/Copies/Island` if an instancer copies it:
 //! - `BASE/UniqueMesh/NAME`: meshes that appear once (under `--flatten` with copies: prototypes of `BASE/UniqueMesh`)
 //! - `BASE/Library/NAME`: meshes and clumps, the prototypes (USD: below an empty instancer, so that nothing shows them)
 //! - `BASE/SPECIES`, or `BASE/SPECIES_c007` for copy 7: point instancers
@@ -47,7 +47,8 @@ fn prim(path: impl Into<Arc<str>>, transform: DMat4, instanced_by: Vec<Instanced
     PrimDesc { path: path.into(), transform, instanced_by, ..PrimDesc::default() }
 }
 
-/// Where copy `c` of an island goes: an arrowhead of rows that the camera looks along, each copy turned another way.
+/// The placement of copy `c` of an island: an arrowhead of rows that the camera looks along, each copy turned another
+/// way.
 pub(crate) fn copy_transform(c: u32, half: f64) -> DMat4 {
     let row = c.isqrt();
     let column = f64::from(c - row * row) - f64::from(row);
@@ -55,13 +56,13 @@ pub(crate) fn copy_transform(c: u32, half: f64) -> DMat4 {
     DMat4::from_rotation_translation(DQuat::from_rotation_y(1.7 * f64::from(c)), at)
 }
 
-/// Collects prims; remembers who shows what.
+/// Collects prims, and the instancers of each prototype.
 struct PrimBuilder<'a> {
     island: &'a Island,
     parameters: &'a IslandParameters,
     base: &'static str,
     prims: IslandPrims,
-    /// By the path of a prototype: who shows it.
+    /// The instancers by the path of their prototype.
     shown_by: FxHashMap<Arc<str>, Vec<InstancedBy>>,
 }
 
@@ -234,7 +235,7 @@ impl PrimBuilder<'_> {
             let prim = prim(self.root(PlantItem::Clump(k)), DMat4::IDENTITY, Vec::new());
             self.add(InstancerDesc { prim, prototypes, ..arrays(places)? });
         }
-        // Who shows a clump is known only now.
+        // The instancers of a clump are known only now.
         for instancer in &mut self.prims.instancers {
             if let Some(by) = self.shown_by.get(&instancer.prim.path) {
                 instancer.prim.instanced_by.clone_from(by);

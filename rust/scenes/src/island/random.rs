@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Random numbers that are a function of their key, and smooth noise. Pure; any thread.
 
-/// A stream of numbers that belongs to a key: the same key gives the same stream, whoever asks and in which order.
+/// A stream of numbers that belongs to a key: the same key always gives the same stream.
 #[derive(Clone, Debug)]
 pub(crate) struct KeyedRandom(u64);
 
@@ -12,7 +12,7 @@ fn mix(z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// One number for several.
+/// Hashes several numbers to one.
 pub(crate) fn hash(key: &[u64]) -> u64 {
     key.iter().fold(0x9e37_79b9_7f4a_7c15, |state, part| mix(state ^ mix(part.wrapping_add(0x9e37_79b9_7f4a_7c15))))
 }
@@ -29,12 +29,12 @@ impl KeyedRandom {
         mix(self.0)
     }
 
-    /// In [0, 1).
+    /// A number in [0, 1).
     pub(crate) fn unit(&mut self) -> f64 {
         unit(self.bits())
     }
 
-    /// Evenly between two bounds.
+    /// A uniform number between two bounds.
     pub(crate) fn range(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
@@ -87,7 +87,7 @@ impl ValueNoise {
         near + (far - near) * fz
     }
 
-    /// About -1 to 1, deviation about 0.35; features as large as `wavelength` and smaller.
+    /// The noise at a place: about -1 to 1, deviation about 0.35; features as large as `wavelength` and smaller.
     pub(crate) fn at(self, x: f64, z: f64, wavelength: f64, octaves: u32) -> f64 {
         let (mut total, mut weight, mut scale) = (0.0, 1.0, 1.0 / wavelength);
         for octave in 0..octaves {

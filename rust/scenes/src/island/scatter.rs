@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where instances stand: drawn from a species' density, put on the terrain's mesh, written into instance arrays.
+//! The positions of instances: drawn from a species' density, put on the terrain's mesh, written into instance arrays.
 //!
 //! Placement i depends on the seed, the species and i only; arrays are filled in parallel.
 
@@ -13,13 +13,13 @@ use super::random::KeyedRandom;
 
 /// Placements filled by one task.
 const TASK: usize = 1 << 12;
-/// Prime and above every instance count: a stride that visits all of `0..n` in a mixed order.
+/// A stride that visits all of `0..n` in a mixed order: prime and above every instance count.
 const STRIDE: u64 = 4_294_967_291;
 
-/// The terrain as its mesh has it, so that things stand on what is drawn.
+/// The terrain as its mesh has it, so that instances stand on the rendered surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TerrainMesh<'a> {
-    /// Of a square grid of `side * side` quads, rows along z.
+    /// Points of a square grid of `side * side` quads, rows along z.
     pub(crate) points: &'a [[f32; 3]],
     /// Quads along one side.
     pub(crate) side: u32,
@@ -28,7 +28,7 @@ pub(crate) struct TerrainMesh<'a> {
 }
 
 impl TerrainMesh<'_> {
-    /// Height and unit normal.
+    /// Height and unit normal at a place.
     pub(crate) fn at(&self, x: f64, z: f64) -> (f64, DVec3) {
         let cells = f64::from(self.side);
         let cell = 2.0 * self.half / cells;
@@ -58,7 +58,8 @@ pub(crate) struct DensitySampler {
 }
 
 impl DensitySampler {
-    /// `stream` tells the species' patches from others'; nothing comes within `clearing` metres of `eye`.
+    /// A sampler of the density of a species. `stream` makes the patches differ between species; nothing comes within
+    /// `clearing` metres of `eye`.
     pub(crate) fn new(
         land: &IslandTerrain,
         habitat: Habitat,
@@ -75,7 +76,7 @@ impl DensitySampler {
             .map(|(row, column)| {
                 let middle = |k: u32| (f64::from(k) + 0.5) * cell - land.half;
                 let (x, z) = (middle(column), middle(row));
-                // A cell's diagonal keeps the clearing clear up to its corners.
+                // Half of a cell's diagonal is added, so that the clearing is free up to the cells' corners.
                 let is_near = DVec3::new(x - eye.x, 0.0, z - eye.z).length() < clearing + 0.71 * cell;
                 if is_near { 0.0 } else { land.density(habitat, x, z, stream) }
             })
@@ -88,7 +89,7 @@ impl DensitySampler {
         Self { side, half: land.half, sums }
     }
 
-    /// The place that `at` in [0, 1) of the density lies before, anywhere in its cell.
+    /// The place at which the sum of the densities reaches `at` in [0, 1), anywhere in its cell.
     pub(crate) fn draw(&self, at: f64, random: &mut KeyedRandom) -> (f64, f64) {
         let wanted = at * self.sums.last().copied().unwrap_or(0.0);
         let index = self.sums.partition_point(|&sum| sum <= wanted).min(self.sums.len().saturating_sub(1));
@@ -100,7 +101,7 @@ impl DensitySampler {
     }
 }
 
-/// Everything that places one species.
+/// The inputs for placing one species.
 #[derive(Debug)]
 pub(crate) struct SpeciesScatter<'a> {
     pub(crate) species: &'a Species,
@@ -108,7 +109,7 @@ pub(crate) struct SpeciesScatter<'a> {
     pub(crate) sampler: DensitySampler,
     /// Placements in all.
     pub(crate) count: u64,
-    /// Seed and species.
+    /// The seed and the species.
     pub(crate) key: [u64; 2],
 }
 
@@ -121,7 +122,7 @@ impl SpeciesScatter<'_> {
         let (x, z) = self.sampler.draw(at, &mut random);
         let [low, high] = self.species.scale;
         let scale = match self.species.is_log {
-            // Squared towards the small ones.
+            // The power favours small ones.
             true => low * (high / low).powf(random.unit().powf(1.6)),
             false => random.range(low, high),
         };
@@ -136,13 +137,14 @@ impl SpeciesScatter<'_> {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ScatteredInstances {
     pub(crate) translations: Vec<[f32; 3]>,
-    /// i, j, k, real.
+    /// Quaternions as i, j, k, real.
     pub(crate) rotations: Vec<[f16; 4]>,
     pub(crate) scales: Vec<[f32; 3]>,
 }
 
 impl ScatteredInstances {
-    /// `each` instances for each of the placements `0..count`: `fill(i, put)` puts those of placement i, in order.
+    /// Makes `each` instances for each of the placements `0..count`: `fill(i, put)` puts those of placement i, in
+    /// order.
     pub(crate) fn new(count: usize, each: usize, fill: impl Fn(u64, &mut dyn FnMut(PlantPlacement)) + Sync) -> Self {
         let total = count * each;
         let mut places = Self {

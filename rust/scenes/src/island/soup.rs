@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Meshes of quads, and the makers of things with an exact number of them. Units are metres, y is up, the foot of a
-//! thing is at the origin. Pure; any thread.
+//! Meshes of quads, and the makers of shapes with an exact number of them. Units are metres, y is up, the foot of a
+//! shape is at the origin. Pure; any thread.
 
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -16,7 +16,7 @@ pub(crate) struct QuadSoup {
     pub(crate) quads: Vec<[i32; 4]>,
     /// Linear colour: one for all quads, or one per quad, or one per point.
     pub(crate) colors: Vec<[f32; 3]>,
-    /// One per point, or none: flat.
+    /// Normals, one per point, or none for flat shading.
     pub(crate) normals: Vec<[f32; 3]>,
 }
 
@@ -28,7 +28,7 @@ impl QuadSoup {
 
     /// The number of the next point.
     fn next(&self) -> i32 {
-        // Far below 2^31: meshes are cut below that by the callers' quad counts.
+        // The number is far below 2^31: callers bound the number of quads.
         i32::try_from(self.points.len()).unwrap_or(i32::MAX)
     }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The species of the island and their clumps: which meshes, how many, how large, where. A table more than a program.
+//! The species of the island and their clumps: meshes, numbers, sizes and places. A table more than a program.
 
 use glam::{DQuat, DVec3};
 
@@ -12,14 +12,14 @@ fn upright(at: DVec3, yaw: f64, scale: f64) -> PlantPlacement {
     PlantPlacement { at, turn: DQuat::from_rotation_y(yaw), scale }
 }
 
-/// A spot of a sunflower disk, with jitter: things spread out, none on top of another.
+/// A place on a sunflower disk, with jitter: items spread out, none on top of another.
 fn on_disk(part: f64, radius: f64, scale: [f64; 2], random: &mut KeyedRandom) -> PlantPlacement {
     let angle = part * 977.0 + 0.3 * random.normal();
     let out = radius * part.sqrt() * random.range(0.85, 1.1);
     upright(DVec3::new(angle.cos() * out, 0.0, angle.sin() * out), random.angle(), random.range(scale[0], scale[1]))
 }
 
-/// Lying anyhow.
+/// A placement of something that lies in any orientation.
 fn lying(part: f64, radius: f64, scale: [f64; 2], random: &mut KeyedRandom) -> PlantPlacement {
     let mut place = on_disk(part, radius, scale, random);
     // Sticks stand along y; laid down they point anywhere in the plane.
@@ -28,7 +28,7 @@ fn lying(part: f64, radius: f64, scale: [f64; 2], random: &mut KeyedRandom) -> P
     place
 }
 
-/// On the upper half of a ball of `radius` that sits on the ground, turned outward.
+/// A placement on the upper half of a ball of `radius` that sits on the ground, turned outward.
 fn on_dome(part: f64, radius: f64, random: &mut KeyedRandom) -> PlantPlacement {
     let (angle, y) = (part * 977.0 + 0.2 * random.normal(), (1.0 - part).clamp(0.0, 1.0));
     let out = (1.0 - y * y).sqrt();
@@ -90,7 +90,8 @@ impl PlantCatalog {
         self.add(Species { is_log: true, sink: 0.2, lean: 1.0, clearing: 1.2, ..pebbles });
     }
 
-    /// One trunk, fronds and nuts at its top: the bend of a trunk is known, so each variant has a trunk of its own.
+    /// Palms of one trunk, with fronds and nuts at its top: the bend of a trunk must be known, so each variant has a
+    /// trunk of its own.
     fn add_palms(&mut self, seed: u64) -> Vec<PlantItem> {
         let (trunks, fronds, nuts) = (self.all("palm_trunk"), self.all("palm_frond"), self.all("coconut"));
         let foot = |_: f64, _: &mut KeyedRandom| upright(DVec3::ZERO, 0.0, 1.0);
@@ -152,7 +153,7 @@ impl PlantCatalog {
         self.add_clumps("grove", 4, &groups, seed)
     }
 
-    /// What the tide left.
+    /// Clumps of debris that the tide left.
     fn add_debris(&mut self, seed: u64) -> Vec<PlantItem> {
         let (sticks, shells, litter) = (self.all("stick"), self.all("shell"), self.all("litter"));
         let flat = |part: f64, random: &mut KeyedRandom| lying(part, 1.1, [0.5, 1.2], random);

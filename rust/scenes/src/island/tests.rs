@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The island's statistics: counts are exact, the same twice, and do not depend on nesting.
+//! The island's statistics: counts are exact, reproducible, and do not depend on nesting.
 
 use oocpt_core::scene::{SceneCounts, SceneDb};
 

@@ -15,8 +15,9 @@ use super::view;
 pub(crate) const OCEAN_QUADS: u64 = 64;
 /// Reefs.
 const REEFS: u64 = 3;
-/// Part of the unique quads that is terrain, and reefs together.
+/// Share of the unique quads that is terrain.
 const TERRAIN_PART: f64 = 0.22;
+/// Share of the unique quads that all reefs have together.
 const REEF_PART: f64 = 0.10;
 /// Quads of a tree of the full-size island.
 const TREE_QUADS: u64 = 2_500_000;
@@ -97,7 +98,7 @@ fn terrain(land: &IslandTerrain, side: u32) -> QuadSoup {
         for column in 0..i64::from(side) {
             let first = row * i64::from(side + 1) + column;
             let below = first + i64::from(side) + 1;
-            // Below 2^31 for sides below 46 000; 4 G quads at 22 % stay below that.
+            // Indices stay below 2^31 for sides below 46 000; 4 G quads at 22 % stay below that.
             soup.quads.push([first, below, below + 1, first + 1].map(|k| i32::try_from(k).unwrap_or(i32::MAX)));
         }
     }
@@ -122,7 +123,7 @@ fn reef(land: &IslandTerrain, k: u64, quads: u64, seed: u64) -> UniqueMesh {
     }
 }
 
-/// Where the trees stand.
+/// The positions of the trees.
 fn tree_spots(land: &IslandTerrain, ground: TerrainMesh<'_>, trees: u64, seed: u64) -> Vec<PlantPlacement> {
     let sampler = DensitySampler::new(land, Habitat::Hills, 0, 96, view::eye(land), 0.12 * land.half);
     let spot = |k: u64| {

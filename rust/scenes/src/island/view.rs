@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where the island is seen from, and its light.
+//! The camera and the lights of the island.
 
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use oocpt_core::camera::Camera;
@@ -10,7 +10,7 @@ use super::land::IslandTerrain;
 
 /// Horizontal field of view, radians.
 const FIELD_OF_VIEW: f64 = 1.05;
-/// Near and far plane; only depth images look at them.
+/// Near and far plane; only depth images use them.
 const CLIPPING: [f64; 2] = [0.1, 100_000.0];
 
 /// A camera as USD has it; lengths in scene units.
@@ -27,7 +27,7 @@ pub struct StageCamera {
 /// Over the shallows in front of the beach.
 pub(crate) fn eye(land: &IslandTerrain) -> DVec3 {
     let (x, mut z) = (0.20 * land.half, 1.2 * land.half);
-    // The coast is wavy: come in from the sea until it is near.
+    // The coast is irregular: the search starts in the sea and stops near the coast.
     while land.inland(x, z) < -(0.15 * land.half).min(14.0) / land.half && z > 0.0 {
         z -= 0.005 * land.half;
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A function as blocks: which of them are reached, and what is written of them.
+//! A function as blocks: finds the reachable ones and writes them.
 
 use super::values::KnownValues;
 use super::{SpirvInstruction, head, op};
@@ -9,24 +9,24 @@ use std::collections::{HashMap, HashSet};
 #[derive(Clone, Debug)]
 struct BasicBlock<'w> {
     label: u32,
-    /// Between the label and the end: no merge, no terminator.
+    /// Instructions between the label and the end, without merge and terminator.
     body: Vec<SpirvInstruction<'w>>,
-    /// `OpSelectionMerge` or `OpLoopMerge`, if it is the header of something.
+    /// `OpSelectionMerge` or `OpLoopMerge`, if it is the header of a construct.
     merge: Option<SpirvInstruction<'w>>,
     end: BlockEnd<'w>,
 }
 
-/// How a block ends.
+/// The terminator of a block.
 #[derive(Clone, Copy, Debug)]
 enum BlockEnd<'w> {
-    /// As it was.
+    /// The original terminator.
     As(SpirvInstruction<'w>),
-    /// With a jump, once with a choice.
+    /// A jump that replaces a branch.
     Jump(u32),
 }
 
 impl BasicBlock<'_> {
-    /// Where it may go.
+    /// The labels of the possible targets.
     fn targets(&self) -> Vec<u32> {
         match self.end {
             BlockEnd::Jump(to) => vec![to],
@@ -41,22 +41,22 @@ impl BasicBlock<'_> {
     }
 }
 
-/// What is left of a function.
+/// The remaining code of a function.
 #[derive(Debug)]
 pub(crate) struct SpirvFunction<'w> {
     pub(crate) id: u32,
     /// `OpFunction` and its parameters.
     header: Vec<SpirvInstruction<'w>>,
-    /// Those that are reached, in order.
+    /// The reachable blocks, in order.
     blocks: Vec<BasicBlock<'w>>,
-    /// Blocks that only a merge instruction names: by label, where a continue target goes back to.
+    /// Blocks that only a merge instruction names: the label, and the target to which a continue block goes back.
     stubs: Vec<(u32, Option<u32>)>,
     end: SpirvInstruction<'w>,
 }
 
 impl<'w> SpirvFunction<'w> {
-    /// A function, from `OpFunction` to `OpFunctionEnd`, without what its known conditions leave unreachable. `None`
-    /// if it is not as expected.
+    /// A function, from `OpFunction` to `OpFunctionEnd`, without the code that its known conditions make unreachable.
+    /// `None` if its form is not as expected.
     pub(crate) fn folded(code: &[SpirvInstruction<'w>], mut values: KnownValues) -> Option<Self> {
         let (&end, code) = code.split_last().filter(|(end, _)| end.op == op::FUNCTION_END)?;
         let first = code.iter().position(|instruction| instruction.op == op::LABEL)?;
@@ -85,8 +85,8 @@ impl<'w> SpirvFunction<'w> {
         labels.chain(self.header.iter().chain(body).filter_map(SpirvInstruction::result))
     }
 
-    /// Whether each loop that is left still has what a phi of its header takes from behind it: the shaders keep in
-    /// variables what a loop changes, so there are no such phis.
+    /// Returns true if no header of a loop has a phi, which could name a removed block behind it. The shaders keep in
+    /// variables what a loop changes, so there are none.
     fn has_all_it_names(&self) -> bool {
         let loops = self.blocks.iter().filter(|block| block.merge.is_some_and(|merge| merge.op == op::LOOP_MERGE));
         loops.flat_map(|block| &block.body).all(|instruction| instruction.op != op::PHI)
@@ -128,7 +128,7 @@ impl<'w> SpirvFunction<'w> {
     }
 }
 
-/// A phi with the values of the blocks that are left before it.
+/// Writes a phi with the values of the remaining predecessors.
 fn write_phi(phi: &SpirvInstruction<'_>, from: Option<&HashSet<u32>>, out: &mut Vec<u32>) {
     let at = out.len();
     out.extend([0, phi.word(1), phi.word(2)]);
@@ -157,11 +157,11 @@ fn split<'w>(code: &[SpirvInstruction<'w>]) -> Option<Vec<BasicBlock<'w>>> {
     Some(blocks)
 }
 
-/// Folds what is known, and gives the labels of the blocks that are reached. `None` if a block is first reached from
-/// one behind it: what was taken for known before may not be.
+/// Folds known values, and returns the labels of the reachable blocks. `None` if a block is first reached from one
+/// behind it: values that were taken for known before may not be.
 fn reach(blocks: &mut [BasicBlock<'_>], values: &mut KnownValues) -> Option<HashSet<u32>> {
     let mut reached: HashSet<u32> = blocks.first().map(|block| block.label).into_iter().collect();
-    // Edges that may be taken, and blocks that were looked at.
+    // Edges that may be taken, and blocks that were visited.
     let mut edges: HashSet<(u32, u32)> = HashSet::new();
     let mut done: HashSet<u32> = HashSet::new();
     for block in &mut *blocks {
@@ -196,7 +196,7 @@ fn reach(blocks: &mut [BasicBlock<'_>], values: &mut KnownValues) -> Option<Hash
     Some(reached)
 }
 
-/// The value of a phi, if all edges that lead to it are known and bring the same.
+/// The value of a phi, if all edges that lead to it are known and have the same value.
 fn phi_value(
     phi: &SpirvInstruction<'_>,
     label: u32,
@@ -221,7 +221,7 @@ fn phi_value(
     common
 }
 
-/// Blocks that are not reached, but named by merges of those that are.
+/// Blocks that are not reachable, but named by merges of reachable ones.
 fn stubs(blocks: &[BasicBlock<'_>], reached: &HashSet<u32>) -> Vec<(u32, Option<u32>)> {
     let mut stubs: Vec<(u32, Option<u32>)> = Vec::new();
     for block in blocks.iter().filter(|block| reached.contains(&block.label)) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is known of the values of 32-bit integers and booleans.
+//! The known values of 32-bit integers and booleans.
 
 use super::{SpirvInstruction, op};
 use std::collections::HashMap;
@@ -11,7 +11,7 @@ pub(crate) struct KnownValues {
 }
 
 impl KnownValues {
-    /// Those of the global section, with specialisation constants `(id, value)`.
+    /// The known values of the global section, with specialisation constants `(id, value)`.
     pub(crate) fn of_globals(global: &[SpirvInstruction<'_>], spec: &[(u32, u32)]) -> Self {
         const SPEC_ID: u32 = 1;
         const WORD_BITS: u32 = 32;
@@ -48,12 +48,12 @@ impl KnownValues {
         }
     }
 
-    /// What an operation gives, where that is known: those that conditions are made of.
+    /// The result of an operation, if it is known; supports the operations of which conditions consist.
     pub(crate) fn result(&self, operation: u32, operands: &[u32]) -> Option<u32> {
         let operand = |at: usize| self.get(*operands.get(at)?);
         let both = |f: fn(u32, u32) -> u32| Some(f(operand(0)?, operand(1)?));
         match operation {
-            // LogicalEqual, LogicalNotEqual, LogicalOr, LogicalAnd, LogicalNot.
+            // These are LogicalEqual, LogicalNotEqual, LogicalOr, LogicalAnd, LogicalNot.
             164 => both(|a, b| u32::from(a == b)),
             165 => both(|a, b| u32::from(a != b)),
             166 => match (operand(0), operand(1)) {
@@ -67,16 +67,16 @@ impl KnownValues {
                 _ => None,
             },
             168 => Some(1 - operand(0)?.min(1)),
-            // Select.
+            // This is Select.
             169 => operand(if operand(0)? == 1 { 1 } else { 2 }),
-            // IEqual, INotEqual, UGreaterThan, UGreaterThanEqual, ULessThan, ULessThanEqual.
+            // These are IEqual, INotEqual, UGreaterThan, UGreaterThanEqual, ULessThan, ULessThanEqual.
             170 => both(|a, b| u32::from(a == b)),
             171 => both(|a, b| u32::from(a != b)),
             172 => both(|a, b| u32::from(a > b)),
             174 => both(|a, b| u32::from(a >= b)),
             176 => both(|a, b| u32::from(a < b)),
             178 => both(|a, b| u32::from(a <= b)),
-            // IAdd, ISub, IMul; BitwiseOr, BitwiseXor, BitwiseAnd.
+            // These are IAdd, ISub, IMul; BitwiseOr, BitwiseXor, BitwiseAnd.
             128 => both(u32::wrapping_add),
             130 => both(u32::wrapping_sub),
             132 => both(u32::wrapping_mul),
@@ -92,7 +92,7 @@ impl KnownValues {
 mod tests {
     use super::*;
 
-    /// Each operation by its number in the SPIR-V specification, at values that tell it from its neighbours.
+    /// Tests each operation by its number in the SPIR-V specification, at values that tell it from its neighbours.
     #[test]
     fn every_operation_gives_its_known_result() {
         let mut values = KnownValues::default();

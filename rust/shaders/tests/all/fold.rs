@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A module without what its specialisation constants make unreachable is valid, and the same module: `spirv-opt` makes
-//! one and the same of both.
+//! A module folded by its specialisation constants is valid and equivalent: `spirv-opt` reduces both to the same code.
 
 use oocpt_abi::{FEATURES, Features, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
 use oocpt_shaders::{ALL, ShaderModule, checks, passes};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Folds constants and branches, drops what nothing reaches, and numbers what is left.
+/// Folds constants and branches, removes unreachable code, and renumbers the ids.
 const PASSES: [&str; 13] = [
     "--freeze-spec-const",
     "--fold-spec-const-op-composite",
@@ -24,7 +23,7 @@ const PASSES: [&str; 13] = [
     "--compact-ids",
 ];
 
-/// A folder that goes with the test.
+/// A folder that is removed after the test.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -58,8 +57,8 @@ fn spec(features: Features) -> [(u32, u32); 4] {
     [(SPEC_MAX_LEVELS, 2), (SPEC_STACK_SIZE, 40), low, high]
 }
 
-/// What `spirv-opt` makes of a module: its instructions in order of their texts, without the numbers of results, since
-/// the order of blocks may differ.
+/// The code to which `spirv-opt` reduces a module: its instructions sorted by their texts, without the numbers of
+/// results, since the order of blocks may differ.
 fn reduced(folder: &Folder, name: &str, words: &[u32], spec: &[(u32, u32)]) -> Vec<String> {
     let from = folder.write(name, words);
     let [to, text] = ["reduced.spv", "reduced.txt"].map(|file| folder.0.join(file));
@@ -71,7 +70,7 @@ fn reduced(folder: &Folder, name: &str, words: &[u32], spec: &[(u32, u32)]) -> V
     run(name, "spirv-opt", &args, &[&to, &from]);
     run(name, "spirv-dis", &["--no-indent", "--no-header", "-o"], &[&text, &to]);
     let text = std::fs::read_to_string(text).expect("what it wrote");
-    // The entry point lists variables, in an order of its own.
+    // The entry point lists variables in an order of its own.
     let lines = text.lines().filter(|line| !line.starts_with("OpEntryPoint"));
     let mut lines: Vec<String> = lines.map(without_numbers).collect();
     lines.sort_unstable();
@@ -145,7 +144,7 @@ fn folding_removes_what_a_minimal_scene_does_not_need() {
     }
 }
 
-/// What reads random numbers of a hit is in passes that shade mixtures, and in no other.
+/// Reads of random numbers of a hit are in passes that shade mixtures, and in no other.
 #[test]
 fn without_mixtures_there_are_no_numbers_for_them() {
     let words = |module: &ShaderModule, features| module.specialised(&spec(with_needs(features))).len();
@@ -162,7 +161,7 @@ fn without_mixtures_there_are_no_numbers_for_them() {
     }
 }
 
-/// Images of ids and depth do not ask what surfaces are made of.
+/// Images of ids and depth do not evaluate materials.
 #[test]
 fn without_images_of_shading_there_are_no_materials_in_their_pass() {
     let words = |features| passes::SHADE_AOVS.specialised(&spec(with_needs(features))).len();

@@ -25,7 +25,7 @@ fn layouts() -> Vec<HostLayout> {
         .collect()
 }
 
-/// The error that `check` gives for `module` after `plant` has changed what Rust says of the struct `name`.
+/// The error of `check` for `module` after `plant` has changed the Rust layout of the struct `name`.
 fn planted(module: &ShaderModule, name: &str, plant: impl FnOnce(&mut HostLayout)) -> String {
     let mut layouts = layouts();
     plant(layouts.iter_mut().find(|layout| layout.name == name).expect("known struct"));

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a module does not read leaves it as it is: with its specialisation constants set and folded by `spirv-opt`, it
-//! is the same module whatever else they say.
+//! A module does not depend on what it does not read: with its specialisation constants set and folded by `spirv-opt`,
+//! it is the same module whatever the others are.
 
 use oocpt_abi::{Features, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
 use oocpt_shaders::{ALL, ShaderModule, checks};
 use std::path::Path;
 use std::process::Command;
 
-/// Folds constants, and drops what nothing reaches.
+/// Folds constants, and removes unreachable code.
 const PASSES: [&str; 6] = [
     "--freeze-spec-const",
     "--fold-spec-const-op-composite",
@@ -25,7 +25,7 @@ fn folded(module: &ShaderModule, folder: &Path, features: Features, levels: u32,
     let bytes: Vec<u8> = module.words.iter().flat_map(|word| word.to_le_bytes()).collect();
     std::fs::write(&from, bytes).expect("written");
     let values = [(low, low_bits), (high, high_bits), (SPEC_MAX_LEVELS, levels), (SPEC_STACK_SIZE, stack)];
-    // Only those that the module declares may be set.
+    // Only constants that the module declares may be set.
     let declared = |id: &u32| module.features != Features::empty() || *id == SPEC_MAX_LEVELS || *id == SPEC_STACK_SIZE;
     let values: Vec<String> =
         values.iter().filter(|(id, _)| declared(id)).map(|(id, value)| format!("{id}:{value}")).collect();

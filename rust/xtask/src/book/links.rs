@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Links, pictures and paths of the documents lead somewhere. Pure: works on the list of the clone's files.
+//! Checks that links, pictures and paths of the documents exist. Pure: works on the list of the clone's files.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -22,7 +22,7 @@ impl<'a> TrackedClone<'a> {
         Self { known, pages: pages.iter().map(|(file, text)| (file.as_str(), text.as_str())).collect() }
     }
 
-    /// One line for each link, picture and path of `file` that leads nowhere.
+    /// One line for each link, picture and path of `file` without a target.
     pub(super) fn findings(&self, file: &str, text: &str) -> Vec<String> {
         let mut found = Vec::new();
         for Paragraph { line, text } in paragraphs(text) {
@@ -45,7 +45,7 @@ impl<'a> TrackedClone<'a> {
         found
     }
 
-    /// What is wrong with a link from `file`.
+    /// The fault of a link from `file`, if it has one.
     fn broken(&self, file: &str, target: &str) -> Option<String> {
         if target.contains("://") || target.starts_with("mailto:") {
             return None;
@@ -60,8 +60,8 @@ impl<'a> TrackedClone<'a> {
         is_missing.then(|| "there is no such heading".to_owned())
     }
 
-    /// Whether a code span looks like a path of the repository: it begins with a folder of the root or beside `file`.
-    /// `NAME` stands for a name that the reader chooses.
+    /// Returns true if a code span looks like a path of the repository: it begins with a folder of the root or beside
+    /// `file`. `NAME` stands for a name that the reader chooses.
     fn is_path(&self, file: &str, span: &str) -> bool {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./*".contains(c);
         let Some((first, rest)) = span.split_once('/') else {
@@ -71,7 +71,7 @@ impl<'a> TrackedClone<'a> {
         begins && !first.is_empty() && !rest.is_empty() && span.chars().all(is_plain) && !span.contains("NAME")
     }
 
-    /// Whether there is such a file or folder; `*` stands for any part of a name.
+    /// Returns true if there is such a file or folder; `*` stands for any part of a name.
     fn exists(&self, path: &str) -> bool {
         let path = path.trim_end_matches('/');
         if let Some((before, after)) = path.split_once('*') {

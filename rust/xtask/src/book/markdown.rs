@@ -70,7 +70,7 @@ pub(super) fn shell_lines(text: &str) -> Vec<(usize, String)> {
     found
 }
 
-/// What stands between single backticks.
+/// The texts between single backticks.
 pub(super) fn code_spans(paragraph: &str) -> impl Iterator<Item = &str> {
     paragraph.split('`').skip(1).step_by(2)
 }
@@ -82,7 +82,7 @@ pub(super) fn targets(paragraph: &str) -> Vec<String> {
     starts.filter_map(|at| outside[at..].split_once(')')).map(|(target, _)| target.trim().to_owned()).collect()
 }
 
-/// The anchors of a page: what mdBook and GitHub make of its headings.
+/// The anchors that mdBook and GitHub make of a page's headings.
 pub(super) fn anchors(text: &str) -> Vec<String> {
     let mut found: Vec<String> = Vec::new();
     for (_, line) in prose(text) {

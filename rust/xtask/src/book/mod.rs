@@ -2,9 +2,8 @@
 //! `cargo xtask book`: generates the tables of the documents, checks the documents, builds the book with mdBook.
 //!
 //! The documents are `README.md`, the book, the decisions and the READMEs of folders. [`check`] is a step of `cargo
-//! xtask check` and changes nothing. Pages of the book refer to files outside of it by relative links, which work where
-//! the clone is looked at; for mdBook, which takes one folder, a copy with everything inside is made in the target
-//! folder.
+//! xtask check` and changes nothing. Pages of the book refer to files outside of it by relative links, which work in
+//! the clone; for mdBook, which takes one folder, a copy with everything inside is made in the target folder.
 
 mod links;
 mod markdown;
@@ -27,7 +26,7 @@ use crate::process::{run, say, succeeds};
 pub(crate) const COLUMNS: usize = 120;
 /// Most lines of the README.
 const README_LINES: usize = 150;
-/// So many can be read.
+/// Most decisions: a reader can take in so many.
 const MOST_DECISIONS: usize = 25;
 const BOOK: &str = "rust/book";
 const DECISIONS: &str = "rust/decisions/";
@@ -35,7 +34,7 @@ const DECISIONS: &str = "rust/decisions/";
 /// Generates the tables, checks, and builds the HTML into `book` in the target folder.
 ///
 /// # Errors
-/// If a document is wrong, or mdBook fails. Where mdBook is not installed it says so.
+/// A document is wrong, or mdBook fails. If mdBook is not installed, a message says so.
 pub(crate) fn make(places: &RootFolders) -> Result<()> {
     let tables = tables::read_all(places)?;
     for (file, text) in documents(places)? {
@@ -58,8 +57,8 @@ pub(crate) fn make(places: &RootFolders) -> Result<()> {
     Ok(())
 }
 
-/// Judges the documents: tables are those of their sources, links and paths lead somewhere, the README is short, the
-/// table of tests is complete.
+/// Checks the documents: tables are those of their sources, links and paths exist, the README is short, the table of
+/// tests is complete.
 ///
 /// # Errors
 /// Names everything that is wrong.
@@ -96,7 +95,7 @@ pub(crate) fn check(places: &RootFolders) -> Result<()> {
     Ok(())
 }
 
-/// Files of tests that the table of tests does not lead to.
+/// Files of tests that the table of tests does not name.
 fn untold_tests(places: &RootFolders, files: &[String], documents: &[(String, String)]) -> Result<Vec<String>> {
     let read = |file: &String| {
         let text = fs::read_to_string(places.repo.join(file)).with_context(|| format!("cannot read {file}"))?;
@@ -116,7 +115,7 @@ fn too_long_or_without_status(file: &str, text: &str) -> Option<String> {
     (file == "README.md" && lines > README_LINES).then(|| format!("{file}: {lines} lines, more than {README_LINES}"))
 }
 
-/// The list of the decisions is none.
+/// Returns true for decisions, but not for their list.
 fn is_decision(file: &str) -> bool {
     file.strip_prefix(DECISIONS).is_some_and(|name| name != "README.md")
 }
@@ -173,7 +172,7 @@ fn stage(places: &RootFolders, target: &Path) -> Result<()> {
     Ok(())
 }
 
-/// `page`: its path below the source of the book.
+/// A page with links that fit the copy. `page`: its path below the source of the book.
 fn staged_page(page: &str, text: &str) -> String {
     let up = "../".repeat(page.matches('/').count());
     let decisions = text.replace(&format!("]({up}../../decisions/"), &format!("]({up}decisions/"));

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Names in documents are those of the sources: settings, statistics, environment variables, commands with their flags,
-//! files, functions, types, decisions. Pure.
+//! Checks that names in documents are those of the sources: settings, statistics, environment variables, commands with
+//! their flags, files, functions, types, decisions. Pure.
 //!
 //! A code span is judged by its form: `oocpt:seed` is a key, `a::b` a path, `walk()` a function, `rays.glsl` a file,
 //! `MeshDesc` and `mesh_keys` identifiers, `--full` a flag. Commands are judged in code spans and in `sh` blocks. Plain
-//! words are not judged. A name of a library that the sources use passes, since it stands in them.
+//! words are not judged. A name of a library that the sources use passes, since it occurs in them.
 
 mod commands;
 mod decisions;
@@ -18,19 +18,19 @@ use decisions::DecisionList;
 use sources::SourceIndex;
 pub(super) use sources::{FileText, is_source};
 
-/// Pages about the past and about measurements of then: only their decisions are judged.
+/// Pages about the past and about earlier measurements: only their decisions are judged.
 const RECORDS: &[&str] = &["rust/book/src/CHANGELOG.md", "rust/book/src/measurements.md"];
 /// The page about other renderers, whose code has names of its own.
 const OTHERS: &str = "rust/book/src/comparison.md";
-/// Names of libraries by how they begin: OpenUSD's, those of image files, Vulkan's, glibc's, the standard libraries'.
-/// The sources do not hold all that documents say of them.
+/// Prefixes of names of libraries: OpenUSD's, those of image files, Vulkan's, glibc's, the standard libraries'.
+/// Documents mention names of them that the sources do not contain.
 const FOREIGN: &[&str] =
     &["Ar", "Gf", "Hd", "Hdsi", "Hio", "Imf_", "OpenImageIO_", "RTLD_", "Sdf", "Tf", "Usd", "Vk", "VK_", "std"];
-/// Names that begin as those of a library and are ours.
+/// Prefixes of our own names that look like those of a library.
 const OURS: &[&str] = &["HdOocPT", "HdOocpt"];
 /// Endings of files that the clone has.
 const ENDINGS: &[&str] = &["comp", "cpp", "glsl", "h", "md", "py", "rs"];
-/// Names that no source holds, and why a document has them all the same.
+/// Names that no source contains, and the reason why a document has them.
 const ALLOWED: &[(&str, &str)] = &[
     ("--no-capture", "a flag of Rust test programs"),
     ("PtexWriter::edit", "of the Ptex library, whose files the tests have"),
@@ -41,7 +41,7 @@ const ALLOWED: &[(&str, &str)] = &[
     ("v3_0", "the namespace of OpenImageIO 3.0"),
 ];
 
-/// Everything that names are held against.
+/// The names that documents may use.
 #[derive(Debug)]
 pub(super) struct KnownNames<'a> {
     sources: SourceIndex,
@@ -58,7 +58,7 @@ impl<'a> KnownNames<'a> {
         Self { sources: SourceIndex::new(texts), commands: KnownCommands::new(tasks, texts), decisions, files: names }
     }
 
-    /// One line for each name of the document that there is not.
+    /// One line for each unknown name in the document.
     pub(super) fn findings(&self, file: &str, text: &str) -> Vec<String> {
         let mut found = self.decisions.findings(file, text);
         if RECORDS.contains(&file) {
@@ -80,7 +80,7 @@ impl<'a> KnownNames<'a> {
         found
     }
 
-    /// One line for each decision that a source refers to and that there is not.
+    /// One line for each decision that a source refers to and that does not exist.
     pub(super) fn findings_in_source(&self, file: &str, text: &str) -> Vec<String> {
         self.decisions.findings(file, text)
     }
@@ -182,7 +182,7 @@ fn is_identifier(word: &str) -> bool {
         && !word.starts_with(|c: char| c.is_ascii_digit())
 }
 
-/// Whether a word is the name of something, and not a word of English: it has a `_`, or a capital after a small letter.
+/// Returns true if a word is a name, and not a word of English: it has a `_`, or a capital after a small letter.
 fn is_name(word: &str) -> bool {
     let is_hump = |pair: &[u8]| pair[0].is_ascii_lowercase() && pair[1].is_ascii_uppercase();
     word.contains('_') || word.as_bytes().windows(2).any(is_hump)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Tables of measurements: `rust/book/measurements/NAME.json` is the source, pages hold what is generated from it
-//! between `<!-- table: NAME -->` and `<!-- end of table -->`. Pure but for [`read_all`].
+//! Tables of measurements: `rust/book/measurements/NAME.json` is the source; the generated table is between `<!--
+//! table: NAME -->` and `<!-- end of table -->` in pages. Pure but for [`read_all`].
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -12,7 +12,7 @@ use crate::places::RootFolders;
 
 /// Folder of the sources.
 const FOLDER: &str = "rust/book/measurements";
-/// At the beginning of a line; elsewhere it is an example.
+/// The mark counts at the beginning of a line; elsewhere it is an example.
 const BEGIN: &str = "\n<!-- table: ";
 const END: &str = "<!-- end of table -->";
 
@@ -33,7 +33,7 @@ pub(super) type MeasuredTables = BTreeMap<String, MeasuredTable>;
 /// Reads every source.
 ///
 /// # Errors
-/// If a source is no table, or a row has not as many cells as there are columns.
+/// A source is not a table, or a row does not have as many cells as there are columns.
 pub(super) fn read_all(places: &RootFolders) -> Result<MeasuredTables> {
     let folder = places.repo.join(FOLDER);
     let mut tables = MeasuredTables::new();
@@ -76,10 +76,10 @@ fn cells(list: &Value) -> Option<Vec<String>> {
     list.as_array()?.iter().map(cell).collect()
 }
 
-/// The page with the tables that it names, generated anew.
+/// The page with its tables generated anew.
 ///
 /// # Errors
-/// If it names a table that there is none of, or does not end one.
+/// It names an unknown table, or does not end one.
 pub(super) fn filled(page: &str, tables: &MeasuredTables) -> Result<String> {
     let mut made = String::new();
     let mut rest = page;
@@ -94,7 +94,7 @@ pub(super) fn filled(page: &str, tables: &MeasuredTables) -> Result<String> {
     Ok(made)
 }
 
-/// The table, and below it where it comes from.
+/// The table, and its source below.
 fn markdown(table: &MeasuredTable) -> String {
     let row = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
     let mut text = String::from("\n") + &row(&table.columns) + &row(&vec!["---".to_owned(); table.columns.len()]);

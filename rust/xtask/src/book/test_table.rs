@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Every file of tests can be found: the table in `tests/README.md` names it or a folder that holds it. That what the
-//! table names is there is a matter of [`super::links`]. Pure.
+//! Checks that the table in `tests/README.md` names every file of tests or a folder that contains it. [`super::links`]
+//! checks that the named files exist. Pure.
 
 use std::collections::BTreeSet;
 
@@ -8,11 +8,11 @@ use super::markdown::{code_spans, paragraphs};
 
 /// The document with the table.
 pub(super) const DOCUMENT: &str = "tests/README.md";
-/// The heading of the table; what follows the next heading of its rank names folders for other reasons.
+/// The heading of the table; text from the next heading of its rank on names folders for other reasons.
 const HEADING: &str = "\n## Where the test of a thing is\n";
 
-/// Whether a file may hold tests that stand apart from the code: Python by its name, Rust below a folder `tests` of a
-/// crate.
+/// Returns true if a file may hold tests that are separate from the code: Python by its name, Rust below a folder
+/// `tests` of a crate.
 pub(super) fn may_hold_tests(file: &str) -> bool {
     let (folder, name) = file.rsplit_once('/').unwrap_or(("", file));
     let is_python = file.starts_with("tests/") && name.starts_with("test_") && name.ends_with(".py");
@@ -21,7 +21,7 @@ pub(super) fn may_hold_tests(file: &str) -> bool {
     is_python || (of_a_crate && name.ends_with(".rs"))
 }
 
-/// One line for each file with tests that the table of `document` does not lead to. `files` are those of
+/// One line for each file with tests that the table of `document` does not name. `files` are those of
 /// [`may_hold_tests`], with their text.
 pub(super) fn findings(document: &str, files: &[(String, String)]) -> Vec<String> {
     let Some((_, rest)) = document.split_once(HEADING) else {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! No line is wider than 120 columns: of documents, Python and GLSL everything, of Rust and C++ the comments (their
-//! formatters see to the code, but for strings).
+//! Checks that no line is wider than 120 columns: all lines of documents, Python and GLSL, the comments of Rust and C++
+//! (their formatters wrap the code, except strings).
 
 use std::fs;
 
@@ -13,10 +13,10 @@ use crate::places::RootFolders;
 /// Python programs without an extension.
 const PROGRAMS: &[&str] = &["plugin/usdrecord", "plugin/texture-host"];
 
-/// What of a file is held to it.
+/// The part of a file that the rule applies to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ColumnRule {
-    /// Everything but table rows, pictures and what a URL makes wide.
+    /// All lines but table rows, pictures and lines that a URL makes wide.
     Markdown,
     All,
     Comments,

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The crate graph: which crate may use which, and which outside crates are confined to one of ours.
+//! The crate graph: the dependencies allowed between our crates, and the outside crates that are confined to one of
+//! ours.
 
 use std::collections::BTreeSet;
 
@@ -10,7 +11,7 @@ use crate::places::RootFolders;
 use crate::process::capture;
 use crate::product::{self, cargo};
 
-/// Arrows of the design: each crate, and what of ours it may use in shipped code.
+/// Arrows of the design: each crate, and our crates that it may use in shipped code.
 const ARROWS: &[(&str, &[&str])] = &[
     ("oocpt-abi", &[]),
     ("oocpt-files", &[]),
@@ -35,7 +36,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("xtask", &[]),
 ];
 
-/// What tests may use beyond that.
+/// Additional crates that tests may use.
 const TEST_ARROWS: &[&str] = &["oocpt-abi", "oocpt-judge", "oocpt-shaders"];
 
 /// Outside crates that only these of ours may name. C++ calls the bridge; `oocpt-subdiv` calls OpenSubdiv.
@@ -46,10 +47,10 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("opensubdiv-petite-sys", &["oocpt-subdiv"]),
 ];
 
-/// The feature that only tests turn on: faults and knobs.
+/// The feature that only tests turn on: planted faults and controls.
 const FAULTS: &str = "faults";
 
-/// Nothing that is only for tests is compiled into the product.
+/// Checks that no code for tests is compiled into the product.
 pub(super) fn product(places: &RootFolders) -> Result<()> {
     let mut tree = cargo(places, "tree");
     tree.args(product::packages()).args(["--prefix", "none", "--edges", "normal,build", "--format", "{f} {p}"]);
@@ -98,7 +99,7 @@ fn violations(metadata: &Value) -> Result<Vec<String>> {
             let used = dependency["name"].as_str().context("a dependency without a name")?;
             let for_tests = dependency["kind"] == "dev";
             let is_allowed = if ours.contains(used) {
-                // Of itself a crate's tests ask for features.
+                // A crate's tests may depend on the crate itself to enable features.
                 allowed.contains(&used) || (for_tests && (used == name || TEST_ARROWS.contains(&used)))
             } else {
                 CONFINED.iter().all(|(outside, homes)| *outside != used || homes.contains(&name))

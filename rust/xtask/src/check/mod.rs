@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Everything that can be judged without running the product. Shaders are compiled and validated by the build of
-//! `oocpt-shaders`, which clippy drives.
+//! All checks that do not run the product. Shaders are compiled and validated by the build of `oocpt-shaders`, which
+//! clippy drives.
 
 mod columns;
 mod graph;
@@ -20,7 +20,7 @@ use crate::process::{run, say};
 use crate::product::{PROFILE, cargo};
 use crate::system::CLANG_FORMAT;
 
-/// What a step costs.
+/// The cost of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum CheckDepth {
     /// Reads files: seconds.
@@ -29,7 +29,7 @@ pub(crate) enum CheckDepth {
     Compiled,
 }
 
-/// A named judgement.
+/// A check with its cost and name.
 type CheckStep = (CheckDepth, &'static str, fn(&RootFolders) -> Result<()>);
 
 const STEPS: &[CheckStep] = &[
@@ -73,9 +73,9 @@ fn rustfmt(places: &RootFolders) -> Result<()> {
     run(cargo(places, "fmt").args(["--all", "--check"]))
 }
 
-/// In the profile of the tests, so that they find build scripts, procedural macros and shaders ready. The product is
-/// the same code without what tests turn on; rustc's warnings about that count when it is built
-/// (`product::build_workspace`).
+/// Runs clippy in the profile of the tests, so that they find build scripts, procedural macros and shaders compiled.
+/// The product is the same code without the features of tests; rustc's warnings about it count when it is built
+/// (`product::build_for_tests`).
 fn clippy(places: &RootFolders) -> Result<()> {
     let mut clippy = cargo(places, "clippy");
     run(clippy.args(["--quiet", "--workspace", "--all-targets", "--profile", PROFILE, "--", "-D", "warnings"]))

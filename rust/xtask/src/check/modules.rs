@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The modules of a crate: none uses one beside it that uses it, on however long a way.
+//! Checks that the modules of a crate have no cycles.
 //!
-//! Modules stand beside each other at the top of a crate or in a folder, each with all below it. An arrow is a path in
-//! shipped code from `crate` or `super` into another module, also to an item of it that the module around both passes
-//! on. Circles inside folders that stood when folders were first looked at are listed ([`KNOWN`]), to become fewer.
+//! Modules are siblings at the top of a crate or in a folder, each with all below it. An arrow is a path in shipped
+//! code from `crate` or `super` into another module, also to an item of it that the module around both re-exports.
+//! Cycles inside folders that existed when folders were first checked are listed ([`KNOWN`]), to become fewer.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -14,10 +14,10 @@ use crate::clone_files::{path, tracked_files};
 use crate::places::RootFolders;
 
 type ModuleArrows = BTreeMap<String, BTreeSet<String>>;
-/// Names of modules from the top of a crate; of a path also those of items.
+/// Names of modules from the top of a crate; for paths also those of items.
 type ModulePath = Vec<String>;
 
-/// Crate, folder, and the modules of a circle in it.
+/// Crate, folder, and the modules of a cycle in it.
 const KNOWN: &[(&str, &str, &[&str])] = &[
     (
         "core",
@@ -101,7 +101,7 @@ fn arrows_of(modules: &BTreeMap<ModulePath, String>) -> BTreeMap<ModulePath, Mod
     folders
 }
 
-/// The paths, from the top of the crate, that a file names in shipped code: from `crate` or `super`, alone or in a
+/// The paths, from the top of the crate, that a file uses in shipped code: from `crate` or `super`, alone or in a
 /// group. `module`: the names of the modules around its code.
 fn used(text: &str, module: &ModulePath) -> BTreeSet<ModulePath> {
     let code: String = shipped(text).into_iter().map(|line| line.split("//").next().unwrap_or_default()).collect();
@@ -110,7 +110,7 @@ fn used(text: &str, module: &ModulePath) -> BTreeSet<ModulePath> {
         named.extend(paths(&code[at + "crate::".len()..]).0);
     }
     for (at, _) in code.match_indices("super::") {
-        // Of a chain only the first one, and how long it is.
+        // Only the first of a chain of `super` counts, and its length.
         if code[..at].ends_with("super::") {
             continue;
         }
@@ -123,7 +123,7 @@ fn used(text: &str, module: &ModulePath) -> BTreeSet<ModulePath> {
     named
 }
 
-/// The lines of a file without its modules of tests: what is below them ships. A module with a body ends at the first
+/// The lines of a file without its modules of tests: the code below them ships. A module with a body ends at the first
 /// line that is the brace at its own indentation, as rustfmt lays code out.
 pub(super) fn shipped(text: &str) -> Vec<&str> {
     let mut kept = Vec::new();
@@ -145,13 +145,13 @@ pub(super) fn shipped(text: &str) -> Vec<&str> {
     kept
 }
 
-/// Whether a line begins a module.
+/// Returns true if a line begins a module.
 fn is_module(line: &str) -> bool {
     let words: Vec<&str> = line.split_whitespace().collect();
     matches!(words.as_slice(), ["mod", ..] | ["pub" | "pub(crate)" | "pub(super)", "mod", ..])
 }
 
-/// The paths at the beginning of a text, several where there is a group in braces, and the bytes that they take.
+/// The paths at the beginning of a text, several if there is a group in braces, and their length in bytes.
 fn paths(text: &str) -> (Vec<ModulePath>, usize) {
     let start = text.len() - text.trim_start().len();
     let rest = &text[start..];
@@ -170,7 +170,7 @@ fn paths(text: &str) -> (Vec<ModulePath>, usize) {
         let (some, taken) = paths(&rest[at..]);
         all.extend(some);
         at += taken;
-        // `as` and a name, a comma.
+        // Skips `as` and a name, and a comma.
         at += rest[at..].find([',', '}']).unwrap_or(rest.len() - at);
         at += usize::from(rest[at..].starts_with(','));
         at += rest[at..].len() - rest[at..].trim_start().len();
@@ -178,7 +178,7 @@ fn paths(text: &str) -> (Vec<ModulePath>, usize) {
     (all, start + (at + 1).min(rest.len()))
 }
 
-/// Items that a module takes from those below it, with these: `pub use below::{Item, ..}`.
+/// Items that a module re-exports from those below it: `pub use below::{Item, ..}`.
 fn passed_on(text: &str) -> BTreeMap<String, String> {
     let code: String = shipped(text).into_iter().map(|line| line.split("//").next().unwrap_or_default()).collect();
     let mut items = BTreeMap::new();
@@ -240,7 +240,7 @@ mod tests {
         list.iter().map(|name| (*name).to_owned()).collect()
     }
 
-    /// The first names of what a file uses.
+    /// The first names of the paths that a file uses.
     fn heads(text: &str, module: &[&str]) -> BTreeSet<String> {
         used(text, &owned(module)).into_iter().filter_map(|path| path.into_iter().next()).collect()
     }

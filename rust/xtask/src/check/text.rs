@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What every source file must and must not contain: licence line, words that mean "not finished", paths of one
-//! machine, unsafe code out of its place.
+//! Checks the text of every source file: licence line, words that mean "not finished", paths of one machine, unsafe
+//! code out of its place.
 
 use std::fs;
 
@@ -13,7 +13,7 @@ use crate::places::RootFolders;
 /// file passes.
 const UNFINISHED: &[&str] = &[concat!("TO", "DO"), concat!("FIX", "ME"), concat!("XX", "X"), concat!("HA", "CK")];
 
-/// Where unsafe code lives: the Vulkan crate, the bridge's side of the C++ boundary, and the calls to OpenSubdiv.
+/// The places of unsafe code: the Vulkan crate, the bridge's side of the C++ boundary, and the calls to OpenSubdiv.
 const UNSAFE_HOMES: &[&str] =
     &["rust/gpu/", "rust/bridge/src/ffi", "rust/bridge/src/held", "rust/bridge/src/lib.rs", "rust/subdiv/src/ffi"];
 
@@ -23,7 +23,7 @@ const SOURCES: &[&str] = &["rs", "h", "cpp", "comp", "glsl", "py", "sh", "txt", 
 pub(super) fn check(places: &RootFolders) -> Result<()> {
     let mut findings = Vec::new();
     for file in tracked_files(places)? {
-        // A file that is no text (a picture, a scene in crate form) has no words.
+        // A file that is not text (a picture, a binary scene) has no words.
         let Ok(text) = fs::read_to_string(path(places, &file)) else {
             continue;
         };
@@ -44,7 +44,7 @@ fn is_source(file: &str) -> bool {
     SOURCES.contains(&extension(file)) || matches!(file, ".ci/run" | "plugin/usdrecord")
 }
 
-/// All that is wrong with one file, as `file:line: what`.
+/// All faults of one file, as `file:line: fault`.
 fn findings_in(file: &str, text: &str) -> Vec<String> {
     let mut findings = Vec::new();
     if is_source(file) {
@@ -85,7 +85,7 @@ fn finding_in_line(file: &str, line: &str) -> Option<String> {
     None
 }
 
-/// What follows the first `word` that stands alone in `line`.
+/// The text after the first `word` that stands alone in `line`.
 fn after_word<'line>(line: &'line str, word: &str) -> Option<&'line str> {
     let is_part = |c: char| c.is_alphanumeric() || c == '_';
     line.match_indices(word).find_map(|(at, _)| {
@@ -94,7 +94,7 @@ fn after_word<'line>(line: &'line str, word: &str) -> Option<&'line str> {
     })
 }
 
-/// The line without what stands between double quotes.
+/// The line without the texts between double quotes.
 fn without_strings(line: &str) -> String {
     line.split('"').step_by(2).collect()
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The names of types in shipped code say what a type is without its module: few have one word, and none names more
-//! than two types.
+//! Checks that the names of types in shipped code are clear without their module: few have one word, and none is used
+//! for more than two types.
 //!
 //! Read from the text as rustfmt lays it out. Associated types and types of other languages are not counted.
 
@@ -13,11 +13,11 @@ use super::modules::shipped;
 use crate::clone_files::{path, tracked_files};
 use crate::places::RootFolders;
 
-/// Names of one word in shipped code. This number may only fall.
+/// Number of names of one word in shipped code. It may only fall.
 const ONE_WORD_NAMES: usize = 134;
 /// Names that modules give to types of their own, each for the same purpose.
 const BY_MODULE: &[&str] = &["Arguments", "Error", "Row"];
-/// Other names of more than two types, with how many: to become fewer.
+/// Other names of more than two types, with their numbers, which should fall.
 const KNOWN: &[(&str, usize)] = &[("Failed", 3), ("Report", 13)];
 
 pub(super) fn check(places: &RootFolders) -> Result<()> {
@@ -35,7 +35,7 @@ pub(super) fn check(places: &RootFolders) -> Result<()> {
     Ok(())
 }
 
-/// Whether a file is Rust code of a crate, and not of its tests.
+/// Returns true if a file is Rust code of a crate, and not of its tests.
 fn is_shipped(file: &str) -> bool {
     let parts: Vec<&str> = file.split('/').collect();
     match parts.as_slice() {

@@ -77,12 +77,12 @@ const HEADER_FOLDERS: &[(&str, &str)] = &[
     ("boost", "external"),
 ];
 
-/// Makes sure that the wheel host and both virtual environments are there and match the pins; quick when they are.
+/// Makes sure that the wheel host and both virtual environments exist and match the pins; quick if they do.
 ///
 /// Safe to run from several processes at once: one works, the others wait.
 ///
 /// # Errors
-/// If a wheel differs from its pin, cannot be fetched or unpacked, or if the finished host cannot be imported.
+/// A wheel differs from its pin, cannot be fetched or unpacked, or the finished host cannot be imported.
 pub(crate) fn prepare(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
     fs::create_dir_all(&places.cache).with_context(|| format!("cannot create {}", places.cache.display()))?;
     let lock = File::create(places.cache.join(".lock")).context("cannot create the lock of the cache")?;
@@ -93,10 +93,10 @@ pub(crate) fn prepare(places: &RootFolders, interpreter: &PythonInterpreter) -> 
     check_imports(places)
 }
 
-/// Makes sure that an environment is there that [`prepare`] leaves out.
+/// Makes sure that an environment which [`prepare`] leaves out exists.
 ///
 /// # Errors
-/// If a wheel differs from its pin or cannot be fetched.
+/// A wheel differs from its pin or cannot be fetched.
 pub(crate) fn prepare_extra(places: &RootFolders, interpreter: &PythonInterpreter, plan: &VenvPlan) -> Result<()> {
     let lock = File::create(places.cache.join(".lock")).context("cannot create the lock of the cache")?;
     lock.lock().context("cannot lock the cache")?;

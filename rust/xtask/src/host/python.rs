@@ -22,7 +22,7 @@ pub(crate) struct PythonInterpreter {
     pub(crate) include: PathBuf,
 }
 
-/// What a virtual environment is made of.
+/// The contents of a virtual environment.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct VenvPlan {
     /// Name of its folder in the cache.
@@ -45,7 +45,7 @@ pub(crate) const REFERENCE_VENV: VenvPlan = VenvPlan {
     sees_host: false,
 };
 
-/// Finds a Python 3.11 that has `venv` and its own headers: `OOCPT_PYTHON`, the system's, then whatever is in `PATH`.
+/// Finds a Python 3.11 that has `venv` and its own headers: `OOCPT_PYTHON`, the system's, then those in `PATH`.
 pub(crate) fn find_interpreter() -> Option<PythonInterpreter> {
     let explicit = env::var_os("OOCPT_PYTHON").map(PathBuf::from);
     let known = ["/usr/bin/python3.11", "python3.11", "python3"].map(PathBuf::from);
@@ -107,7 +107,7 @@ pub(super) fn prepare_venv(places: &RootFolders, interpreter: &PythonInterpreter
         let site = folder.join(format!("lib/python{PYTHON_VERSION}/site-packages/oocpt_host.pth"));
         fs::write(site, format!("{}\n", places.host_site().display())).context("cannot link the host's Python")?;
     }
-    // Last: a folder without a stamp is unfinished and made anew.
+    // The stamp is written last: a folder without a stamp is unfinished and made anew.
     fs::write(folder.join(".stamp"), stamp).context("cannot write the stamp of the environment")
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The pinned wheels: which file, which bytes, what for; fetched once, never trusted unseen.
+//! The pinned wheels: file names, hashes and purposes; fetched once, always verified.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 
 use crate::process::{capture, run, say};
 
-/// What a wheel is unpacked into.
+/// The target that a wheel is unpacked into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum WheelRole {
     /// The runtime: `libusd_ms.so`, the Python package `pxr`, plugins.
@@ -139,7 +139,7 @@ pub(crate) fn with_role(roles: &[WheelRole]) -> Vec<&'static PinnedWheel> {
     WHEELS.iter().filter(|wheel| roles.contains(&wheel.role)).collect()
 }
 
-/// A text that changes with any pin among `wheels`: what a finished folder is stamped with.
+/// A text that changes with any pin among `wheels`, for the stamp of a finished folder.
 pub(crate) fn stamp(layout: u32, wheels: &[&PinnedWheel]) -> String {
     let lines = wheels.iter().map(|wheel| format!("{} {}\n", wheel.sha256, wheel.file));
     format!("layout {layout}\n{}", lines.collect::<String>())
@@ -167,7 +167,8 @@ pub(crate) fn fetch(
 }
 
 fn download(python: &Path, downloads: &Path, wheel: &PinnedWheel) -> Result<()> {
-    // pip writes the file in place: download beside it and rename, so that an interrupted run leaves no half wheel.
+    // pip writes the file in place: it is downloaded elsewhere and renamed, so that an interrupted run leaves no
+    // partial wheel.
     let part = downloads.join(format!(".part-{}", std::process::id()));
     let mut pip = Command::new(python);
     pip.args(["-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps"]);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! apt-get, as root: install packages, and Mesa from the backports where the stock one is too old, of the running
-//! Debian release.
+//! apt-get, as root: installs packages, and Mesa from the backports of the running Debian release if the stock one is
+//! too old.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,12 +16,12 @@ pub(super) const MESA: &str = "mesa-vulkan-drivers";
 
 const BACKPORTS_LIST: &str = "/etc/apt/sources.list.d/oocpt-backports.list";
 
-/// Whether this process may install packages.
+/// Returns true if this process may install packages.
 pub(super) fn is_root() -> bool {
     capture(Command::new("id").arg("-u")).is_ok_and(|id| id.trim() == "0")
 }
 
-/// Whether the machine has apt-get.
+/// Returns true if the machine has apt-get.
 pub(super) fn is_there() -> bool {
     find_program("apt-get").is_some()
 }
@@ -53,7 +53,7 @@ fn has_lists(folder: &Path) -> bool {
     entries.any(|entry| entry.file_name().to_string_lossy().contains("_Packages"))
 }
 
-/// Whether the machine's packaged Mesa is the 22 of Debian 12.
+/// Returns true if the machine's packaged Mesa is the 22 of Debian 12.
 pub(super) fn has_old_mesa() -> bool {
     is_old_mesa(&ask("dpkg-query", &["-W", "-f=${Status} ${Version}", MESA]))
 }
@@ -62,7 +62,7 @@ fn is_old_mesa(state: &str) -> bool {
     state.strip_prefix("install ok installed ").is_some_and(|version| version.starts_with("22."))
 }
 
-/// Whether apt would install Mesa 22, were it asked for Mesa.
+/// Returns true if apt would install Mesa 22, were it asked for Mesa.
 pub(super) fn offers_old_mesa() -> bool {
     is_old_candidate(&ask("apt-cache", &["policy", MESA]))
 }
@@ -71,7 +71,7 @@ fn is_old_candidate(policy: &str) -> bool {
     policy.lines().any(|line| line.trim().strip_prefix("Candidate: ").is_some_and(|version| version.starts_with("22.")))
 }
 
-/// What `program` says, in plain English; nothing if it fails.
+/// The output of `program`, in plain English; empty if it fails.
 fn ask(program: &str, arguments: &[&str]) -> String {
     let answer = Command::new(program).args(arguments).env("LC_ALL", "C").stderr(Stdio::null()).output();
     answer.map(|output| String::from_utf8_lossy(&output.stdout).into_owned()).unwrap_or_default()
@@ -93,7 +93,7 @@ impl DebianBackports {
         Self::of(&release, &source_lists())
     }
 
-    /// As `of_this_machine`, from the texts of `/etc/os-release` and of apt's source lists.
+    /// Does what `of_this_machine` does with the texts of `/etc/os-release` and of apt's source lists.
     pub(super) fn of(os_release: &str, lists: &[String]) -> Result<Self> {
         let codename = codename(os_release).context("/etc/os-release names no VERSION_CODENAME")?;
         let suite = format!("{codename}-backports");
@@ -120,7 +120,7 @@ impl DebianBackports {
         Ok(())
     }
 
-    /// The same as a line for the user's shell.
+    /// The installation as a line for the user's shell.
     pub(super) fn mesa_command(&self) -> String {
         let install = format!("sudo apt-get install -t {} {MESA}", self.suite);
         match &self.missing_line {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the machine itself must bring: tools, headers, libraries, a Vulkan driver; installed with apt when root, named
-//! in one line when not.
+//! The packages that the machine itself must have: tools, headers, libraries, a Vulkan driver; installed with apt as
+//! root, otherwise named in one line.
 
 mod apt;
 mod sources;
@@ -15,7 +15,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use crate::host;
 use crate::places::PYTHON_VERSION;
 
-/// How to find out that a package's content is already there, whoever put it there.
+/// The test that the content of a package exists, whoever installed it.
 #[derive(Clone, Copy, Debug)]
 enum PackageProbe {
     /// A program in `PATH`.
@@ -63,19 +63,19 @@ pub(crate) const CLANG_FORMAT: &str = "clang-format-14";
 /// Needed by `check` only.
 const CHECK_NEEDS: &[(PackageProbe, &str)] = &[(PackageProbe::Program(CLANG_FORMAT), CLANG_FORMAT)];
 
-/// Which of the needs a command has.
+/// The purpose of a command's needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum NeededFor {
     /// Building and running.
     Build,
-    /// Also the formatters that `check` runs.
+    /// `check`, which also runs formatters.
     Check,
 }
 
-/// Installs what is missing, or says in one line what to install.
+/// Installs missing packages, or prints one line with what to install.
 ///
 /// # Errors
-/// If something is missing and the user is not root or apt-get is not there or fails.
+/// Something is missing and the user is not root, or apt-get is not there or fails.
 pub(crate) fn prepare(purpose: NeededFor) -> Result<()> {
     let mut needs = NEEDS.to_vec();
     if purpose == NeededFor::Check {
@@ -109,7 +109,7 @@ fn ask_for(missing: &[&'static str]) -> Result<()> {
     let has_old_mesa = if missing.contains(&apt::MESA) { apt::offers_old_mesa() } else { apt::has_old_mesa() };
     let backports = if has_old_mesa && !has_gpu() { Some(apt::DebianBackports::of_this_machine()?) } else { None };
     let commands = commands_for(missing, backports.as_ref());
-    // Where the release's Python is another one, its packages do not help.
+    // If the release's Python has another version, its packages do not help.
     let hint = if missing.contains(&PYTHON) {
         format!(" (or name a CPython {PYTHON_VERSION} with headers and venv in OOCPT_PYTHON)")
     } else {
@@ -127,7 +127,7 @@ fn commands_for(missing: &[&'static str], backports: Option<&apt::DebianBackport
     install.into_iter().chain(mesa).collect::<Vec<_>>().join(" && ")
 }
 
-/// Whether a kernel driver of a GPU is there that Vulkan may use.
+/// Returns true if there is a kernel driver of a GPU that Vulkan may use.
 pub(crate) fn has_gpu() -> bool {
     let holds = |folder: &str, prefix: &str| {
         let mut entries = fs::read_dir(folder).into_iter().flatten().flatten();

@@ -61,7 +61,7 @@ pub(super) struct TestProgram {
 }
 
 impl TestProgram {
-    /// The test program that one of cargo's messages tells of, if it does (`--message-format json`).
+    /// The test program in one of cargo's messages (`--message-format json`), if it has one.
     pub(super) fn of_message(line: &str) -> Option<Self> {
         let message: Value = serde_json::from_str(line).ok()?;
         let executable = PathBuf::from(message["executable"].as_str().filter(|_| message["profile"]["test"] == true)?);
@@ -106,7 +106,7 @@ pub(super) fn of_programs(
             .with_context(|| format!("{} of {} does not list its tests", program.target, program.package))?;
         for (name, tests) in dealt(program, &list, extent.filter) {
             let mut command = program.command(places, extent);
-            // One at a time, so that each line tells which test it is about, and how long that took.
+            // Tests run one at a time, so that each line belongs to a known test, and its time is known.
             command.args(["--exact", "--test-threads=1"]).args(tests);
             if !has_gpu && program.opens_a_device() && !THREADED.contains(&name.as_str()) {
                 command.env("LP_NUM_THREADS", "0");
@@ -118,7 +118,7 @@ pub(super) fn of_programs(
     Ok(groups)
 }
 
-/// Names of groups and their tests, of a list as libtest writes it.
+/// Groups and their tests, from a list in libtest's format.
 fn dealt(program: &TestProgram, list: &str, filter: Option<&str>) -> BTreeMap<String, Vec<String>> {
     let mut dealt: BTreeMap<String, Vec<String>> = BTreeMap::new();
     let tests = list.lines().filter_map(|line| line.strip_suffix(": test"));

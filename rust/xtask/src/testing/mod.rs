@@ -2,9 +2,9 @@
 //! Runs every test: builds the workspace and the plugin, then runs groups of tests, a process each, a few at a time.
 //!
 //! A group of Rust tests is a test program, or a module of one ([`groups`]); a group of Python tests is a pytest
-//! ([`python`]). A process for every test would have Mesa's software driver translate its passes anew each time, which
-//! is most of what tests with a device cost. Groups share them, and a fault that only the second scene of a process
-//! shows has a chance to be seen. A test that crashes or hangs ends its group, which its lines name.
+//! ([`python`]). With a process for every test, Mesa's software driver would translate its passes anew each time, which
+//! is most of the cost of tests with a device. Groups share them, and can show a fault that only appears with the
+//! second scene of a process. A test that crashes or hangs ends its group; its lines name it.
 
 mod groups;
 mod python;
@@ -25,27 +25,27 @@ use crate::{product, system};
 use groups::TestProgram;
 use watched::WatchedProcess;
 
-/// Set for tests that are to take all seeds, and for Python to ask everything in both front ends of Hydra.
+/// Set for tests that should take all seeds, and for Python tests that should use both front ends of Hydra.
 const FULL: &str = "OOCPT_TEST_FULL";
 /// Groups at a time without a GPU: one more than two cores have, since hosts wait for files and for one another. On a
 /// GPU there is one, as two would share its memory.
 const AT_A_TIME: usize = 3;
-/// Without a word for so long, a test hangs.
+/// A test without output for so long hangs.
 const PATIENCE: Duration = Duration::from_secs(900);
-/// Of the tests that took longest, so many are listed.
+/// Number of slowest tests that are listed.
 const LISTED: usize = 10;
 
-/// Which tests run, and how far they go.
+/// The tests to run, and their extent.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TestExtent<'a> {
-    /// Part of the names; all without.
+    /// Part of the names; `None` runs all.
     pub(crate) filter: Option<&'a str>,
-    /// Tests that count over seeds take all of them.
+    /// True if tests that count over seeds take all of them.
     pub(crate) full: bool,
 }
 
 impl TestExtent<'_> {
-    /// Tells the tests.
+    /// Sets the environment of the tests.
     fn tell(self, tests: &mut Command) {
         if self.full {
             tests.env(FULL, "1");
@@ -55,19 +55,19 @@ impl TestExtent<'_> {
     }
 }
 
-/// What runs in one process.
+/// The tests of one process.
 #[derive(Debug)]
 struct TestGroup {
-    /// What its lines begin with.
+    /// The prefix of its lines.
     name: String,
     command: Command,
-    /// Of its exit statuses, those that are no failure.
+    /// Returns true for exit statuses that are not failures.
     passes: fn(i32) -> bool,
-    /// Whether it takes a minute or more: such groups begin first, so that none is left alone at the end.
+    /// True if it takes a minute or more: such groups begin first, so that none is left alone at the end.
     is_long: bool,
 }
 
-/// Groups that wait for their turn, and whether more will come.
+/// Waiting groups, and whether more will come.
 #[derive(Debug, Default)]
 struct GroupQueue {
     waiting: Mutex<(VecDeque<TestGroup>, bool)>,
@@ -88,7 +88,7 @@ impl GroupQueue {
         self.changed.notify_all();
     }
 
-    /// Takes one; waits where more will come.
+    /// Takes a group; waits if more will come.
     fn next(&self) -> Option<TestGroup> {
         let mut waiting = self.waiting();
         loop {
@@ -135,7 +135,7 @@ pub(crate) fn run(places: &RootFolders, interpreter: &PythonInterpreter, extent:
     Ok(())
 }
 
-/// Runs groups, `workers` at a time; gives the names of those that failed.
+/// Runs groups, `workers` at a time; returns the names of those that failed.
 fn run_groups(queue: &GroupQueue, workers: usize) -> Result<Vec<String>> {
     let durations = Mutex::new(Vec::new());
     let work = || -> Result<Vec<String>> {
@@ -170,7 +170,7 @@ fn tell_longest(mut tests: Vec<(Duration, String)>) {
     }
 }
 
-/// What `step` gives; says how long it took.
+/// Returns the result of `step`, and prints how long it took.
 fn timed<T>(name: &str, step: impl FnOnce() -> T) -> T {
     let started = Instant::now();
     let result = step();

@@ -16,7 +16,7 @@ use crate::shell;
 
 /// pytest's exit status when no test matched.
 const NOTHING_COLLECTED: i32 = 5;
-/// Tests through Hydra are two thirds of all: they are dealt to so many groups, file by file.
+/// Number of groups for tests through Hydra, which are two thirds of all; they are divided file by file.
 const HYDRA_GROUPS: usize = 3;
 
 /// The groups of an extent.

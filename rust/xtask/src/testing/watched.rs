@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Processes that run beside others: what they write comes out in whole marked lines, one that hangs is ended, and each
-//! test's time is known from when its line came.
+//! Processes that run beside others: their output is printed in whole marked lines, one that hangs is killed, and each
+//! test's time is measured by its line.
 
 use std::io::{Read as _, Write as _};
 use std::process::{Command, Stdio};
@@ -12,27 +12,27 @@ use anyhow::{Context as _, Result};
 
 use crate::process::say;
 
-/// How libtest and pytest begin or end the line of a test that has ended.
+/// The end or beginning of the line in which libtest and pytest report a finished test.
 const OF_A_TEST: [&str; 4] = [" ... ok\n", " ... FAILED\n", " PASSED", " FAILED"];
 
-/// How a process is watched.
+/// The settings for watching a process.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct WatchedProcess<'a> {
-    /// What each of its lines begins with.
+    /// The prefix of each of its lines.
     pub(super) mark: &'a str,
-    /// Without a word for so long it is killed.
+    /// It is killed after so long without output.
     pub(super) patience: Duration,
 }
 
-/// How long a test took, and its mark and name.
+/// The time of a test, with its mark and name.
 pub(super) type TimedTest = (Duration, String);
 
 impl WatchedProcess<'_> {
-    /// Runs a command to its end, standard error with standard output; its exit status, -1 where a signal ended it, and
-    /// its tests, which run one after the other.
+    /// Runs a command to its end, with standard error in standard output; returns its exit status, -1 if a signal ended
+    /// it, and its tests, which run one after the other.
     ///
     /// # Errors
-    /// If it cannot be started, or nobody takes the lines.
+    /// It cannot be started, or nobody takes the lines.
     pub(super) fn run(self, command: &mut Command) -> Result<(i32, Vec<TimedTest>)> {
         let program = command.get_program().to_owned();
         let (mut reader, writer) = std::io::pipe().context("no pipe")?;
@@ -46,7 +46,7 @@ impl WatchedProcess<'_> {
         // The command holds the pipe's other end, which has to be closed for the last byte to be the last.
         command.stdout(Stdio::null()).stderr(Stdio::null());
         let (sender, receiver) = sync_channel(16);
-        // Not joined: what a killed child has started may hold the pipe open.
+        // The thread is not joined: children of a killed process may hold the pipe open.
         thread::spawn(move || {
             let mut chunk = [0; 1 << 13];
             while let Ok(count @ 1..) = reader.read(&mut chunk) {
@@ -91,7 +91,7 @@ impl WatchedProcess<'_> {
     }
 }
 
-/// The name of the test whose end a line tells.
+/// The name of the test that a line reports as finished.
 fn test_of(line: &str) -> Option<&str> {
     let (name, _) = OF_A_TEST.iter().find_map(|ending| line.split_once(ending))?;
     Some(name.strip_prefix("test ").unwrap_or(name))

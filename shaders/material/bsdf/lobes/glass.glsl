@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Single scattering by glass, bsdf/glass.glsl: what is reflected and what is refracted, one lobe.
+// Single scattering by glass, bsdf/glass.glsl: reflection and refraction in one lobe.
 #ifndef OOCPT_BSDF_LOBES_GLASS_GLSL
 #define OOCPT_BSDF_LOBES_GLASS_GLSL
 
@@ -52,13 +52,13 @@ vec3 glass_evaluate(const Bsdf b, const LobeDirection d, out float kept) {
     return b.glass * value * f;
 }
 
-// What of the interface's light goes this way is in `kept` too, so the chance is.
+// The chance of reflection or refraction is already a factor of `kept`.
 float glass_density(const Bsdf b, const LobeDirection d, float kept) {
     return kept;
 }
 
-// A sample of single scattering in the frame: u.xy a normal, u.z whether it reflects; false: none. `weight` is that of
-// a sharp interface, over the chance of the lobe.
+// A sample of single scattering in the frame: u.xy chooses a normal, u.z reflection or refraction; false: none.
+// `weight` is that of a sharp interface, over the chance of the lobe.
 bool sample_interface(const Bsdf b, vec3 u, out vec3 i, out vec3 weight) {
     weight = vec3(0.0);
     const bool sharp = b.glass_alpha <= 0.0;
@@ -72,7 +72,7 @@ bool sample_interface(const Bsdf b, vec3 u, out vec3 i, out vec3 weight) {
         return i.z > 0.0;
     }
     if (is_thin(b)) {
-        // Straight on, or as it would have been reflected, but behind the sheet.
+        // Straight on, or mirrored to the other side of the sheet.
         i = 2.0 * dot(b.o, h) * h - b.o;
         i = vec3(sharp ? -b.o.xy : i.xy, -i.z);
         weight = (1.0 - f) / (1.0 - chance) * b.glass_tint;

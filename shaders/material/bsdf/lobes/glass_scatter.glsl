@@ -15,7 +15,7 @@ float glass_scatter_share(const Bsdf b, bool beyond) {
     return beyond ? 1.0 - b.glass_stay : b.glass_stay;
 }
 
-// What glass_albedo has set.
+// The albedo that glass_albedo has set.
 float glass_scatter_albedo(inout Bsdf b, const LobeInputs x) {
     return b.glass * b.glass_lost;
 }

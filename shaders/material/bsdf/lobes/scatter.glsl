@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Multiple scattering of the specular layer: what single scattering loses, F_ms U1(wo) U1(wi) / (pi avg U1) (Kulla and
+// Multiple scattering of the specular layer: the loss of single scattering, F_ms U1(wo) U1(wi) / (pi avg U1) (Kulla and
 // Conty 2017). U1 falls with the square of alpha / cosine, so directions have a density of 1 / (cosine + alpha).
 #ifndef OOCPT_BSDF_LOBES_SCATTER_GLSL
 #define OOCPT_BSDF_LOBES_SCATTER_GLSL

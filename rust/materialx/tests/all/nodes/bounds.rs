@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How near values have to be, by group of categories, and which numbers are left out.
+//! Bounds on differences, by group of categories, and the numbers that are left out.
 
 use super::table::{Block, width};
 
-/// Of a category.
+/// The bound of a category.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Bound {
     /// Name of the group.
     pub(crate) group: &'static str,
-    /// The greatest difference, over the scale of the row: the greatest of 1, the number, and with `by_inputs` what is
-    /// given.
+    /// The greatest difference, over the scale of the row: the greatest of 1, the number, and with `by_inputs` the
+    /// inputs.
     pub(crate) most: f64,
     pub(crate) by_inputs: bool,
 }
@@ -19,7 +19,7 @@ const fn bound(group: &'static str, most: f64, by_inputs: bool) -> Bound {
 }
 
 const NOISE: Bound = bound("noise", 0.0, false);
-/// Everything that is not listed.
+/// The bound of all categories that are not listed.
 const EXACT: Bound = bound("the same bits", 0.0, false);
 /// Against f64 rounded once.
 const FUNCTIONS: Bound = bound("functions", 2.0e-7, false);
@@ -137,7 +137,7 @@ fn input(block: &Block, row: &[f32], name: &str, k: usize) -> Option<f32> {
     None
 }
 
-/// Why a component of a row is left out: what is defined there in other ways.
+/// The reason why a component of a row is left out: its definition differs there.
 pub(crate) fn left_out(block: &Block, row: &[f32], k: usize) -> Option<&'static str> {
     let of = |name: &str| input(block, row, name, k).unwrap_or_default();
     let is_last = k == 3 && width(&block.kind) == 4;

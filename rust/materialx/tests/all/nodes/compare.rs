@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How far ours is from a table.
+//! Compares our results with a table.
 
 use oocpt_materialx::library::NodeLibrary;
 
@@ -7,20 +7,20 @@ use super::bounds::{Bound, left_out};
 use super::table::{Block, Row};
 use super::translation::{Way, value_of};
 
-/// What a comparison found.
+/// The result of a comparison.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Found {
     pub(crate) rows: usize,
     /// Rows whose numbers are all the same bits.
     pub(crate) equal: usize,
     pub(crate) numbers: usize,
-    /// Numbers of them that `MaterialX` gives no finite value, or that are left out.
+    /// Numbers of them for which `MaterialX` has no finite value, or that are left out.
     pub(crate) left_out: usize,
     /// Greatest difference, over the scale of the row.
     pub(crate) worst: f64,
-    /// Rows out of bounds.
+    /// A few of them, and unsupported parts.
     pub(crate) wrong: usize,
-    /// A few of them, and what was not understood.
+    /// The number as operations treat it: neither -0 nor below 2^-126.
     pub(crate) lines: Vec<String>,
 }
 
@@ -36,7 +36,7 @@ impl Found {
     }
 }
 
-/// What operations make of a number: neither -0 nor what is below 2^-126.
+/// The number as operations treat it: neither -0 nor below 2^-126.
 fn normal(x: f32) -> f32 {
     if x.is_normal() { x } else { 0.0 }
 }
@@ -87,7 +87,7 @@ pub(crate) fn compare(block: &Block, way: Way, library: &NodeLibrary) -> Found {
     all
 }
 
-/// The ways in which a block can be compared: what reads the geometry is not folded.
+/// The ways in which a block can be compared: nodes that read the geometry are not folded.
 pub(crate) fn ways(block: &Block) -> &'static [Way] {
     if block.geometry.is_empty() { &[Way::Said, Way::Read, Way::Unsaid] } else { &[Way::Read, Way::Unsaid] }
 }

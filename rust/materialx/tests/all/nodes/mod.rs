@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Every pattern node of the data libraries against what `MaterialX`'s own GLSL gave for it (`nodes.csv`, which
-//! `tests/reference/nodes.py` made), in bounds that `bounds` states.
+//! Every pattern node of the data libraries against the result of `MaterialX`'s own GLSL (`nodes.csv`, which
+//! `tests/reference/nodes.py` made), within the bounds of `bounds`.
 
 mod bounds;
 mod compare;
@@ -129,7 +129,7 @@ fn ramps_use_their_number_of_colours() {
     assert_eq!(of_node("ND_ramp", &values)[..3], [0.5, 0.25, 0.125]);
 }
 
-/// What is connected decides at run time, where it is no constant.
+/// A connected `which` decides at run time, if it is not constant.
 #[test]
 fn switch_inputs_of_nodes_can_be_connected() {
     let at = |kind: &str, name: &str, truth: f32, values: &[(&str, PortValue)]| {

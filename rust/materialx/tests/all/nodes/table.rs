@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Tables of what `MaterialX`'s own GLSL gives; `tests/reference/nodes.py` writes them and says how they look.
+//! Tables of results of `MaterialX`'s own GLSL; `tests/reference/nodes.py` writes them and documents their format.
 
 /// An input or a property of the geometry, and how many numbers of a row it has.
 #[derive(Clone, Debug)]
@@ -8,9 +8,9 @@ pub(crate) struct Column {
     /// Empty for geometry.
     pub(crate) kind: String,
     pub(crate) width: usize,
-    /// It cannot be connected.
+    /// True if it cannot be connected.
     pub(crate) is_uniform: bool,
-    /// The property of the geometry that it is where nothing is said.
+    /// The property of the geometry that is its default.
     pub(crate) default: Option<String>,
 }
 
@@ -19,9 +19,9 @@ pub(crate) struct Column {
 pub(crate) struct Row {
     /// Inputs and geometry.
     pub(crate) given: Vec<f32>,
-    /// What the node gives.
+    /// The results of the node.
     pub(crate) expected: Vec<f32>,
-    /// Its inputs are what they are where nothing is said.
+    /// True if its inputs have their defaults.
     pub(crate) is_default: bool,
 }
 

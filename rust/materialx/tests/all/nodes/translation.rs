@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What our translation gives for a row of a table, in three ways: inputs that are said, which are folded, inputs that
-//! a program reads, from texels and from the geometry, and inputs that nothing is said of.
+//! The results of our translation for a row of a table, in three ways: inputs that are set, which are folded; inputs
+//! that a program reads, from texels and from the geometry; and inputs that are not set.
 
 use oocpt_materialx::eval::run;
 use oocpt_materialx::library::NodeLibrary;
@@ -13,12 +13,12 @@ use oocpt_materialx::{InputSource, TranslatedNetwork, translate};
 
 use super::table::{Block, Column, width};
 
-/// How a node gets its inputs.
+/// The way in which a node gets its inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Way {
     Said,
     Read,
-    /// Rows of defaults alone.
+    /// Inputs are not set; only for rows of defaults.
     Unsaid,
 }
 
@@ -27,7 +27,7 @@ const MOST_READ: usize = 9;
 /// The texture of a node's own.
 const TEXTURE: &str = "the texture";
 
-/// Columns, and where their numbers are in a row.
+/// Columns, and the offsets of their numbers in a row.
 fn placed(block: &Block) -> Vec<(&Column, usize)> {
     let columns = block.inputs.iter().chain(&block.geometry);
     let starts = columns.clone().scan(0, |next, column| {
@@ -62,7 +62,7 @@ fn node(kind: &str) -> NetworkNode {
     NetworkNode { path: format!("/m/{kind}").into(), kind: kind.into(), values: Vec::new(), connections: Vec::new() }
 }
 
-/// The network of a row: its surface, the node, what picks `component` of its output, and what the node reads.
+/// The network of a row: its surface, the node, a node that selects `component` of its output, and the inputs.
 fn network(block: &Block, row: &[f32], way: Way, component: Option<usize>, library: &NodeLibrary) -> Network {
     let mut surface = node("ND_open_pbr_surface_surfaceshader");
     surface.values.push(("base_weight".into(), PortValue::Numbers([1.0; 4])));
@@ -74,7 +74,7 @@ fn network(block: &Block, row: &[f32], way: Way, component: Option<usize>, libra
         let files = definition.inputs.iter().filter(|input| input.ty == PortType::File);
         tested.values.extend(files.map(|input| (input.name.clone(), file(TEXTURE))));
     }
-    // Looked up at a place that is no affine map, so that a texel alone is no texture of the surface.
+    // The place of the lookup is not an affine map, so that a single texel is not a texture of the surface.
     let mut squared = node("ND_multiply_vector2");
     squared.connections = vec![("in1".into(), 3, "out".into()), ("in2".into(), 3, "out".into())];
     let mut nodes = vec![surface, tested, squared, node("ND_texcoord_vector2")];
@@ -147,7 +147,7 @@ fn names(what: Geometry, uses: &MaterialUses) -> Vec<String> {
     }
 }
 
-/// What the surface of a row has.
+/// The surface of a row.
 fn seen(block: &Block, row: &[f32], way: Way, uses: &MaterialUses, what: Geometry) -> [f32; 4] {
     let names = names(what, uses);
     for (column, at) in placed(block) {
@@ -209,7 +209,7 @@ fn color(block: &Block, row: &[f32], way: Way, translation: &TranslatedNetwork) 
     })
 }
 
-/// What the node gives for a row; else what is not understood.
+/// The result of the node for a row, or the unsupported part.
 pub(crate) fn value_of(block: &Block, row: &[f32], way: Way, library: &NodeLibrary) -> Result<Vec<f32>, String> {
     let one = |component: Option<usize>| {
         let translation = translate(&network(block, row, way, component, library), library);

@@ -4,7 +4,7 @@
 use super::make::GlassLosses;
 use super::*;
 
-/// Places all over the table and not at its nodes, most of them where it bends: (alpha, ior, side, cosine).
+/// Places all over the table and not at its nodes, most of them where the curve bends: (alpha, ior, side, cosine).
 fn places(count: usize) -> Vec<(f64, f64, usize, f64)> {
     let mut state = 1_u64;
     let mut unit = || {
@@ -69,14 +69,15 @@ fn average_albedos_match_the_interpolated_table() {
 #[test]
 fn energy_losses_match_known_values() {
     let normals = VisibleNormals::new(1 << 15);
-    // An interface that bends nothing and reflects nothing loses what the way out masks: 1 - G1 at the viewer's cosine.
+    // An interface that bends nothing and reflects nothing loses what is masked on the way out: 1 - G1 at the viewer's
+    // cosine.
     for (cosine, alpha) in [(0.05, 0.3), (0.3, 1.0), (0.9, 0.5)] {
         let lost = normals.loss(cosine, alpha, 1.0);
         let slope = f64::sqrt(cosine * cosine + alpha * alpha * (1.0 - cosine * cosine));
         let known = 1.0 - 2.0 * cosine / (cosine + slope);
         assert!((lost - known).abs() < 1e-6, "{lost:?}, not {known}");
     }
-    // A mirror loses what the table of GGX says, from either side, as well as two rules agree.
+    // A mirror loses as much as the table of GGX has, from either side, within the error of the two rules.
     let known = crate::bsdf_tables::albedo(0.4, 0.5, [64, 512])[0];
     for eta in [1e9, 1e-9] {
         let mirror = normals.loss(0.4, 0.5, eta);

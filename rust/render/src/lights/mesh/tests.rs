@@ -95,7 +95,7 @@ fn memory_grows_with_unique_triangles_and_placements() {
     let scene = snapshot(|db| {
         db.upsert_instancer(instancer(&places));
         db.upsert_mesh(lamp(cube("/lamps/lamp", 3, DMat4::IDENTITY, false)));
-        // Another colour, another prim: the same triangles serve.
+        // Another colour and another prim share the same triangles.
         db.upsert_mesh(cube("/cube", 4, DMat4::IDENTITY, false));
     });
     let lights = mesh_lights(&scene);
@@ -135,7 +135,7 @@ fn closed_meshes_shine_outwards() {
     for (is_open, turn, back) in [(true, 1.0, 1.0), (false, 1.0, 0.05), (false, -1.0, 0.05)] {
         let mut mesh = cube("/cube", 0, DMat4::IDENTITY, is_open);
         if turn < 0.0 {
-            // Corners the other way round.
+            // The corners are in the opposite order.
             let faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
             mesh.face_vertex_indices = TypedArray::of(faces.concat());
         }
@@ -208,7 +208,7 @@ fn room(count: u32, has_locals: bool) -> Arc<Snapshot> {
     })
 }
 
-/// Takes what it emits from the primvar "glow".
+/// A material whose emission is the primvar "glow".
 fn reading(path: &str) -> MaterialDesc {
     let node = |kind: &str, name: &str, value: ParamValue| NodeDesc {
         path: format!("{path}/{kind}").into(),
@@ -262,7 +262,7 @@ fn varied_room() -> Arc<Snapshot> {
     })
 }
 
-/// Weights of faces: means over their corners, of what is above 0.
+/// Weights of faces are means over their corners, of what is above 0.
 #[test]
 fn face_weights_are_the_mean_emission_of_corners() {
     let scene = snapshot(|db| {
@@ -282,7 +282,7 @@ fn face_weights_are_the_mean_emission_of_corners() {
     assert!((lights.bounds.power - 4.0 * 5.5722).abs() < 1e-5, "areas times weights: {}", lights.bounds.power);
 }
 
-/// The innermost instancer's value, and the mesh's own before it.
+/// The mesh's own value wins, then the innermost instancer's.
 #[test]
 fn mesh_light_placements_use_instance_values() {
     let values: Vec<[f32; 3]> = vec![[1.0; 3], [0.0; 3], [3.0, 0.0, 0.0]];
@@ -309,7 +309,7 @@ fn mesh_light_placements_use_instance_values() {
     assert_eq!((lights.placements.len(), lights.placed_values.len()), (3, 0), "its own value wins");
 }
 
-/// What choosing a point gives as its density is what a hit there is weighed with.
+/// The density of choosing a point equals the density with which a hit there is weighted.
 #[test]
 fn hit_pdf_equals_sampling_pdf() {
     for (count, has_locals) in [(1, false), (3, true), (200, false), (200, true), (0, false)] {

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Mesh lights that move: their tables, bounds that hold them, and the densities that the device finds at times of the
-//! shutter.
+//! Mesh lights that move: their tables, their bounds, and the densities that the device finds at times of the shutter.
 
 use crate::NoFiles;
 use crate::assets::SurfaceEntries;
@@ -13,7 +12,7 @@ use oocpt_core::scene::{MeshDesc, Snapshot, TransformSample};
 use oocpt_core::{LightDesc, LightKind, PrimDesc, TypedArray};
 use std::sync::Arc;
 
-/// From one map to another.
+/// Makes a mesh that moves from one map to another.
 fn moving(mut desc: MeshDesc, from: DMat4, to: DMat4) -> MeshDesc {
     desc.prim.transform = from;
     desc.prim.motion = [(0.0, from), (1.0, to)].map(|(time, transform)| TransformSample { time, transform }).to_vec();
@@ -30,7 +29,7 @@ fn place(i: u32, salt: u32) -> DMat4 {
     DMat4::from_scale_rotation_translation(scale, turn, at) * if i.is_multiple_of(4) { shear } else { DMat4::IDENTITY }
 }
 
-/// Cubes, two of three of which go, turn and change their shape; and some in an instancer that turns.
+/// Cubes, two of three of which move, turn and change their shape; and some in an instancer that turns.
 fn room(count: u32, has_locals: bool) -> Arc<Snapshot> {
     snapshot(|db| {
         for i in 0..count {
@@ -60,7 +59,7 @@ fn table(scene: &Snapshot, lights: &Arc<MeshLights>) -> LightTable {
     table
 }
 
-/// What choosing a point gives as its density is what a hit there is weighed with, at the time of the path.
+/// The density of choosing a point equals the density with which a hit there is weighted, at the time of the path.
 #[test]
 fn hit_pdf_equals_sampling_pdf_at_any_time() {
     for (count, has_locals) in [(1, false), (3, true), (200, false), (200, true)] {
@@ -89,7 +88,7 @@ fn hit_pdf_equals_sampling_pdf_at_any_time() {
     }
 }
 
-/// The leaves of the tree over placements hold each where it is, at all times.
+/// The leaves of the tree over placements bound each one at all times.
 #[test]
 fn tree_boxes_bound_moving_lights_at_any_time() {
     let scene = room(60, false);
@@ -120,7 +119,7 @@ fn tree_boxes_bound_moving_lights_at_any_time() {
     assert!(moved > 90, "{moved} move");
 }
 
-/// Keys of what instances share are there once; without motion there is no table.
+/// Keys that instances share are stored once; without motion there is no table.
 #[test]
 fn motion_tables_grow_only_with_independent_motion() {
     let places: Vec<DVec3> = (0..1000).map(|i| probe::scattered(i, 0) * 100.0).collect();

@@ -90,7 +90,7 @@ fn every_tile_of_every_level_comes_once() {
     }
 }
 
-/// Ones, with texels that are none.
+/// An image of ones, with texels that are not finite.
 #[derive(Debug)]
 struct Wild;
 
@@ -108,7 +108,7 @@ impl SourceImage for Wild {
     }
 }
 
-/// Bytes by the way of floats, texel by texel.
+/// Downsamples bytes by way of floats, texel by texel.
 #[test]
 fn downsampled_bytes_match_the_pyramid_bit_for_bit() {
     for (channels, is_srgb) in [(1, false), (1, true), (2, true), (3, true), (4, true), (4, false)] {
@@ -167,7 +167,7 @@ fn coarser_levels_alone_are_the_same() {
 #[test]
 fn images_with_wrong_row_counts_are_errors() {
     for rows in [0, 1, 100, 258, 260, 300] {
-        // What the decoder gives is not what it said.
+        // The decoder gives another number of rows than it announced.
         let image = Rows { size: [300, 259], rows: rows.min(259) };
         let (longer, result) = (Rows { size: [300, rows], rows }, converted(&image, 0));
         assert_eq!(result.is_ok(), rows >= 259, "{rows} rows");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Blocks of faces to tiles. Blocks of each class come in the order of faces; a tile goes out when no block of it is
-//! still to come, so only about one tile for each class is held.
+//! Assembles blocks of faces to tiles. Blocks of each class arrive in the order of faces; a tile is passed on when it
+//! is complete, so only about one tile for each class is held.
 
 use super::super::convert::TileSink;
 use super::super::image::ImageError;
@@ -8,14 +8,14 @@ use oocpt_abi::TILE_SIDE;
 use oocpt_core::texture::{FaceLayout, TILE_TEXELS};
 use std::collections::BTreeMap;
 
-/// A class: where its texels are, and how far it has come.
+/// A class: its layout, and the progress in it.
 #[derive(Clone, Copy, Debug)]
 struct FaceClass {
     done: u64,
     end: u64,
 }
 
-/// See the module.
+/// The tiles under way of all classes.
 pub(super) struct FaceAssembler {
     texel_bytes: usize,
     texels: u64,
@@ -67,7 +67,7 @@ impl FaceAssembler {
         Ok(())
     }
 
-    /// Gives away the tiles that are whole.
+    /// Passes on the complete tiles.
     pub(super) fn flush(&mut self, sink: &mut dyn TileSink) -> Result<(), ImageError> {
         let is_whole = |tile: u32| {
             let begin = u64::from(tile) * u64::from(TILE_TEXELS);
@@ -83,7 +83,7 @@ impl FaceAssembler {
         Ok(())
     }
 
-    /// Gives away the rest.
+    /// Passes on the remaining tiles.
     pub(super) fn finish(mut self, sink: &mut dyn TileSink) -> Result<(), ImageError> {
         for (tile, bytes) in std::mem::take(&mut self.open) {
             self.give(tile, &bytes, sink)?;

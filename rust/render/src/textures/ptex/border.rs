@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What lies beyond the edges and corners of a Ptex face: the texels of its block's border. Pure.
+//! The texels beyond the edges and corners of a Ptex face: the border of its block. Pure.
 //!
-//! Edge 0 is v = 0, then counterclockwise: u = 1, v = 1, u = 0; corner `k` is where edge `k` begins. Along a shared
-//! edge the two faces go in opposite directions. A face of a quad mesh that meets an n-gon has two of its faces
-//! (subfaces) along one edge: the file names the one at the first half of the edge, and the other one is next to that.
-//! Files may lie: every number is looked up with a check, and walks are bounded.
+//! Edge 0 is v = 0, then counterclockwise: u = 1, v = 1, u = 0; edge `k` begins at corner `k`. Along a shared edge the
+//! two faces go in opposite directions. A face of a quad mesh that meets an n-gon has two of its faces (subfaces) along
+//! one edge: the file names the one at the first half of the edge, and the other one is next to that. Files may be
+//! wrong: every number is checked, and walks are bounded.
 
 use super::pyramid::{FaceEdges, FacePyramid};
 use oocpt_core::texture::{FaceBlock, class_size};
 use oocpt_ptex::{BorderMode, PtexFace};
 use rustc_hash::FxHashMap;
 
-/// Most faces around a corner that are looked at.
+/// Most faces around a corner that are visited.
 const MOST_VALENCE: usize = 32;
 
-/// Faces around a face that its border is made of, itself included; with repetitions.
+/// The faces that the border of a face reads, itself included; with repetitions.
 pub(super) fn neighbours(faces: &[PtexFace], face: u32) -> Vec<u32> {
     let mut all = Vec::new();
     for edge in 0..4 {
@@ -26,8 +26,8 @@ pub(super) fn neighbours(faces: &[PtexFace], face: u32) -> Vec<u32> {
     all
 }
 
-/// What is beyond the place `t` (0 to 1) of an edge: face, its edge, the place there, and how many of its edges'
-/// lengths one length of ours is.
+/// The neighbour at the place `t` (0 to 1) of an edge: face, its edge, the place there, and the length of our edge in
+/// units of its edge.
 fn beyond(faces: &[PtexFace], face: u32, edge: u8, t: f64) -> Option<(u32, u8, f64, f64)> {
     let own = faces.get(face as usize)?;
     let (other, other_edge) = (*own.adjacent.get(usize::from(edge))?)?;
@@ -47,7 +47,7 @@ fn beyond(faces: &[PtexFace], face: u32, edge: u8, t: f64) -> Option<(u32, u8, f
     }
 }
 
-/// The faces around a corner, with the numbers of their corners there, without the face itself; `None` where it lies on
+/// The faces around a corner, with the numbers of their corners there, without the face itself; `None` if it lies on
 /// the border of the mesh, or in the middle of a neighbour's edge.
 fn around(faces: &[PtexFace], face: u32, corner: u8) -> Option<Vec<(u32, u8)>> {
     let mut found = Vec::new();
@@ -69,7 +69,7 @@ fn around(faces: &[PtexFace], face: u32, corner: u8) -> Option<Vec<(u32, u8)>> {
     None
 }
 
-/// The texel of a face at a corner, and those beyond its edges beside that.
+/// The texel of a face at a corner, and those beyond the adjacent edges.
 #[derive(Clone, Copy)]
 struct CornerTexels<'a> {
     own: &'a [f32],
@@ -77,12 +77,12 @@ struct CornerTexels<'a> {
     after: &'a [f32],
 }
 
-/// Everything around that blocks are made of.
+/// The data around faces from which blocks are made.
 pub(super) struct FaceSurroundings<'a> {
     pub(super) faces: &'a [PtexFace],
     pub(super) channels: usize,
     pub(super) border_modes: [BorderMode; 2],
-    /// The edges of faces, at least of those around.
+    /// The edges of faces, at least of the neighbours.
     pub(super) edges: &'a FxHashMap<u32, FaceEdges>,
 }
 
@@ -136,7 +136,7 @@ impl FaceSurroundings<'_> {
         let Some((edges, (_, other_edge, place, share))) =
             found.and_then(|found| Some((self.edges.get(&found.0)?, found)))
         else {
-            // Edges 0 and 2 end v.
+            // Along edges 0 and 2 only u varies.
             let is_black =
                 self.border_modes[usize::from(edge.is_multiple_of(2))] == BorderMode::Black && found.is_none();
             return if is_black { vec![0.0; self.channels] } else { own.at(level, edge, i, self.channels).to_vec() };
@@ -153,8 +153,8 @@ impl FaceSurroundings<'_> {
         edges.at(level, other_edge, at, self.channels).to_vec()
     }
 
-    /// The texel beyond a corner: such that all faces around agree on the value at the corner, the mean of their texels
-    /// there. With four faces it is the texel of the one across.
+    /// The texel beyond a corner, such that all faces around agree on the value at the corner, the mean of their texels
+    /// there. With four faces it is the texel of the opposite one.
     fn beyond_corner(&self, (face, corner): (u32, u8), class: u32, at: CornerTexels<'_>) -> Vec<f32> {
         let CornerTexels { own, before, after } = at;
         let mean = |k: usize| 0.5 * (before.get(k).unwrap_or(&0.0) + after.get(k).unwrap_or(&0.0));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Ptex files as textures: what is in one, and its conversion to tiles of texels by face
+//! Ptex files as textures: their properties, and their conversion to tiles of texels by face
 //! (`oocpt_core::texture::FaceLayout`). Any thread.
 
 mod assemble;
@@ -19,18 +19,19 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::sync::Arc;
 
-/// Texels of faces that are made at a time: bounds what is decoded at once.
+/// Texels of faces that are decoded at a time.
 const BATCH_TEXELS: u64 = 1 << 21;
 /// Most faces of a batch.
 const BATCH_FACES: u32 = 1 << 14;
-/// Most bytes of edges that are kept for faces to come.
+/// Most bytes of edges that are kept for later faces.
 const MOST_EDGE_BYTES: usize = 256 << 20;
-/// Constant faces are kept at no more texels a side than this, as a power of two: they blend with their neighbours over
-/// 1/32 of a side.
+/// Constant faces are stored with at most this many texels a side, as a power of two: they blend with their neighbours
+/// over 1/32 of a side.
 const CONSTANT_LOG2: u8 = 4;
-/// A file of any size may have that many bytes of texels; beyond, at most [`MOST_PER_BYTE`] for each byte of it.
-/// (Deflate gives at most 1032; the rest is for tiles of one colour.)
+/// Bytes of texels that a file of any size may have; beyond, at most [`MOST_PER_BYTE`] for each byte of it.
 const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
+/// Most bytes of texels for each byte of a larger file. Deflate expands by at most 1032; the rest is for tiles of one
+/// colour.
 const MOST_PER_BYTE: u64 = 2048;
 /// Most texels of a face: its levels are held as floats.
 const MOST_FACE_TEXELS: u64 = 1 << 26;
@@ -45,12 +46,12 @@ pub(super) struct PtexSource {
     info: ImageInfo,
 }
 
-/// How texels are stored, and what makes them linear.
+/// The stored formats of texels, and the conversion that makes them linear.
 #[derive(Clone, Copy)]
 pub(super) struct TexelConversion<'a> {
-    /// As they are in the file.
+    /// The format in the file.
     pub(super) from: &'a StoredTexels,
-    /// As they are kept.
+    /// The format that is kept.
     pub(super) to: &'a StoredTexels,
     pub(super) transform: Option<&'a dyn ColorTransform>,
 }
@@ -88,18 +89,18 @@ impl PtexSource {
         Ok(Self { file, layout: Arc::new(layout), picked, info })
     }
 
-    /// Where the texels of faces are.
+    /// The layout of the texels of faces.
     pub(super) fn layout(&self) -> &Arc<FaceLayout> {
         &self.layout
     }
 
-    /// Its texels as those of an image of one level.
+    /// The properties of an image of one level with the same texels.
     pub(super) fn info(&self) -> &ImageInfo {
         &self.info
     }
 
-    /// Gives `sink` every tile, in no order. Every face is decoded once, and those at the border of a batch a second
-    /// time; a face that cannot be decoded is an error.
+    /// Passes every tile to `sink`, in no order. Every face is decoded once, and those at the border of a batch a
+    /// second time; a face that cannot be decoded is an error.
     pub(super) fn convert(&self, meaning: TexelConversion<'_>, sink: &mut dyn TileSink) -> Result<(), ImageError> {
         let mut assembler = FaceAssembler::new(&self.layout, meaning.to.file_bytes());
         let mut kept: FxHashMap<u32, FaceEdges> = FxHashMap::default();
@@ -119,7 +120,7 @@ impl PtexSource {
             around.dedup();
             around.retain(|face| !batch.contains(face) && !kept.contains_key(face));
             let channels = meaning.to.channels();
-            // Large faces one after the other: a thread each would hold all of them as floats.
+            // Large faces are decoded one after the other: in parallel, each thread would hold one as floats.
             let is_large = |face: &u32| texels(self.log2(*face)) > BATCH_TEXELS;
             let (large, small): (Vec<u32>, Vec<u32>) = around.into_iter().partition(is_large);
             let edges_of = |face: u32| Ok((face, self.pyramid(face, meaning)?.edges(channels)));
@@ -242,7 +243,7 @@ fn texels(log2: [u8; 2]) -> u64 {
     1 << (u32::from(log2[0]) + u32::from(log2[1])).min(63)
 }
 
-/// Which channels of so many are read: all of up to four, else colour, with alpha if that is the fourth.
+/// The channels that are read: all if there are up to four, else colour, with alpha if that is the fourth.
 fn pick(channels: u32, alpha: Option<u32>) -> Vec<usize> {
     let count = match channels {
         0..=4 => channels,

@@ -8,7 +8,7 @@ pub(super) struct FacePyramid {
 }
 
 impl FacePyramid {
-    /// Of texels in rows of increasing v.
+    /// The pyramid of texels in rows of increasing v.
     pub(super) fn new(log2: [u8; 2], values: Vec<f32>, channels: usize) -> Self {
         let count = u32::from(log2[0].max(log2[1]));
         let mut levels = vec![(log2.map(|log2| 1_u32 << log2), values)];
@@ -92,12 +92,12 @@ impl FaceEdges {
         self.strip(level, edge).len() / channels.max(1)
     }
 
-    /// A texel; empty where there is none.
+    /// A texel; empty if it does not exist.
     pub(super) fn at(&self, level: usize, edge: u8, at: usize, channels: usize) -> &[f32] {
         self.strip(level, edge).get(at * channels..(at + 1) * channels).unwrap_or_default()
     }
 
-    /// Bytes that it takes.
+    /// Bytes of memory.
     pub(super) fn bytes(&self) -> usize {
         self.levels.iter().flatten().map(|strip| size_of_val(&strip[..]) + size_of::<Vec<f32>>()).sum()
     }
@@ -117,7 +117,7 @@ mod tests {
         let pyramid = FacePyramid::new([2, 1], values.clone(), 2);
         assert_eq!(pyramid.levels(), 3);
         assert_eq!(pyramid.level(0), Some(([4, 2], &values[..])));
-        // Texels (0, 1) (2, 3) above them (8, 9) (10, 11).
+        // Above texels (0, 1) (2, 3) are (8, 9) (10, 11).
         assert_eq!(pyramid.level(1), Some(([2, 1], &[5.0, 6.0, 9.0, 10.0][..])));
         assert_eq!(pyramid.level(2), Some(([1, 1], &[7.0, 8.0][..])));
         assert_eq!([0, 1, 2].map(|level| pyramid.class_of(level)), [2, 1, 0]);

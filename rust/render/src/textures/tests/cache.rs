@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How often files are decoded, and what is kept of them: on disk, in memory, from render to render.
+//! The number of times that files are decoded, and what is kept of them: on disk, in memory, from render to render.
 
 use super::harness::{encoded, noise, texture};
 use crate::textures::{
@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 const SIZE: [u32; 2] = [1000, 700];
 
-/// A file that is decoded from top to bottom, and counts how often.
+/// A file that is decoded from top to bottom, and counts the decodings.
 #[derive(Debug)]
 struct Stripes {
     decoded: Arc<AtomicU32>,
@@ -44,7 +44,7 @@ impl SourceImage for Stripes {
     }
 }
 
-/// Halves what is there.
+/// A conversion that halves values.
 #[derive(Debug)]
 struct Half;
 
@@ -89,7 +89,7 @@ impl ImageLibrary for Library {
     }
 }
 
-/// A cache folder that is gone at the end.
+/// A cache folder that is removed at the end.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -123,7 +123,7 @@ fn no_disk() -> Settings {
     Settings { texture_cache: "0".into(), ..Settings::default() }
 }
 
-/// What a new process would open.
+/// Opens the image that a new process would open.
 fn open(library: &Arc<Library>, settings: &Settings, space: ColorSpace) -> (Arc<TextureImage>, Vec<String>) {
     let library: Arc<dyn ImageLibrary> = Arc::clone(library) as Arc<dyn ImageLibrary>;
     let mut cache = TextureCache::default();

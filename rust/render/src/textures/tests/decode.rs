@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Images that give whole levels through [`SourceImage::read`], and libraries that know neither identities nor colour
+//! Images that read whole levels through [`SourceImage::read`], and libraries that know neither identities nor colour
 //! spaces.
 
 use super::harness::{Procedural, encoded, image, noise};
@@ -21,7 +21,7 @@ fn bands(image: &Procedural, level: u32) -> Vec<(u32, Vec<u8>)> {
 
 #[test]
 fn a_level_is_decoded_from_the_top_down() {
-    // More than one band, the last of which is not full.
+    // There is more than one band, and the last is not full.
     let size = [1500, 1201];
     let image = image(size, 3, TexelFormat::U8);
     let bands = bands(&image, 0);

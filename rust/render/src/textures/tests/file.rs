@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Files one by one: what is said of them, and filling the cache.
+//! Single files: their properties, and filling the cache.
 
 use super::harness::{Procedural, image};
 use crate::textures::{FileReport, ImageError, ImageInfo, ImageLibrary, SourceImage, TextureFile};
@@ -9,7 +9,7 @@ use oocpt_core::texture::{ColorSpace, TexelFormat};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// One image under any name but "gone"; those under "broken" break off.
+/// A library with one image under any name but "gone"; reads of those under "broken" fail.
 #[derive(Debug)]
 struct Library(Arc<Procedural>);
 
@@ -40,7 +40,7 @@ impl ImageLibrary for Library {
     }
 }
 
-/// Asks for one file of a library with one image.
+/// Inspects one file of a library with one image.
 struct Bench {
     library: Arc<dyn ImageLibrary>,
     settings: Settings,

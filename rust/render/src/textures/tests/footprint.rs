@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What cones cover of textures, by the shaders, against singular values in f64: random ellipses, and such as are none.
+//! Footprints of cones in textures, by the shaders, against singular values in f64: random ellipses, and degenerate
+//! ones.
 
 use super::harness::{open, unit};
 use bytemuck::Zeroable;
@@ -27,7 +28,7 @@ const FRONT: Query = Query {
     cone: 1.0,
 };
 
-/// The packed ellipse and the filter's width of each, and the width that masks are asked with.
+/// The packed ellipse and the filter's width of each query, and the width for lookups in masks.
 fn ask(queries: &[Query]) -> Vec<([u32; 2], f32, f32)> {
     let gpu = open();
     let spec = (Features::MATERIALS | Features::TEXTURES).constants();
@@ -158,8 +159,8 @@ fn a_degenerate_footprint_keeps_a_finite_width() {
     }
 }
 
-/// A texture that is stretched in st as its image is, so that its texels are squares: what is thin in st is round in
-/// texels, and must not have lost its shorter axis when it was packed.
+/// A texture that is stretched in st as its image is has square texels: an ellipse that is thin in st is round in
+/// texels, and must not lose its shorter axis in packing.
 #[test]
 fn stretched_textures_keep_the_minor_axis() {
     let strip = |i: u32, size: [u32; 2]| {
@@ -177,11 +178,11 @@ fn stretched_textures_keep_the_minor_axis() {
     }
 }
 
-/// How far from a similarity a map from coordinates to texels may be: the sum of the squares of its axes over twice
-/// their product. What rounds a footprint's direction may be off by so much more.
+/// Limit on how far a map from coordinates to texels may be from a similarity: the sum of the squares of its axes over
+/// twice their product. The rounding of a footprint's direction may be off by so much more.
 const MOST_UNEVEN: f32 = 2.5;
 
-/// Any width gives the same coverage: this is about which level of a mask a lookup asks.
+/// Any width gives the same coverage: the width only selects the level of the mask.
 #[test]
 fn mask_lookups_are_as_wide_as_the_filter() {
     let queries: Vec<Query> = (0..40_000).map(random).collect();

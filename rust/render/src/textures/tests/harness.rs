@@ -100,7 +100,7 @@ pub(super) struct Bench {
     gpu: Arc<Gpu>,
     pipeline: Pipeline,
     pub(super) set: Arc<TextureSet>,
-    /// By tile of the scene.
+    /// Bytes by tile of the scene.
     tiles: Vec<Vec<u8>>,
     pub(super) addresses: Vec<u64>,
     records: Buffer,
@@ -116,7 +116,7 @@ pub(super) struct Query {
     pub(super) width: f32,
 }
 
-/// Value, what the lookup said, texels it is done with.
+/// Value, result of the lookup, number of texels that are done.
 pub(super) type Answer = ([f32; 4], u32, u32);
 
 /// The device that tests run on.
@@ -130,7 +130,7 @@ impl Bench {
         Self::with(Arc::new(Library(images)), textures, Features::empty())
     }
 
-    /// With a library, and with more than plain textures.
+    /// A bench with a library, and with more features than plain textures.
     pub(super) fn with(library: Arc<dyn ImageLibrary>, textures: &[TextureRef], more: Features) -> Self {
         let gpu = open();
         let set = TextureCache::default().sync(Some(&library), textures);

@@ -52,7 +52,7 @@ fn texel_centers_are_exact() {
 /// The largest error of lookups all over an image, against f64, in units of 2^-24 of the largest texel (1).
 fn largest_error(size: [u32; 2], format: TexelFormat, wrap: [Wrap; 2], widest: f32) -> f64 {
     let widest = widest * size.map(|side| side as f32).iter().product::<f32>().sqrt();
-    // Every second one has its fallback around it.
+    // Every second image has a border of its fallback.
     let has_border = size[0].is_multiple_of(2);
     let texture = TextureRef { has_border, ..texture("0", wrap, ColorSpace::Raw) };
     let outside = if has_border { texture.fallback.map(f64::from) } else { [0.0; 4] };
@@ -202,7 +202,7 @@ fn a_lookup_that_waits_for_each_tile_in_turn_gives_the_same_bits() {
         Bench::new(vec![image([300, 260], 4, TexelFormat::U8)], &[texture("0", [Wrap::Repeat; 2], ColorSpace::Auto)]);
     let queries: Vec<Query> = (0..2000)
         .map(|i| {
-            // Near the borders of tiles, and anywhere.
+            // Lookups near the borders of tiles, and anywhere.
             let near = |texels: f32, side: f32, u: f32| (texels + 2.0 * u - 1.0) / side;
             let (u, v) = (unit(2 * i), unit(2 * i + 1));
             let border = [near(128.0, 300.0, u), near(128.0, 260.0, v)];
@@ -220,7 +220,7 @@ fn a_lookup_that_waits_for_each_tile_in_turn_gives_the_same_bits() {
     while answers.iter().any(|answer| answer.1 != DONE) {
         rounds += 1;
         assert!(rounds < 200, "lookups do not end");
-        // One tile at a time: the one that the first of those that wait needs.
+        // One tile arrives at a time: the one that the first waiting lookup needs.
         let tile = answers.iter().map(|answer| answer.1).find(|said| *said != DONE).expect("one waits");
         let mut pages = nothing.clone();
         pages[tile as usize] = bench.addresses[tile as usize];

@@ -11,6 +11,7 @@ mod harness;
 mod lookup;
 mod ptex;
 
-/// What `texture_lookup` says of itself when it is done, and when the texture has a fallback alone.
+/// The result of `texture_lookup` when it is done.
 const DONE: u32 = u32::MAX;
+/// The result of `texture_lookup` when the texture has a fallback alone.
 const FALLBACK: u32 = u32::MAX - 1;

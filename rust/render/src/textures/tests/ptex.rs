@@ -40,12 +40,12 @@ pub(in crate::textures) fn ptex_faces(mesh: &[Vec<u32>], log2: impl Fn(u32) -> [
         let at = |k: usize| first[number] + u32::try_from(k % n).expect("few");
         for (k, from) in face.iter().enumerate() {
             let other = halves.get(&(face[(k + 1) % n], *from)).copied();
-            // Who begins where our edge begins: the other edge ends there.
+            // The neighbour whose edge ends where our edge begins.
             let begin = other.map(|(other, edge)| {
                 let m = mesh[other].len();
                 if m == 4 { (first[other], small(edge)) } else { (first[other] + ((edge + 1) % m) as u32, 3) }
             });
-            // Who is at its second half.
+            // The neighbour at the second half of our edge.
             let end = other.map(|(other, edge)| {
                 if mesh[other].len() == 4 { (first[other], small(edge)) } else { (first[other] + edge as u32, 0) }
             });
@@ -213,7 +213,8 @@ fn faces_of_one_size_agree_along_edges_and_at_corners() {
 
 #[test]
 fn borders_of_faces_of_other_sizes_show_their_neighbours() {
-    // Linear along the edge, so that a mean of texels is the texel of their middle: here each face is one colour.
+    // Values are linear along the edge, so that a mean of texels is the texel of their middle: here each face is one
+    // colour.
     let mesh = prism();
     let sizes = |number: u32| [[3, 3], [2, 2], [4, 3], [3, 5]][number as usize % 4];
     let faces = ptex_faces(&mesh, sizes);
@@ -222,11 +223,11 @@ fn borders_of_faces_of_other_sizes_show_their_neighbours() {
     let (layout, texels) = decoded(&bench, 0, false);
     let sampler = PtexSampler { layout: &layout, texel: |at: u32| texels[at as usize] };
     for (number, face) in (0_u32..).zip(&faces) {
-        // Faces of one colour are kept small.
+        // Faces of one colour are stored small.
         let own = (0..layout.classes()).rev().find(|class| layout.block(*class, number).is_some()).expect("some");
         for edge in 0..4_u8 {
             for t in [0.3, 0.7] {
-                // Worked out by hand: the prism's quads meet the subfaces of an n-gon, whose edge has two halves.
+                // Computed by hand: the prism's quads meet the subfaces of an n-gon, whose edge has two halves.
                 let (beyond, edge_beyond) = face.adjacent[usize::from(edge)].expect("closed");
                 let neighbour = &faces[beyond as usize];
                 let second = !face.is_subface && neighbour.is_subface && t > 0.5;
@@ -319,13 +320,13 @@ fn a_deferred_lookup_resumes_at_the_missing_tile() {
             break;
         }
         assert!(round < 100, "each tile that comes is progress");
-        // One at a time, and the others go.
+        // One tile at a time is resident, and the others are evicted.
         there.fill(0);
         for page in missing.iter().step_by(2) {
             there[*page] = bench.addresses[*page];
         }
         bench.pages.write(0, bytemuck::cast_slice(&there)).expect("mapped");
-        // Whoever is done asks no more.
+        // Finished lookups are not repeated.
         let open: Vec<usize> = (0..queries.len()).filter(|k| answers[*k].1 < FALLBACK).collect();
         let (again, before): (Vec<Query>, Vec<Answer>) = open.iter().map(|&k| (queries[k], answers[k])).unzip();
         for (k, answer) in open.into_iter().zip(bench.go_on(&again, &before)) {
@@ -337,7 +338,8 @@ fn a_deferred_lookup_resumes_at_the_missing_tile() {
     }
 }
 
-/// Files that lie: neighbours at random, bytes changed, ends cut off. An error or tiles, in time, whatever they say.
+/// Files with wrong contents: random neighbours, changed bytes, truncation. They give an error or tiles in bounded
+/// time.
 #[test]
 fn hostile_ptex_files_terminate() {
     let mut state = 7_u32;
@@ -378,7 +380,7 @@ fn hostile_ptex_files_terminate() {
     assert!(refused > 50 && made > 150, "some of both: {refused}, {made}");
 }
 
-/// A few hundred bytes that say they are gigabytes.
+/// A file of a few hundred bytes that claims gigabytes is refused.
 #[test]
 fn small_files_of_many_texels_are_refused_and_constant_faces_are_small() {
     let write = |log2: [u8; 2], constant: bool, count: u32| {
@@ -399,7 +401,7 @@ fn small_files_of_many_texels_are_refused_and_constant_faces_are_small() {
     assert!(count < 10, "30 faces of 16 x 16: {count} tiles");
     let texel = |tile: &Vec<u8>| tile[..4].to_vec();
     assert_eq!(texel(&image.tile(0)), [10, 20, 30, 255]);
-    // Nothing tells them apart, so the file is next to nothing.
+    // All texels are equal, so the file is very small.
     let refused = open(write([14, 14], true, 200_000));
     assert!(refused.images().count() == 0 && refused.warnings.len() == 1, "{:?}", refused.warnings);
 }

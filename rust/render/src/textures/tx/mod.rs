@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Tiled, mip-mapped image files: what decoded images are kept in. `BigTIFF` (the TIFF 6.0 specification; Aldus and
-//! Adobe 1992,
-//! extended to 64-bit offsets by libtiff), little-endian, uncompressed, read by every program that reads TIFF.
+//! Tiled, mip-mapped image files in which decoded images are kept: `BigTIFF` (the TIFF 6.0 specification; Aldus and
+//! Adobe 1992, extended to 64-bit offsets by libtiff), little-endian, uncompressed, read by every program that reads
+//! TIFF.
 //!
-//! The tiles of all levels come in any order and are appended as they come; the directories, one a level, follow
-//! behind them. So one
-//! pass over an image writes all of its levels, which no library lets one do: they end a level before they begin the
-//! next. A private
-//! field has a checksum for each tile. Rows are stored from the bottom up (orientation 4), as textures count them.
+//! The tiles of all levels arrive in any order and are appended as they arrive; the directories, one a level, follow
+//! behind them. So one pass over an image writes all of its levels, which no library allows: they end a level before
+//! they begin the next. A private field has a checksum for each tile. Rows are stored from the bottom up (orientation
+//! 4), as textures count them.
 
 mod read;
 #[cfg(test)]
@@ -22,7 +21,7 @@ use oocpt_abi::TILE_SIDE;
 use oocpt_core::texture::{LayoutError, TexelFormat, TileLayout, Wrap};
 use serde::{Deserialize, Serialize};
 
-/// Changes whenever files of before cannot be used.
+/// Changes whenever older files cannot be used.
 const VERSION: u32 = 1;
 /// Sides of tiles are multiples of this.
 const TILE_STEP: u32 = 16;
@@ -46,7 +45,7 @@ const TILE_OFFSETS: u16 = 324;
 const TILE_BYTE_COUNTS: u16 = 325;
 const EXTRA_SAMPLES: u16 = 338;
 const SAMPLE_FORMAT: u16 = 339;
-/// Ours: XXH3 (64 bits) of each tile. Above 65000 numbers are for private use.
+/// A private tag: XXH3 (64 bits) of each tile. Numbers above 65000 are for private use.
 const TILE_CHECKSUMS: u16 = 65_100;
 
 const ASCII: u16 = 2;
@@ -54,24 +53,24 @@ const SHORT: u16 = 3;
 const LONG: u16 = 4;
 const LONG8: u16 = 16;
 
-/// What an image is: stored as text in the file's description.
+/// The properties of an image, stored as text in the file's description.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct TxDescription {
     /// [`VERSION`].
     version: u32,
-    /// What tells the source from other files, and how it is read.
+    /// The identity of the source, and how it is read.
     pub(super) key: String,
     /// Texels of level 0, which need not be in the file.
     pub(super) size: [u32; 2],
-    /// 1 to 4.
+    /// Number of channels, 1 to 4.
     pub(super) channels: u32,
     format: TxFormat,
     /// The finest level in the file.
     pub(super) first_level: u32,
-    /// What the source says of itself.
+    /// True or false if the source says that it is sRGB or not.
     is_srgb: Option<bool>,
     wrap: Option<[WrapMode; 2]>,
-    /// One level of rows ([`TileLayout::of_rows`]).
+    /// True if there is one level of rows ([`TileLayout::of_rows`]).
     #[serde(default)]
     is_flat: bool,
 }
@@ -116,7 +115,7 @@ impl TxDescription {
         }
     }
 
-    /// What the source says of itself, with level 0 alone.
+    /// The properties of the source, with level 0 alone.
     pub(super) fn info(&self) -> ImageInfo {
         let wrap = |mode| match mode {
             WrapMode::Black => Wrap::Black,
@@ -146,7 +145,7 @@ impl TxDescription {
         (self.channels * self.format().bytes()) as usize
     }
 
-    /// Whether it is of this version and its numbers are possible.
+    /// Returns true if the version is this one and the numbers are possible.
     fn is_possible(&self) -> bool {
         let layout = self.layout();
         self.version == VERSION
@@ -154,7 +153,7 @@ impl TxDescription {
             && layout.is_ok_and(|layout| self.first_level < layout.levels())
     }
 
-    /// How level 0 is cut, for texels of 4 bytes: the bytes of a texel change nothing of the sizes of levels.
+    /// The layout of level 0, for texels of 4 bytes: the size of a texel does not change the sizes of levels.
     fn layout(&self) -> Result<TileLayout, LayoutError> {
         match self.size {
             [TILE_SIDE, height] if self.is_flat => TileLayout::of_rows(height.saturating_mul(TILE_SIDE), 4),
@@ -169,11 +168,11 @@ impl TxDescription {
     }
 }
 
-/// How a level is cut in the file.
+/// The tiling of a level in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct TxLevel {
     size: [u32; 2],
-    /// Texels of each tile; those at the right and upper border are filled up.
+    /// Texels of each tile; those at the right and upper border are padded.
     tile: [u32; 2],
     /// Tiles along s and t.
     tiles: [u32; 2],

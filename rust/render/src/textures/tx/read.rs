@@ -11,10 +11,10 @@ use std::os::unix::fs::FileExt;
 use std::sync::OnceLock;
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Most fields of a directory that are looked at.
+/// Most fields of a directory that are read.
 const MOST_FIELDS: u64 = 64;
 
-/// Where a level's tiles are, as far as it has been read.
+/// The places of a level's tiles, as far as they have been read.
 #[derive(Debug)]
 struct TileTable {
     level: TxLevel,
@@ -34,7 +34,7 @@ pub(crate) struct TxFile {
 }
 
 impl TxFile {
-    /// Opens a file that was finished.
+    /// Opens a finished file.
     pub(crate) fn open(file: File) -> io::Result<Self> {
         let bytes = file.metadata()?.len();
         let head: [u8; 16] = read_at(&file, 0)?;
@@ -67,7 +67,7 @@ impl TxFile {
             }
             let level = *levels.get(tables.len()).ok_or_else(damaged)?;
             let is = |tag, value: u64| field(tag).is_some_and(|(_, count, is)| count == 1 && is == value);
-            // A single value stands in the field itself.
+            // A single value is stored in the field itself.
             let place = |tag| match field(tag) {
                 Some((LONG8, count, _)) if count != level.count() as u64 => Err(damaged()),
                 Some((LONG8, 1, _)) => {
@@ -90,7 +90,7 @@ impl TxFile {
         }
     }
 
-    /// What the image is.
+    /// The description of the image.
     pub(crate) fn description(&self) -> &TxDescription {
         &self.description
     }
@@ -127,7 +127,7 @@ impl TxFile {
         if let Some(tiles) = table.tiles.get() {
             return Ok(tiles);
         }
-        // The file is at least as long as what it has tiles for: nobody asks for more memory than that.
+        // The file is at least as long as its tiles: this bounds the allocation.
         let length = bounded(table.level.count() as u64 * 8, self.bytes)?;
         let read = |at: u64| -> io::Result<Vec<u8>> {
             let mut values = vec![0; length];
@@ -141,7 +141,7 @@ impl TxFile {
     }
 }
 
-/// A number of things that a file says, if it is not above `most`.
+/// A count from the file, if it is not above `most`.
 fn bounded(count: u64, most: u64) -> io::Result<usize> {
     usize::try_from(count).ok().filter(|_| count <= most).ok_or_else(damaged)
 }
@@ -152,7 +152,7 @@ fn read_at<const N: usize>(file: &File, at: u64) -> io::Result<[u8; N]> {
     Ok(bytes)
 }
 
-/// The number at byte `at`, which is there.
+/// The number at byte `at`, which must exist.
 fn u64_of(bytes: &[u8], at: usize) -> u64 {
     let mut number = [0; 8];
     if let Some(from) = bytes.get(at..at + 8) {

@@ -36,7 +36,7 @@ fn byte(level: u32, x: u32, y: u32, k: usize) -> u8 {
 /// Level, place, size and texels of a tile.
 type Tile = (u32, [u32; 2], [u32; 2], Vec<u8>);
 
-/// The tiles of an image and what they hold.
+/// The tiles of an image and their texels.
 fn tiles(description: &TxDescription) -> Vec<Tile> {
     let mut all = Vec::new();
     for (level, cut) in (description.first_level..).zip(description.levels()) {
@@ -59,7 +59,7 @@ fn tiles(description: &TxDescription) -> Vec<Tile> {
 
 fn write(path: &PathBuf, description: &TxDescription) {
     let mut writer = TxWriter::new(File::create(path).expect("created"), description.clone()).expect("begun");
-    // In an order of no kind.
+    // The tiles arrive in no order.
     let mut tiles = tiles(description);
     tiles.sort_by_key(|(level, at, ..)| (at[0].wrapping_mul(0x9e37_79b9) ^ at[1], *level));
     for (level, at, size, texels) in tiles {
@@ -112,7 +112,7 @@ fn an_unfinished_file_is_not_found() {
     assert!(TxFile::open(File::open(&path).expect("there")).is_err(), "nobody takes it for a file");
 }
 
-/// Bytes changed, cut off and made up: an error, or what was written; never a panic or a large allocation.
+/// Changed, truncated and invented bytes give an error, or what was written; never a panic or a large allocation.
 #[test]
 fn damaged_files_are_errors() {
     let folder = Folder::new("damage");
@@ -129,7 +129,7 @@ fn damaged_files_are_errors() {
     };
     for round in 0..3000 {
         let mut bytes = whole.clone();
-        // Most of them where the directories are.
+        // Most of the damage is in the directories.
         let from = if round % 4 == 0 { 0 } else { directory.saturating_sub(2000) };
         for _ in 0..=next() % 3 {
             let at = from + next() % (bytes.len() - from);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Writes a file; see the module above.
+//! Writes a file of tiles in the format of the parent module.
 
 use super::{
     ASCII, BITS_PER_SAMPLE, COMPRESSION, EXTRA_SAMPLES, IMAGE_DESCRIPTION, IMAGE_LENGTH, IMAGE_WIDTH, LONG, LONG8,
@@ -10,15 +10,15 @@ use super::{
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Bytes of the file's head: marks, and where the first directory is.
+/// Bytes of the file's head: magic number, and offset of the first directory.
 const HEAD: usize = 16;
 const BUFFER_BYTES: usize = 1 << 20;
 
-/// Where the tiles of a level lie.
+/// The offsets of the tiles of a level.
 #[derive(Debug)]
 struct TileOffsets {
     level: TxLevel,
-    /// 0: not there yet.
+    /// Offsets by tile; 0 = not written yet.
     offsets: Vec<u64>,
     checksums: Vec<u64>,
 }
@@ -38,7 +38,7 @@ struct DirectoryField {
     tag: u16,
     kind: u16,
     count: u64,
-    /// Its bytes.
+    /// The bytes of the value.
     value: Vec<u8>,
 }
 
@@ -53,9 +53,8 @@ impl<W: Write + Seek> TxWriter<W> {
         Ok(Self { out, position: HEAD as u64, description, tables, padded: Vec::new() })
     }
 
-    /// Appends the tile that begins at texel `at` of a level: `size` texels, rows from the bottom up. Levels before
-    /// the first
-    /// one of the file are left out.
+    /// Appends the tile that begins at texel `at` of a level: `size` texels, rows from the bottom up. Levels before the
+    /// first one of the file are left out.
     pub(crate) fn tile(&mut self, level: u32, at: [u32; 2], size: [u32; 2], texels: &[u8]) -> io::Result<()> {
         let Some(index) = level.checked_sub(self.description.first_level) else { return Ok(()) };
         let texel_bytes = self.description.texel_bytes();
@@ -83,7 +82,7 @@ impl<W: Write + Seek> TxWriter<W> {
         Ok(())
     }
 
-    /// Writes the directories and, last of all, where they are: before that no reader takes the file for one.
+    /// Writes the directories and, last of all, their offset: before that no reader accepts the file.
     pub(crate) fn finish(mut self) -> io::Result<W> {
         if self.tables.iter().flat_map(|table| &table.offsets).any(|offset| *offset == 0) {
             return Err(io::Error::other("tiles are missing"));
@@ -117,7 +116,7 @@ impl<W: Write + Seek> TxWriter<W> {
         self.out.into_inner().map_err(io::IntoInnerError::into_error)
     }
 
-    /// The fields of a directory; values of more than 8 bytes are written at once, and the field says where.
+    /// The fields of a directory; values of more than 8 bytes are written at once, and the field has their offset.
     fn fields(&mut self, index: usize, table: &TileOffsets) -> io::Result<Vec<DirectoryField>> {
         let TxLevel { size, tile, .. } = table.level;
         let channels = self.description.channels;
@@ -180,7 +179,7 @@ impl<W: Write + Seek> TxWriter<W> {
         Ok(())
     }
 
-    /// Goes on at a multiple of 8 bytes; where that is.
+    /// Pads to a multiple of 8 bytes; returns the offset.
     fn align(&mut self) -> io::Result<u64> {
         while !self.position.is_multiple_of(8) {
             self.put(&[0])?;

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the BSDF is asked: parameters, normals, directions; and where random ones come from.
+//! The cases of the BSDF's tests: parameters, normals, directions; and the random ones.
 
 use glam::DVec3;
 use std::f64::consts::TAU;
 
 pub(super) const CASE_FLOATS: usize = 64;
-/// `SHADING_SPECULAR_WORKFLOW`.
+/// The flag `SHADING_SPECULAR_WORKFLOW`.
 pub(super) const SPECULAR_WORKFLOW: u32 = 1;
 
 /// A fibre along x; counts with its flag.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Hair {
-    /// Of R, TT, TRT.
+    /// Tints of R, TT, TRT.
     pub(crate) tints: [DVec3; 3],
     pub(crate) absorption: DVec3,
-    /// Of R, TT, TRT, as the next.
+    /// Variances of R, TT, TRT; the next field has the same order.
     pub(crate) variance: DVec3,
     pub(crate) spread: DVec3,
     pub(crate) tilt: f64,
-    /// Beyond -1..1: the normal says it.
+    /// Outside of -1..1 the normal determines the offset.
     pub(crate) offset: f64,
 }
 
@@ -51,10 +51,11 @@ pub(super) struct Case {
     pub(super) coat_roughness: f64,
     pub(super) opacity: f64,
     pub(super) flags: u32,
-    /// Only counts on a device with its lobe.
+    /// Colour of sheen; only counts on a device with its lobe.
     pub(super) sheen: DVec3,
     pub(super) sheen_roughness: f64,
-    /// Ratio and turn of the base, of the coat; the tangent is the x axis. The same, as what follows.
+    /// Ratio and turn of the base, of the coat; the tangent is the x axis. They only count on a device with their
+    /// lobes, as the fields below do.
     pub(super) anisotropy: [f64; 4],
     /// Weight, thickness in nm, index.
     pub(super) film: DVec3,
@@ -63,7 +64,7 @@ pub(super) struct Case {
 }
 
 impl Default for Case {
-    /// White, and what `UsdPreviewSurface` says of the rest; seen and lit from above.
+    /// A white material with `UsdPreviewSurface`'s defaults for the rest; seen and lit from above.
     fn default() -> Self {
         Self {
             g: DVec3::Z,
@@ -119,7 +120,7 @@ impl Case {
         floats
     }
 
-    /// The case as the shader sees it: every number rounded to f32.
+    /// The case as the shader receives it: every number rounded to f32.
     pub(super) fn rounded(mut self) -> Self {
         for v in [
             &mut self.g,
@@ -172,7 +173,7 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// In 0..1.
+    /// A random number in 0..1.
     #[expect(clippy::cast_precision_loss, reason = "24 bits")]
     pub(super) fn unit(&mut self) -> f64 {
         (self.bits() >> 40) as f64 / f64::from(1 << 24)
@@ -193,13 +194,13 @@ impl Random {
         DVec3::new(self.unit(), self.unit(), self.unit())
     }
 
-    /// On the hemisphere of z, more often near the horizon than uniform.
+    /// A direction on the hemisphere of z, more often near the horizon than uniform.
     pub(super) fn above(&mut self) -> DVec3 {
         let cosine = self.unit().powi(2).max(1e-3);
         direction(cosine, TAU * self.unit())
     }
 
-    /// Any parameters; both directions above a flat surface.
+    /// A case of random parameters; both directions above a flat surface.
     pub(super) fn case(&mut self) -> Case {
         Case {
             wo: self.above(),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs `shaders/check/bsdf.comp` on cases and brings its numbers back.
+//! Runs `shaders/check/bsdf.comp` on cases and reads its results back.
 
 use super::cases::{CASE_FLOATS, Case};
 use glam::DVec3;
@@ -13,12 +13,12 @@ use std::time::Duration;
 const RESULT_FLOATS: usize = 28;
 /// Every lobe of today's materials.
 pub(super) const ALL: Features = SHARP_GLASS.union(Features::ROUGH_TRANSMISSION);
-/// The same without what only rough glass needs.
+/// The features of glass without those for rough glass.
 pub(super) const SHARP_GLASS: Features = PLAIN.union(Features::TRANSMISSION).union(Features::COAT);
-/// What every material has.
+/// The features of every material.
 pub(super) const PLAIN: Features = Features::MATERIALS;
 
-/// What one case gave.
+/// The results of one case.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Answer {
     pub(super) ok: bool,
@@ -32,14 +32,14 @@ pub(super) struct Answer {
     pub(super) diffuse: DVec3,
     pub(super) specular: DVec3,
     pub(super) given_pdf: f64,
-    /// Of coat, specular, diffuse, multiple scattering, glass, its multiple scattering.
+    /// Chances of coat, specular, diffuse, multiple scattering, glass, its multiple scattering.
     pub(super) chance: [f64; 6],
     pub(super) chance_sheen: f64,
-    /// What a smooth interface lets through, 1 - F; 0 for what is not glass.
+    /// The transmittance of a smooth interface, 1 - F; 0 without glass.
     pub(super) lets_through: f64,
-    /// Of glass, as the shader takes it; 0: sharp.
+    /// Alpha of glass, as the shader uses it; 0: sharp.
     pub(super) glass_alpha: f64,
-    /// All floats, as they came.
+    /// All floats of the result.
     pub(super) raw: [f32; RESULT_FLOATS],
 }
 
@@ -47,7 +47,7 @@ pub(super) struct Device {
     gpu: Arc<Gpu>,
     pipeline: Pipeline,
     tables: Buffer,
-    /// None without its lobe: the pass must not ask.
+    /// `None` without sheen's lobe: the pass must not read it.
     sheen: Option<Buffer>,
 }
 
@@ -123,7 +123,7 @@ impl Device {
         results.as_chunks::<4>().0.to_vec()
     }
 
-    /// No message of the validation layer went unseen.
+    /// Asserts that there were no messages of the validation layer.
     pub(super) fn close(&self) {
         let messages = self.gpu.take_validation_messages();
         assert!(messages.is_empty(), "Vulkan validation: {messages:?}");

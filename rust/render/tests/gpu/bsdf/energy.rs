@@ -7,7 +7,7 @@ use glam::DVec3;
 
 const ROUGHNESS: [f64; 11] = [0.0, 0.01, 0.03, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 1.0];
 const COSINE: [f64; 7] = [0.01, 0.03, 0.1, 0.3, 0.6, 0.9, 1.0];
-/// Energy that may be won, by rounding and interpolation of the albedo table.
+/// Energy that may be gained by rounding and interpolation of the albedo table.
 const GAIN: f64 = 1e-3;
 
 /// Asserts that nothing gains; see [`extremes`].
@@ -39,8 +39,8 @@ pub(super) fn extremes(
     least: f64,
 ) -> (f64, f64) {
     let mut albedos = device.albedos(cases, parts, points);
-    // What seems to gain or to lose is asked again, more closely: the errors of a few sets of points are rough
-    // themselves.
+    // Apparent gains or losses are measured again with more samples: the error estimates of a few sets of points are
+    // rough themselves.
     let seems = |albedo: DVec3| albedo.max_element() > 1.0 + GAIN || albedo.min_element() < least - GAIN;
     let suspects: Vec<usize> = (0..cases.len()).filter(|i| seems(albedos[*i].0)).collect();
     let again: Vec<Case> = suspects.iter().map(|i| cases[*i]).collect();

@@ -14,7 +14,7 @@ use std::f64::consts::{PI, TAU};
 const ROUGH: Features = PLAIN.union(Features::OPEN_PBR).union(Features::ROUGH_DIFFUSE);
 const LAYERED: Features = ALL.union(Features::OPEN_PBR).union(Features::ROUGH_DIFFUSE);
 
-/// Nothing above the diffuse lobe.
+/// A case with only the diffuse lobe.
 fn bare(diffuse_roughness: f64, wo: DVec3) -> Case {
     Case { diffuse_roughness, wo, flags: SPECULAR_WORKFLOW, ..Case::default() }
 }
@@ -26,7 +26,7 @@ fn single(r: f64, o: DVec3, i: DVec3) -> f64 {
     (1.0 + r * s / t) / (1.0 + r * (0.5 - 2.0 / (3.0 * PI)))
 }
 
-/// Its albedo, by midpoints over the hemisphere.
+/// The albedo of single scattering, by midpoints over the hemisphere.
 fn albedo(r: f64, cosine: f64) -> f64 {
     const STEPS: u32 = 400;
     let o = direction(cosine, 0.0);
@@ -68,8 +68,8 @@ fn eon_values_match_the_f64_definition() {
     device.close();
 }
 
-/// White reflects all at every roughness; under a coat or a dielectric what is below is not Lambert's, and the albedo
-/// is off by as much as is stated in the book.
+/// White reflects all at every roughness; under a coat or a dielectric the base is not Lambert's, and the albedo is off
+/// by as much as the book states.
 #[test]
 fn a_white_rough_surface_in_a_white_furnace_disappears() {
     let (device, layered) = (Device::new(ROUGH), Device::new(LAYERED));
@@ -128,7 +128,7 @@ fn samples_of_rough_diffuse_surfaces_follow_the_density() {
                 seed += 1;
                 let name = format!("diffuse roughness {roughness}, cosine {cosine}");
                 test(&device, &name, &case, &[Chart::new(DVec3::Z, 1.0)], seed);
-                // What is sampled is weighed by what is evaluated there.
+                // Samples are weighted by the evaluation of their direction.
                 for answer in device.cases(&[Case { u: [0.3, 0.6, 0.4], ..case }]) {
                     let known = answer.value / answer.value_pdf;
                     assert!(answer.ok && answer.weight.distance(known) < 1e-5, "{name}: {answer:?}");

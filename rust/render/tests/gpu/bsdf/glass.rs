@@ -9,7 +9,7 @@ use super::sampling::{Chart, mirror, test};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// Glass and nothing else.
+/// A case of glass only.
 fn glass() -> Case {
     Case { opacity: 0.0, metallic: 0.0, ..Case::default() }
 }
@@ -44,8 +44,8 @@ fn density(alpha: f64, cosine: f64) -> f64 {
     a2 / (PI * (cosine * cosine * (a2 - 1.0) + 1.0).powi(2))
 }
 
-/// What single scattering loses at a cosine on a side, by quadrature over normals with density D cos, not over visible
-/// ones. The sum over what is visible is 1, and is made so.
+/// The loss of single scattering at a cosine on a side, by quadrature over normals with density D cos, not over visible
+/// ones. The sum over visible normals is normalised to 1.
 fn lost(alpha: f64, cosine: f64, eta: f64) -> f64 {
     const STEPS: [u32; 2] = [64, 600];
     let o = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
@@ -138,7 +138,7 @@ fn rough_glass_values_match_the_f64_definition() {
             wo = -wo;
         }
         let case = Case { wo, ior, roughness, u: random.units(), ..glass() };
-        // A sample, so that narrow lobes are met.
+        // The direction is a sample, so that narrow lobes are met.
         let wi = device.cases(&[case])[0].sampled;
         if wi.z.abs() > 0.15 {
             made.push(Case { wi, ..case });
@@ -191,7 +191,7 @@ fn a_coat_gives_glass_its_roughness() {
     device.close();
 }
 
-/// What is symmetric is value / (n^2 |cosine|), n that of the side the light comes from.
+/// The symmetric quantity is value / (n^2 |cosine|), with n of the side the light comes from.
 #[test]
 fn rough_glass_is_reciprocal() {
     let device = Device::new(ALL);
@@ -230,14 +230,14 @@ fn rough_glass_is_reciprocal() {
     device.close();
 }
 
-/// How much glass may seem to absorb or emit. The lobe of multiple scattering is normalised to rounding
-/// (`bsdf_tables::glass` asks), so a furnace is off by what the table is off from U; without multiple scattering it is
-/// up to two thirds.
+/// Greatest error of glass in a furnace. The lobe of multiple scattering is normalised to rounding (tested in
+/// `bsdf_tables::glass`), so the error is that of the table against U; without multiple scattering it is up to two
+/// thirds.
 const OFF: f64 = 1e-3;
 
 /// Any roughness, index and cosine, most of them where the table bends: near index 1, at grazing angles and about that
-/// of total reflection. The chance of multiple scattering is U of the shader; samples would have to be millions to tell
-/// a thousandth.
+/// of total reflection. The chance of multiple scattering is the shader's U; to measure a thousandth, samples would
+/// have to be millions.
 #[test]
 fn any_glass_in_a_white_furnace_disappears() {
     let device = Device::new(ALL);
@@ -251,7 +251,7 @@ fn any_glass_in_a_white_furnace_disappears() {
             let side = random.pick(&[1.0, -1.0]);
             let cosine = if side < 0.0 && random.unit() < 0.4 { about } else { random.unit().powi(2) };
             let wo = direction(cosine.clamp(1.5e-3, 1.0), 0.3) * side;
-            // The other way about: a denser outside.
+            // The inverse index is a denser outside.
             let inverse = random.unit() < 0.3 && index < 2.5;
             let (ior, wo) = if inverse { (1.0 / index, -wo) } else { (index, wo) };
             Case { wo, roughness, ior, ..glass() }
@@ -277,7 +277,7 @@ fn any_glass_in_a_white_furnace_disappears() {
     device.close();
 }
 
-/// The same by samples, to what they tell: nothing is lost, and nothing won, on the way to either side.
+/// The furnace by samples, to their accuracy: nothing is lost, and nothing won, on the way to either side.
 #[test]
 fn glass_in_a_white_furnace_disappears() {
     let device = Device::new(ALL);
@@ -332,7 +332,7 @@ fn samples_follow_the_density_on_both_sides() {
     device.close();
 }
 
-/// Below what bins of the whole sphere resolve: each side has its own narrow lobe.
+/// Lobes below the resolution of bins of the whole sphere: each side has its own narrow lobe.
 #[test]
 fn samples_of_nearly_smooth_glass_follow_the_density() {
     let device = Device::new(ALL);
@@ -357,8 +357,8 @@ fn samples_of_nearly_smooth_glass_follow_the_density() {
     device.close();
 }
 
-/// With less and less roughness it is Snell's and Fresnel's glass, and without any the passes need nothing of the rough
-/// one.
+/// As roughness decreases the glass becomes Snell's and Fresnel's, and without any roughness the passes need nothing of
+/// rough glass.
 #[test]
 fn rough_glass_converges_to_smooth_glass() {
     let device = Device::new(ALL);
@@ -389,7 +389,7 @@ fn rough_glass_converges_to_smooth_glass() {
             }
         }
     }
-    // Roughness below what is resolved is the same to the bit as none.
+    // Roughness below the resolution is the same to the bit as none.
     let mut random = Random(23);
     let of = |roughness: f64| move |c: Case| Case { roughness, coat: 0.0, opacity: 0.3 * c.opacity, ..c };
     let cases: Vec<Case> = (0..2000).map(|_| random.case()).collect();

@@ -47,7 +47,7 @@ fn fresnel(cosine: f64, eta: f64) -> f64 {
     0.5 * (s * s + p * p)
 }
 
-/// What the four lobes let through, without tints: Chiang et al. eq. 13, and the rest of its series.
+/// The attenuations of the four lobes, without tints: Chiang et al. eq. 13, and the rest of its series.
 fn attenuations(theta_o: f64, gamma_o: f64, eta: f64, absorption: f64) -> [f64; 4] {
     let f = fresnel((theta_o.cos() * gamma_o.cos()).max(0.0), eta);
     let theta_t = (theta_o.sin() / eta).asin();
@@ -77,7 +77,7 @@ pub(crate) fn reference(hair: &Hair, eta: f64, wo: DVec3, wi: DVec3) -> DVec3 {
         for (p, part) in parts.into_iter().enumerate() {
             let at = p.min(2);
             let tilt = [2.0, -1.0, -4.0, 0.0][p] * hair.tilt;
-            // Beyond a pole the angle comes back on the other side.
+            // Beyond a pole the angle continues on the other side.
             let tilted = (theta_o + tilt).sin().asin();
             let along = longitudinal(tilted, theta_i, hair.variance[at]);
             let turns = f64::from(u8::try_from(p).expect("few"));
@@ -130,7 +130,7 @@ fn hair_values_match_the_f64_reference() {
         } else {
             worst = worst.max(off)
         }
-        // f32 directions resolve what is a thousandth wide so far, as they do narrow GGX lobes.
+        // f32 directions resolve lobes of a thousandth only so far, as they do narrow GGX lobes.
         assert!(off < if narrow { 2e-2 } else { 1e-3 }, "{off}: {}, not {known} of {case:?}", answer.specular);
         assert_eq!(answer.diffuse, DVec3::ZERO, "a fibre has no diffuse lobe");
     }
@@ -156,7 +156,7 @@ fn albedo(device: &Device, case: &Case) -> f64 {
 }
 
 /// Without absorption nothing is lost and nothing won, at any roughness, index, tilt, and place across the fibre; with
-/// it what is left is what the lobes let through.
+/// it the albedo is the sum of the lobes' attenuations.
 #[test]
 fn white_hair_in_a_white_furnace_disappears() {
     let device = Device::new(HAIR);
@@ -213,7 +213,7 @@ fn samples_of_hair_follow_the_density() {
     device.close();
 }
 
-/// Of the narrowest lobes alone: R is the mirror direction, TT through the middle goes straight on.
+/// For the narrowest lobes: R is the mirror direction, TT through the middle goes straight on.
 #[test]
 fn narrow_hair_lobes_follow_specular_directions() {
     let device = Device::new(HAIR);
@@ -234,8 +234,8 @@ fn narrow_hair_lobes_follow_specular_directions() {
     device.close();
 }
 
-/// `M_p` `N_p` of R without tilt is the same both ways, seen from the other side of the fibre; what it reflects is not:
-/// that is Fresnel's of where the light leaves.
+/// `M_p` `N_p` of R without tilt is the same both ways, seen from the other side of the fibre; the reflectance is not:
+/// it is Fresnel's at the place where the light leaves.
 #[test]
 fn the_reflection_is_reciprocal_but_for_fresnel() {
     let device = Device::new(HAIR);

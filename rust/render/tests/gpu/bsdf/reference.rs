@@ -71,7 +71,7 @@ fn albedo(alpha: f64, cosine: f64, steps: [usize; 2]) -> [f64; 2] {
     sum.map(|x| x / (steps[0] * steps[1]) as f64)
 }
 
-/// The same; exact for a mirror.
+/// The albedo of a layer; exact for a mirror.
 pub(super) fn layer_albedo(roughness: f64, cosine: f64) -> [f64; 2] {
     if roughness < 0.01 {
         let schlick = (1.0 - cosine).powi(5);
@@ -83,7 +83,7 @@ pub(super) fn layer_albedo(roughness: f64, cosine: f64) -> [f64; 2] {
 /// Points at which functions of the cosine are averaged over the hemisphere.
 const STEPS: i32 = 96;
 
-/// The average over the hemisphere of a function of the cosine, which is also told the number of the point.
+/// The average over the hemisphere of a function of the cosine, which also gets the number of the point.
 fn average<const N: usize>(mut f: impl FnMut(usize, f64) -> [f64; N]) -> [f64; N] {
     let mut sum = [0.0; N];
     for (number, step) in (0..STEPS).enumerate() {
@@ -108,7 +108,7 @@ pub(super) struct Reference {
     scatter_norm: f64,
 }
 
-/// What lies under: U of the dielectric (rgb), U1, U of the coat.
+/// The layers below: U of the dielectric (rgb), U1, U of the coat.
 struct Under {
     specular: DVec3,
     lost: f64,
@@ -158,7 +158,7 @@ impl Reference {
         self.under_layer(cosine, layer_albedo(self.case.roughness, cosine))
     }
 
-    /// The same where the specular layer's albedo is known.
+    /// The layers below, for a known albedo of the specular layer.
     fn under_layer(&self, cosine: f64, [a, b]: [f64; 2]) -> Under {
         let [c, d] = if self.case.coat > 0.0 { layer_albedo(self.case.coat_roughness, cosine) } else { [0.0; 2] };
         let lost = 1.0 - a - b;

@@ -20,9 +20,9 @@ pub(super) struct Chart {
     x: DVec3,
     y: DVec3,
     scale: f64,
-    /// Half of the rings are as for `scale`, half as for 1: for a narrow lobe among broad ones.
+    /// True if half of the rings are as for `scale`, half as for 1: for a narrow lobe among broad ones.
     is_twofold: bool,
-    /// Side of the surface that it is for, by the sign; 0: both.
+    /// The side of the surface that it counts, by the sign; 0: both.
     side: f64,
 }
 
@@ -32,7 +32,7 @@ impl Chart {
         Self { axis, x, y: axis.cross(x), scale, is_twofold: false, side: 0.0 }
     }
 
-    /// For a narrow lobe among broad ones, on the axis' side of the surface.
+    /// A chart for a narrow lobe among broad ones, on the axis' side of the surface.
     pub(super) fn twofold(axis: DVec3, scale: f64) -> Self {
         Self { is_twofold: true, side: axis.z.signum(), ..Self::new(axis, scale) }
     }
@@ -109,8 +109,7 @@ impl Chart {
     }
 }
 
-/// How many standard deviations chi-square is off (Wilson and Hilferty 1931); bins that expect few are counted
-/// together.
+/// Standard deviations by which chi-square is off (Wilson and Hilferty 1931); bins that expect few are merged.
 #[expect(clippy::cast_precision_loss, reason = "counts")]
 fn deviation(expected: &[f64], counted: &[usize]) -> (f64, usize) {
     let mut sum = 0.0;
@@ -137,7 +136,7 @@ fn deviation(expected: &[f64], counted: &[usize]) -> (f64, usize) {
     (((sum / k).cbrt() - 1.0 + third) / third.sqrt(), bins)
 }
 
-/// Chi-square of one case, with bins for what is sharp and what is lost; the integral of the density.
+/// Chi-square of one case, with bins for sharp and lost samples; the integral of the density.
 #[expect(clippy::cast_precision_loss, reason = "counts")]
 pub(super) fn test(device: &Device, name: &str, case: &Case, charts: &[Chart], seed: u32) -> f64 {
     let case = case.rounded();
@@ -168,7 +167,7 @@ pub(super) fn test(device: &Device, name: &str, case: &Case, charts: &[Chart], s
     assert!(lost < 0.45, "{name}: {lost} lost of {case:?}");
     expected.push(sharp);
     expected.push((1.0 - integral - sharp).max(0.0));
-    // The quadrature's own error must not decide: what is lost is compared to a hundredth above, not to a count.
+    // The quadrature's own error must not decide: losses are compared to a hundredth above, not to a count.
     let (expected, counted) = (&expected[..expected.len() - 1], &counted[..counted.len() - 1]);
     let (z, bins) = deviation(expected, counted);
     assert!(z < 5.0, "{name}: {z} standard deviations over {bins} bins, {case:?}");

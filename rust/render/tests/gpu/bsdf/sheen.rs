@@ -31,7 +31,7 @@ fn lobe(roughness: f64, o: DVec3, i: DVec3) -> f64 {
     (2.0 + power) * sine.powf(power) / TAU / (4.0 * (o.z + i.z - o.z * i.z)) * i.z
 }
 
-/// Its albedo, by a midpoint rule over angles.
+/// The albedo of the lobe, by a midpoint rule over angles.
 fn albedo(roughness: f64, o: DVec3) -> f64 {
     const STEPS: [i32; 2] = [600, 600];
     let mut sum = 0.0;
@@ -50,7 +50,7 @@ fn sheen_values_match_the_f64_definition() {
     let device = Device::new(PLAIN | Features::SHEEN);
     let mut random = Random(41);
     for roughness in ROUGHNESS {
-        // The scale is 1 unless the lobe gives more than it gets at grazing angles.
+        // The scale is 1 unless the lobe reflects more than it receives at grazing angles.
         let most = albedo(roughness, direction(1e-6, 0.0));
         let (least, largest) = if most > 1.0 { (0.99 / most, 1.01 / most) } else { (1.0 - 1e-5, 1.0 + 1e-5) };
         let cases: Vec<Case> = (0..200)
@@ -70,7 +70,7 @@ fn sheen_values_match_the_f64_definition() {
     device.close();
 }
 
-/// By itself it reflects what its definition integrates to; with all below it, it never wins, and white loses little.
+/// By itself it reflects the integral of its definition; with all layers below, it never gains, and white loses little.
 #[test]
 fn sheen_in_a_white_furnace() {
     let device = Device::new(ALL | Features::SHEEN);
@@ -87,10 +87,11 @@ fn sheen_in_a_white_furnace() {
         sheen_roughness,
         ..Case::default()
     };
-    // A white diffuse base gives back all that sheen lets through.
+    // A white diffuse base reflects all that sheen lets through.
     let lambert = grid(|r, c| Case { ior: 1.0, ..white(r, c) });
     for case in &lambert {
-        // By a midpoint rule, denser at the horizon: samples of a low-discrepancy sequence err by more than they tell.
+        // A midpoint rule is used, denser at the horizon: samples of a low-discrepancy sequence err by more than their
+        // spread.
         const STEPS: [i32; 2] = [128, 192];
         let place = |i: i32| {
             let root = (f64::from(i % STEPS[0]) + 0.5) / f64::from(STEPS[0]);
@@ -200,8 +201,8 @@ fn sheen_sample_weights_are_bounded() {
     device.close();
 }
 
-/// Without the bit the pass has no table of it (its address is 0) and gives, to the bit, what it gives without colour
-/// of sheen.
+/// Without the bit the pass has no table of sheen (its address is 0), and its results are those without colour of
+/// sheen, to the bit.
 #[test]
 fn without_the_feature_bit_sheen_is_absent() {
     let without = Device::new(ALL);

@@ -36,7 +36,7 @@ fn lobe(roughness: f64, ratio: f64, turn: f64, o: DVec3, i: DVec3) -> f64 {
     density / (1.0 + lambda(o) + lambda(i)) / (4.0 * o.z)
 }
 
-/// What differs from the isotropic lobe of the same roughness is the lobe itself: all else has its tables.
+/// Only the lobe itself differs from the isotropic one of the same roughness: all else uses its tables.
 #[test]
 fn anisotropic_lobes_match_the_f64_definition() {
     let device = Device::new(ANISOTROPIC);
@@ -78,7 +78,7 @@ fn anisotropic_lobes_in_a_white_furnace() {
                 let albedos: Vec<f64> = device.albedos(&around, 4, 2048).iter().map(|(a, ..)| a.x).collect();
                 let mean = albedos.iter().sum::<f64>() / 16.0;
                 most = albedos.iter().copied().fold(most, f64::max);
-                // At grazing what is seen across the narrow axis is lost.
+                // At grazing angles light seen across the narrow axis is lost.
                 if cosine > 0.3 {
                     mean_off = mean_off.max((mean - 1.0).abs());
                 }
@@ -91,7 +91,7 @@ fn anisotropic_lobes_in_a_white_furnace() {
     device.close();
 }
 
-/// Any case with everything that this file is about.
+/// A random case with all features of this file.
 fn any(random: &mut Random) -> Case {
     let anisotropy = [random.unit(), random.unit(), random.unit(), random.unit()];
     let film = DVec3::new(random.unit(), 1000.0 * random.unit(), 1.0 + random.unit());
@@ -184,7 +184,7 @@ fn thin_films_match_the_f64_definition() {
         let error = (answer.weight - known).abs().max_element();
         worst = worst.max(error);
         spread = spread.max(known.max_element() - known.min_element());
-        // What the reference's sum is good for, far from the middle of a band.
+        // The bound is the accuracy of the reference's sum, far from the middle of a band.
         assert!(answer.ok && error < 5e-3, "{}, not {known}: {case:?}", answer.weight);
     }
     println!("largest error {worst:.1e}; channels differ by up to {spread:.2}");
@@ -239,7 +239,7 @@ fn thin_walls_do_not_refract() {
     device.close();
 }
 
-/// Without the bits, and with them where nothing asks, the same numbers to the bit.
+/// Without the bits, and with them in cases that do not use them, the results are the same to the bit.
 #[test]
 fn without_feature_bits_slab_lobes_are_absent() {
     let without = Device::new(ALL | Features::OPEN_PBR);

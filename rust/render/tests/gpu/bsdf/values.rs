@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Values: those of the definition, symmetric, those of the samples; Lambert where nothing reflects; finite whatever
-//! comes.
+//! Values: those of the definition, symmetric, those of the samples; Lambert where nothing reflects; finite for any
+//! input.
 
 use super::cases::{Case, Random, SPECULAR_WORKFLOW, direction};
 use super::device::{ALL, Answer, Device, PLAIN};
@@ -28,15 +28,15 @@ fn bsdf_values_match_the_f64_definition() {
         case.wo.z = case.wo.z.max(0.05);
         case.wo = case.wo.normalize();
     }
-    // What hardly reflects head on, where F90 fades: by ior, and by colour.
+    // These hardly reflect head on, where F90 fades: by ior, and by colour.
     for (at, case) in cases.iter_mut().enumerate().filter(|(at, _)| at % 8 < 2) {
         (case.metallic, case.flags) = (0.0, if at % 8 == 0 { 0 } else { SPECULAR_WORKFLOW });
         (case.ior, case.specular) = (1.0 + 0.02 * (case.ior - 1.0), 8e-4 * case.specular);
     }
     for case in &mut cases {
         case.roughness = case.roughness.max(0.15);
-        // At smaller cosines and for narrower lobes the reference's quadrature is not good enough; the furnace and
-        // reciprocity look there.
+        // At smaller cosines and for narrower lobes the reference's quadrature is not accurate enough; the furnace and
+        // reciprocity test those.
         case.wi = DVec3::new(case.wi.x, case.wi.y, case.wi.z.max(0.1)).normalize();
         case.wo = DVec3::new(case.wo.x, case.wo.y, case.wo.z.max(0.1)).normalize();
     }
@@ -61,7 +61,7 @@ fn bsdf_values_match_the_f64_definition() {
     device.close();
 }
 
-/// How well f32 directions resolve narrow lobes: decides which are sharp.
+/// Measures how well f32 directions resolve narrow lobes, which decides which lobes are sharp.
 #[test]
 fn narrow_lobes_are_resolved() {
     let device = Device::new(PLAIN);
@@ -94,7 +94,7 @@ fn narrow_lobes_are_resolved() {
     device.close();
 }
 
-/// The density of a metal's samples, as near to the f32 directions as f64 gets.
+/// The density of a metal's samples at the f32 directions, computed in f64.
 struct Density;
 
 impl Density {
@@ -110,19 +110,19 @@ impl Density {
 }
 
 impl Answer {
-    /// The specular layer made it, and by far outweighs the broad lobe.
+    /// Returns true if the specular layer made the sample, and by far outweighs the broad lobe.
     fn u_is_specular(&self, case: &Case) -> bool {
         self.chance[1] > 0.99 && f64::from(case.u[2]) < self.chance[1]
     }
 }
 
-/// Reflection is the same there and back, to what f32 tells.
+/// Reflection is reciprocal, to the precision of f32.
 pub(super) fn expect_reciprocal(device: &Device, cases: &[Case]) {
     let swapped: Vec<Case> = cases.iter().map(|c| Case { wo: c.wi, wi: c.wo, ..*c }).collect();
     let mut worst: f64 = 0.0;
     for ((case, there), back) in cases.iter().zip(device.cases(cases)).zip(device.cases(&swapped)) {
         for (a, b) in [(there.diffuse, back.diffuse), (there.specular, back.specular)] {
-            // What single scattering loses is a difference of ones in f32.
+            // The loss of single scattering is a difference of ones in f32.
             let (a, b) = (a / case.wi.z, b / case.wo.z);
             let error = ((a - b).abs() / (a.max(b) + 1e-3)).max_element();
             worst = worst.max(error);
@@ -164,7 +164,7 @@ fn transmission_is_reciprocal_and_refracts() {
         worst[0] = worst[0].max((a.sampled - expected).length());
         let share = |answer: &Answer| answer.weight * answer.chance[4] * answer.lets_through;
         let shares = (share(a), share(b));
-        // The way back starts at a direction rounded to f32, which at grazing angles outside is another one there.
+        // The way back starts at a direction rounded to f32, which at grazing angles outside is a different one.
         let error = far(shares.0, shares.1) * case.wo.z.powi(2);
         worst[1] = worst[1].max(error);
         assert!(b.sampled.distance(case.wo) * case.wo.z < 1e-5, "and back: {b:?} of {case:?}");
@@ -277,7 +277,7 @@ fn out_of_range_input_gives_finite_values() {
             }
         }
     }
-    // All kinds with the first case of each: a device that rounds in another way is not at hand.
+    // All kinds are reported with their first case, for devices that round in another way and are not at hand.
     let told: Vec<String> =
         wrong.iter().map(|(what, (count, case))| format!("{what}, {count} times: {case}")).collect();
     assert!(told.is_empty(), "of 10^6 answers:\n{}", told.join("\n"));
@@ -287,7 +287,7 @@ fn out_of_range_input_gives_finite_values() {
 }
 
 impl Answer {
-    /// Every number that is not finite, every one below 0 that cannot be, and a direction that is not unit.
+    /// Every number that is not finite, every negative one that cannot be, and a direction that is not unit.
     fn what_is_strange(&self) -> Vec<String> {
         const PARTS: [(&str, usize); 11] = [
             ("ok", 1),

@@ -52,7 +52,7 @@ fn ray(camera: &Camera, x: u32, y: u32) -> (DVec3, DVec3) {
     (camera.world_from_view.transform_point3(o), camera.world_from_view.transform_vector3(d))
 }
 
-/// Where the ray enters a box, and the normal there.
+/// The distance at which the ray enters a box, and the normal there.
 fn entry(box_: &[[f32; 3]], o: DVec3, d: DVec3) -> Option<(f64, DVec3)> {
     let [a, b] = [box_[0], box_[1]].map(|p| (Vec3::from(p).as_dvec3() - o) / d);
     let (near, far) = (a.min(b), a.max(b));
@@ -95,7 +95,7 @@ fn the_example_leaf_is_hit_at_its_planes() {
             assert!((given - normal).length() < 1e-6, "{name}: normal {given} instead of {normal}");
         }
     }
-    // Rays along an edge to what 24 bits say of it: none of these.
+    // Rays along an edge, to 24 bits: none of these.
     assert!(hits > 2000 && doubtful == 0, "{hits} pixels agree, {doubtful} do not");
 }
 

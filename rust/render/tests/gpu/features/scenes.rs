@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Scenes of one board that ask for one thing.
+//! Scenes of one board that need one feature.
 
 use crate::lights::light;
 use crate::materials::{board, coordinates, material, node, plain, textured, with};
@@ -12,7 +12,7 @@ use oocpt_core::scene::{
     Interpolation, LightDesc, LightKind, MaterialDesc, MeshDesc, NamedPrimvar, ParamValue, Primvar, SceneDb,
 };
 
-/// A board that nothing is known of: no colour, no normals, no material.
+/// A board without colour, normals or material.
 pub(crate) fn bare(path: &str) -> MeshDesc {
     MeshDesc { display_color: None, material: None, ..board(path, 1, "") }
 }

@@ -97,7 +97,7 @@ fn lights_of_all_kinds_add_up() {
     }
 }
 
-/// No NaN, whatever the numbers; `irradiance_with` looks for them, and the stats for what was dropped.
+/// No NaN for any numbers; `irradiance_with` looks for them, and the stats for samples that were dropped.
 #[test]
 fn extreme_lights_stay_finite() {
     for intensity in [1e-30_f32, 1.0, 1e30] {
@@ -133,8 +133,8 @@ fn extreme_lights_stay_finite() {
     }
 }
 
-/// Lights that bring nothing take no light away, however bright: one that shines away from the floor counts for the
-/// trees by its power, and the dim one beside it keeps its share, among local lights, and beside a mesh.
+/// Lights that contribute nothing take no light away, however bright: one that shines away from the floor counts for
+/// the trees by its power, and the dim one beside it keeps its share, among local lights, and beside a mesh.
 #[test]
 fn a_dim_light_is_sampled_beside_a_bright_one_facing_away() {
     let away = LightDesc {
@@ -163,7 +163,7 @@ fn a_dim_light_is_sampled_beside_a_bright_one_facing_away() {
 }
 
 /// Two lights on either side of the receiver are a group around it: it counts for no more than its size allows, and
-/// leaves its share to a light far away.
+/// leaves the share of a light far away.
 #[test]
 fn a_light_cluster_around_the_receiver_does_not_starve_others() {
     let at = [DVec3::new(2.0, 1.0, 0.0), DVec3::new(-2.0, -1.0, 0.0), DVec3::new(0.0, 20.0, 0.0)];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is switched: multipliers, shadows and their colour, what the camera sees, what is left out.
+//! Switches of lights: multipliers, shadows and their colour, visibility to the camera, features that are left out.
 
 use super::{downwards, expect, irradiances, light, rect, sphere};
 use crate::scenes::{dome, prim, square, sun};
@@ -53,7 +53,7 @@ fn shadows_can_be_off_or_coloured() {
             assert!(given[2].abs() < 1e-9, "{given:?}");
         }
     }
-    // Where nothing is in the way, colour changes nothing.
+    // Without an occluder, the shadow colour changes nothing.
     let tinted = LightDesc { shadow_color: [1.0, 0.5, 0.0], ..lamp() };
     expect("unblocked", 128, HALF_SPHERE, 5e-3, &|db| db.upsert_light(tinted.clone()));
     let sky = LightDesc { camera_visible: false, ..dome([0.5; 3]) };
@@ -102,7 +102,7 @@ fn shadow_links_limit_shadow_casters() {
                 let mut roof = square(prim("/roof", place), 2, 0.0);
                 roof.categories = if is_caster { vec![category.clone()] } else { Vec::new() };
                 db.upsert_mesh(roof);
-                // Something is in the collection in any case.
+                // The collection is never empty.
                 let mut other = square(prim("/other", DMat4::from_translation(DVec3::X * 30.0)), 3, 0.0);
                 other.categories = vec![category.clone()];
                 db.upsert_mesh(other);

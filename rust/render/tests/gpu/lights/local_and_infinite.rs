@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lights with a place beside lights at infinity: which are asked depends on what they bring, and what comes of it does
-//! not.
+//! Lights with a place beside lights at infinity: the choice between them depends on their contributions, and the
+//! result does not.
 
 use super::mesh::{corners, glow, quad};
 use super::shapes::polygon;
@@ -56,7 +56,7 @@ fn local_and_infinite_lights_add_up() {
         db.upsert_light(ball("/lamp", near, 0.05, 20.0));
         db.upsert_light(ball("/moon", far, 0.5, 8.0));
     });
-    // Nothing comes of a lamp that looks the other way, and then nobody asks it.
+    // A lamp that faces away contributes nothing, and is then not sampled.
     let up = DMat4::from_translation(DVec3::Y) * DMat4::from_rotation_x(PI / 2.0);
     expect("a panel that looks up", 256, 2.0, 2e-3, &|db| {
         db.upsert_light(sun(2.0, 0.0));
@@ -79,7 +79,7 @@ fn mesh_dome_and_lamp_light_adds_up() {
     });
 }
 
-/// The share of pixels, of one sample and of direct light, whose value is as `counts` says.
+/// The share of pixels, of one sample and of direct light, for whose value `counts` returns true.
 fn asked(counts: impl Fn(f32) -> bool, build: &dyn Fn(&mut SceneDb)) -> f64 {
     let session = session(settings(1, 0));
     session.set_light_files(Arc::new(TestFiles));
@@ -94,7 +94,7 @@ fn asked(counts: impl Fn(f32) -> bool, build: &dyn Fn(&mut SceneDb)) -> f64 {
     f64::from(count) / f64::from(64_u32 * 64)
 }
 
-/// Shares of shadow rays by what is brought, and a tenth at least.
+/// Shares of shadow rays by contribution, and a tenth at least.
 #[test]
 fn brighter_groups_get_a_larger_share_of_shadow_rays() {
     let at = DVec3::new(0.0, 1.0, 0.0);
@@ -107,12 +107,12 @@ fn brighter_groups_get_a_larger_share_of_shadow_rays() {
     };
     let reflected = |value: f32| ALBEDO / std::f32::consts::PI * value;
     for (sun_value, ball_value, expected) in [(1.0, 1e-3, 0.9), (1e-3, 1.0, 0.1), (1.0, 3.0, 0.3)] {
-        // What a ray to the sun brings is all of its light over the share of rays that ask it.
+        // A ray to the sun contributes all of its light over the share of rays that sample it.
         let is_sun = |value: f32| (value / (reflected(sun_value) / expected) - 1.0).abs() < 0.05;
         let share = asked(is_sun, &lit(sun_value, ball_value));
         assert!((share - f64::from(expected)).abs() < 0.02, "{sun_value} and {ball_value}: {share}, not {expected}");
     }
-    // A spot is bright where it shines, and nobody asks it elsewhere.
+    // A spot is bright where it shines, and is not sampled elsewhere.
     let spot = |degrees: f64| {
         move |db: &mut SceneDb| {
             db.upsert_light(sun(1.0, 0.0));
@@ -128,10 +128,10 @@ fn brighter_groups_get_a_larger_share_of_shadow_rays() {
     assert!((alone - 1.0).abs() < 1e-9, "{alone} of the rays to the sun alone");
 }
 
-/// As a lamp, by the power of its faces.
+/// Meshes get shares as lamps do, by the power of their faces.
 #[test]
 fn brighter_mesh_lights_get_a_larger_share_of_shadow_rays() {
-    // Beside the way of the sun.
+    // The wall stands beside the rays to the sun.
     let transform = downwards(DVec3::new(0.5, 1.0, 0.0)) * DMat4::from_scale(DVec3::splat(0.02));
     #[expect(clippy::cast_possible_truncation, reason = "a small number")]
     let value_of_one = (1.0 / polygon(&corners(transform))) as f32;

@@ -13,7 +13,7 @@ use oocpt_core::{LightDesc, LightKind, TypedArray};
 use oocpt_render::AovKind;
 use std::f64::consts::PI;
 
-/// Emits and reflects nothing.
+/// A material that emits and reflects nothing.
 pub(super) fn glow(path: &str, radiance: [f32; 3]) -> MaterialDesc {
     let [diffuse, specular, workflow] = black();
     plain(path, &[("emissiveColor", color(radiance)), diffuse, specular, workflow])
@@ -254,7 +254,7 @@ fn a_small_mesh_is_no_noisier_than_a_light_of_its_shape() {
     let rectangle = noise(16, expected, &|db| {
         db.upsert_light(light(rect(0.2, 0.2), downwards(DVec3::new(0.0, 1.0, -0.5))));
     });
-    // Two of one id are met by chance; the other one is below the floor.
+    // Two meshes of one id are met by BSDF rays only; the other one is below the floor.
     let chance = noise(16, expected, &|db| {
         db.upsert_material(glow("/glow", [1.0; 3]));
         db.upsert_mesh(quad("/quad", 2, transform));
@@ -276,12 +276,12 @@ fn a_small_mesh_is_no_noisier_than_a_light_of_its_shape() {
         db.upsert_light(light(kind, DMat4::from_translation(at)));
     });
     println!("relative MSE at 16 samples: ball mesh {ball:.3e}, sphere {round:.3e}");
-    // Faces are chosen by bounds of what they bring, which a cone around the whole is not: measured 36 times the
-    // sphere's, 2.5e-2.
+    // Faces are chosen by bounds of their contributions, which a cone around the whole does not give: measured 36 times
+    // the sphere's, 2.5e-2.
     assert!(ball < 0.04, "a ball mesh: {ball}, a sphere: {round}");
 }
 
-/// What nothing emits needs none of it.
+/// A scene without emission has none of the features.
 #[test]
 fn scenes_without_emission_leave_it_out() {
     let left_out = |material: MaterialDesc| {
@@ -313,7 +313,7 @@ fn far_away_emitters_do_not_shadow_themselves() {
             db.upsert_mesh(square(prim("/floor", DMat4::from_translation(far)), 1, ALBEDO));
             db.upsert_material(glow("/glow", [1.0; 3]));
             db.upsert_mesh(quad("/quad", 2, transform));
-            // Something at the other end of the world.
+            // Another mesh stands at the other end of the world.
             db.upsert_mesh(square(prim("/other", DMat4::IDENTITY), 3, ALBEDO));
         });
         let request = color_request(orthographic(far + DVec3::new(0.0, 5.0, 3.0), far, 0.01, [8, 8]));

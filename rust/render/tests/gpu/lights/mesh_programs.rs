@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Mesh lights whose emission a program works out: closed forms by polygons, and the same light met by chance.
+//! Mesh lights whose emission a program computes: closed forms by polygons, and the same light met by BSDF rays only.
 
 use super::downwards;
 use super::mesh_textures::{Library, above, add, behind, row, screen, textured};
@@ -20,7 +20,7 @@ fn float(value: f32) -> ParamValue {
 
 type Nodes<'a> = &'a [(&'a str, &'a [(&'a str, ParamValue)], &'a [(&'a str, usize)])];
 
-/// Reflects nothing and emits what the first of `nodes` says; they are numbered from 1.
+/// A material that reflects nothing and emits the value of the first of `nodes`; they are numbered from 1.
 fn emitting(nodes: Nodes<'_>) -> MaterialDesc {
     let dark = [("base_weight", float(0.0)), ("specular_weight", float(0.0)), ("emission_luminance", float(1.0))];
     let surface = node("ND_open_pbr_surface_surfaceshader", &dark, &[("emission_color", 1)]);
@@ -60,7 +60,7 @@ pub(crate) fn stripes(space: &str) -> MaterialDesc {
     ])
 }
 
-/// More along x, as it is seen from.
+/// Emission that grows along x of the view direction.
 fn by_view() -> MaterialDesc {
     emitting(&[
         ("ND_convert_float_color3", &[], &[("in", 2)]),
@@ -70,7 +70,7 @@ fn by_view() -> MaterialDesc {
     ])
 }
 
-/// Emits as the surface is turned: no light can be asked for that.
+/// Emission that depends on the surface's normal: it cannot be sampled as a light.
 fn by_normal() -> MaterialDesc {
     emitting(&[
         ("ND_convert_float_color3", &[], &[("in", 2)]),
@@ -144,7 +144,7 @@ fn interpolated_emission_programs_match_their_integral() {
     }
 }
 
-/// What shadow rays see of a program is what rays see that come by chance.
+/// Shadow rays and BSDF rays see the same emission of a program.
 #[test]
 fn shadow_rays_and_hit_rays_run_the_same_emission_program() {
     let leaning = DMat4::from_translation(DVec3::new(-0.3, 1.0, -0.6))
@@ -167,7 +167,7 @@ fn shadow_rays_and_hit_rays_run_the_same_emission_program() {
         };
         let [shadow, both] = textured(1024, &build(true));
         let [_, chance] = textured(2048, &build(false));
-        // The scatter of 256 pixels tells the errors of the means.
+        // The scatter of 256 pixels gives the errors of the means.
         for (how, given) in [("shadow rays", shadow), ("both", both)] {
             let sigma = ((given.1 + chance.1) / 256.0).sqrt();
             let off = given.0 / chance.0 - 1.0;
@@ -181,7 +181,7 @@ fn shadow_rays_and_hit_rays_run_the_same_emission_program() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Far less noise than by chance.
+/// Sampling gives far less noise than BSDF rays alone.
 #[test]
 fn a_small_program_emitter_has_low_noise() {
     let small = downwards(DVec3::new(0.0, 1.0, -0.5)) * DMat4::from_scale(DVec3::splat(0.1));
@@ -199,7 +199,7 @@ fn a_small_program_emitter_has_low_noise() {
     }
 }
 
-/// Only scenes that need it carry it; what reads the normal is met by chance.
+/// Only scenes that need programs of emission have them; emission that reads the normal is met by BSDF rays only.
 #[test]
 fn scenes_without_emission_programs_omit_them() {
     let left_out = |material: MaterialDesc| {

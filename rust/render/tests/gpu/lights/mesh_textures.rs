@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Mesh lights whose emission is a primvar's or a texture's: closed forms by polygons, and the same light met by
-//! chance.
+//! Mesh lights whose emission is a primvar's or a texture's: closed forms by polygons, and the same light met by BSDF
+//! rays only.
 
 use super::mesh::{black, corners, quad, small};
 use super::shapes::polygon;
@@ -20,12 +20,12 @@ use oocpt_render::textures::{ImageError, ImageInfo, ImageLibrary, SourceImage};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Emits what the primvar "glow" says.
+/// A material that emits the primvar "glow".
 fn by_primvar() -> MaterialDesc {
     reading("/glow", "emissiveColor", "float3", "glow", &black())
 }
 
-/// Emits what a file says at "st", times `scale`.
+/// A material that emits a file at "st", times `scale`.
 pub(super) fn by_texture(file: &str, scale: f32) -> MaterialDesc {
     let text = |text: &str| ParamValue::Text(text.into());
     let node = |kind: &str, params: Vec<(&str, ParamValue)>, connections: Vec<(&str, usize, &str)>| NodeDesc {
@@ -122,7 +122,7 @@ pub(super) fn above() -> DMat4 {
     downwards(DVec3::new(0.2, 0.8, -0.4))
 }
 
-/// For a square of half size 1: out of the camera's way.
+/// A placement of a square of half size 1 out of the camera's way.
 pub(super) fn behind() -> DMat4 {
     downwards(DVec3::new(0.2, 0.8, -1.1))
 }
@@ -159,7 +159,7 @@ fn uniform_emission_primvars_match_polygon_irradiance() {
     }
 }
 
-/// Values at points, some of them negative: what is below 0 between them emits nothing.
+/// Values at points, some of them negative: the parts below 0 emit nothing.
 #[test]
 fn interpolated_emission_primvars_match_their_integral() {
     const STEPS: u32 = 200;
@@ -231,7 +231,7 @@ pub(super) fn textured(samples: u32, build: &dyn Fn(&mut SceneDb)) -> [(f64, f64
     })
 }
 
-/// Each face looks at the middle of one texel: no level but the finest counts.
+/// Each face samples the middle of one texel: only the finest level counts.
 #[test]
 fn an_atlas_gives_each_face_its_texel() {
     let (mut desc, places) = row(above());
@@ -249,8 +249,8 @@ fn an_atlas_gives_each_face_its_texel() {
     }
 }
 
-/// A square with st from 0 to 1; `is_alone`: sampled as a light. Else another one below the floor shares its id, and
-/// both are met by chance. `moved` says what else becomes of each, given how far it is from the first.
+/// A square with st from 0 to 1; `is_alone`: sampled as a light. Otherwise another one below the floor shares its id,
+/// and both are met by BSDF rays only. `moved` modifies each, given its distance from the first.
 pub(super) fn screen_that(
     db: &mut SceneDb,
     transform: DMat4,
@@ -267,12 +267,12 @@ pub(super) fn screen_that(
     db.upsert_mesh(moved(desc, DVec3::ZERO));
 }
 
-/// The same at rest.
+/// The screen at rest.
 pub(super) fn screen(db: &mut SceneDb, transform: DMat4, is_alone: bool) {
     screen_that(db, transform, is_alone, &|desc, _| desc);
 }
 
-/// What shadow rays see of a texture is what rays see that come by chance: levels, slant and all.
+/// Shadow rays and BSDF rays see the same emission of a texture: levels, slant and all.
 #[test]
 fn shadow_rays_and_hit_rays_see_the_same_emission_texture() {
     let leaning = DMat4::from_translation(DVec3::new(-0.3, 1.0, -0.6))
@@ -288,7 +288,7 @@ fn shadow_rays_and_hit_rays_see_the_same_emission_texture() {
         };
         let [shadow, both] = textured(512, &build(true));
         let [_, chance] = textured(1024, &build(false));
-        // The scatter of 256 pixels tells the errors of the means.
+        // The scatter of 256 pixels gives the errors of the means.
         for (how, given) in [("shadow rays", shadow), ("both", both)] {
             let sigma = ((given.1 + chance.1) / 256.0).sqrt();
             let off = given.0 / chance.0 - 1.0;
@@ -299,7 +299,7 @@ fn shadow_rays_and_hit_rays_see_the_same_emission_texture() {
     }
 }
 
-/// Far less noise than by chance, and no more than the texture itself makes.
+/// Sampling gives far less noise than BSDF rays alone, and no more than the texture itself makes.
 #[test]
 fn a_small_textured_emitter_has_low_noise() {
     let small = downwards(DVec3::new(0.0, 1.0, -0.5)) * DMat4::from_scale(DVec3::splat(0.1));
@@ -332,7 +332,7 @@ fn a_missing_image_shines_with_its_fallback() {
     assert!((given / wanted - 1.0).abs() < 1e-2, "{given}, not {wanted}");
 }
 
-/// Only scenes that need it carry it.
+/// Only scenes that need light textures have them.
 #[test]
 fn constant_emission_omits_light_textures() {
     let left_out = |material: MaterialDesc| {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Lights against closed forms: a small patch of a white-ish floor at the origin, facing up, and the irradiance on it.
 //!
-//! Every answer is asked for twice: with direct light only, where shadow rays bring all of it, and with a bounce, where
-//! shadow rays and BSDF rays share it by the balance heuristic.
+//! Every answer is tested twice: with direct light only, where shadow rays contribute all of it, and with a bounce,
+//! where shadow rays and BSDF rays share it by the balance heuristic.
 
 mod dome;
 mod light_tree;
@@ -38,7 +38,7 @@ pub(crate) fn light(kind: LightKind, transform: DMat4) -> LightDesc {
     LightDesc { prim: prim("/light", transform), kind, camera_visible: false, ..LightDesc::default() }
 }
 
-/// -z turned down, at `at`.
+/// A transform that turns -z down, at `at`.
 fn downwards(at: DVec3) -> DMat4 {
     DMat4::from_translation(at) * DMat4::from_rotation_x(-PI / 2.0)
 }

@@ -67,7 +67,7 @@ fn passing_sphere_lights_match_their_closed_form() {
         moving(light(kind, DMat4::IDENTITY), &[0.0, 1.0], &place)
     };
     expect("a point", SAMPLES, mean(|time| fall(time, 0.8)), 0.01, &|db| db.upsert_light(point()));
-    // A normalised ball that grows as it goes gives what it gave, however large: radiance 1 / (4 pi r^2).
+    // A normalised ball that grows as it moves has constant power: radiance 1 / (4 pi r^2).
     let grows = |time: f64| place(time) * DMat4::from_scale(DVec3::splat(0.4 + 0.5 * time));
     let growing = || LightDesc { normalize: true, ..moving(light(sphere(1.0), DMat4::IDENTITY), &[0.0, 1.0], &grows) };
     let known = mean(|time| fall(time, 1.0) / (4.0 * PI));
@@ -110,7 +110,7 @@ fn moving_distant_lights_match_their_closed_form() {
     }
 }
 
-/// What a light brings, as the mean of so many stills, and as it moves.
+/// Compares a moving light with the mean of so many stills.
 fn against_stills(what: &str, desc: &dyn Fn() -> LightDesc, place: &dyn Fn(f64) -> DMat4, error: f64) {
     const STILLS: u32 = 32;
     let mut stills = [0.0; 3];

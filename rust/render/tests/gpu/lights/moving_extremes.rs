@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Mesh lights in motion where numbers are strained: far away, on long arms, and as no one would author them.
+//! Mesh lights whose motion strains precision: far away, on long arms, and with absurd keys.
 
 use super::mesh::{corners, glow, quad};
 use super::moving::mean;
@@ -33,7 +33,7 @@ fn far_off(from: DVec3, samples: u32, build: &dyn Fn(&mut SceneDb)) -> [f64; 2] 
     })
 }
 
-/// Shadow rays end before the mesh, wherever rounding puts what moves: far away, sheared, at the end of a long arm.
+/// Shadow rays end before the mesh, wherever rounding puts a moving one: far away, sheared, at the end of a long arm.
 #[test]
 fn far_away_emitters_that_move_do_not_shadow_themselves() {
     let far = DVec3::new(3.0e3, 2.0e3, -1.0e3);
@@ -52,7 +52,7 @@ fn far_away_emitters_that_move_do_not_shadow_themselves() {
             assert!((given / known - 1.0).abs() < 0.012, "{what}: {given}, not {known}");
         }
     }
-    // Of a way so long that single precision is off by more than a shadow ray's end, along the normal.
+    // The way is so long that single precision is off by more than a shadow ray's end, along the normal.
     let leaves = |time: f64| at(0.2 * time, 1.0 + 6e4 * (time - 0.9).max(0.0), -0.8) * flat * scaled(0.3, 0.3);
     let known = mean(|time| polygon(&corners(leaves(time))));
     for given in far_off(far, 2048, &|db| {
@@ -82,8 +82,8 @@ fn far_away_emitters_that_move_do_not_shadow_themselves() {
     }
 }
 
-/// Neither NaN nor a lost device, whatever is asked for; and light where there is some, but by what gets so small or
-/// large that it is left to chance, or so far away.
+/// Neither NaN nor a lost device for any keys; and light where there should be some, except from meshes that get so
+/// small or large that they are not sampled, or so far away.
 #[test]
 fn extreme_light_motion_stays_finite() {
     let base = downwards(DVec3::new(0.0, 1.0, -0.8)) * scaled(0.3, 0.3);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Meshes that emit light and whose placement moves: closed forms, averaged over the shutter in f64, with shadow rays
-//! alone and with both strategies; how noisy they are; what is left to chance; and motion that no one would author.
+//! alone and with both strategies; their noise; meshes that are not sampled; and absurd motion.
 
 use super::mesh::{convex, corners, glow, glowing, noise, place, quad, turn};
 use super::mesh_programs::stripes;
@@ -18,7 +18,7 @@ use std::f64::consts::PI;
 
 const SAMPLES: u32 = 4096;
 
-/// Where something is at a time.
+/// A placement as a function of time.
 pub(super) type Map<'a> = &'a dyn Fn(f64) -> DMat4;
 
 pub(super) fn samples(keys: &[f64], map: Map<'_>) -> Vec<TransformSample> {
@@ -48,7 +48,7 @@ pub(super) fn sheared() -> DMat4 {
     DMat4::from_cols(DVec4::X, DVec4::new(0.8, 1.0, 0.3, 0.0), DVec4::Z, DVec4::W)
 }
 
-/// From one side to the other, turned about some axis.
+/// A placement from one side to the other, turned about some axis.
 pub(super) fn passing(time: f64) -> DMat4 {
     let turn = DMat4::from_axis_angle(DVec3::new(0.3, 1.0, 0.4).normalize(), 1.5 * (time - 0.6));
     at(-2.0 + 3.0 * time, 1.5 + 0.5 * time, -1.4 - 0.3 * time) * turn
@@ -63,7 +63,7 @@ fn a_square_that_moves_gives_the_mean_over_the_shutter() {
         ("it goes", &[0.0, 1.0], &|time| there(time) * flat * scaled(0.4, 0.4)),
         ("it turns", &[0.0, 1.0], &|time| still * DMat4::from_rotation_x(1.5 * time - 2.0) * scaled(0.4, 0.6)),
         ("it grows", &[0.0, 1.0], &|time| still * flat * scaled(0.1 + 0.8 * time, 0.5 - 0.3 * time)),
-        // Rays of the BSDF bring a good part of it.
+        // Rays of the BSDF contribute a good part of it.
         ("it grows large", &[0.0, 1.0], &|time| {
             at(0.0, 1.0, -4.3) * flat * DMat4::from_scale(DVec3::splat(0.5 + 3.5 * time))
         }),
@@ -98,7 +98,8 @@ fn a_ball_of_faces_that_moves_gives_the_mean_of_its_faces() {
     });
 }
 
-/// Squares on arms that turn, of instances that fly, each turning about itself: no motion of keys, but of three.
+/// Squares on turning arms of flying instances, each turning about itself: the motion is composed of three sets of
+/// keys.
 fn wheel(db: &mut SceneDb, own: Map<'_>) -> impl Fn(usize, f64) -> DMat4 + use<> {
     let turn = |time: f64| DMat4::from_rotation_y(1.2 * (time - 0.5));
     let base = [DVec3::new(0.0, 1.8, -1.6), DVec3::new(-2.6, 2.2, -1.7)];
@@ -154,7 +155,8 @@ fn a_mesh_light_turning_in_a_nonuniform_scale_is_exact() {
     });
 }
 
-/// Many, of which most are below the floor's plane in the middle of the shutter: the tree has to know better.
+/// Many meshes, most of which are below the floor's plane in the middle of the shutter: the tree must bound them at all
+/// times.
 #[test]
 fn many_moving_mesh_lights_match_their_sum() {
     const COUNT: u32 = 100;
@@ -210,7 +212,7 @@ fn a_small_moving_mesh_light_is_little_noisier_than_a_static_one() {
     assert!(light < 4.0 * rest, "moving: {light}, at rest: {rest}");
 }
 
-/// What shadow rays see of a texture or a program on what moves is what rays see that come by chance.
+/// Shadow rays and BSDF rays see the same emission of a texture or a program on a moving mesh.
 #[test]
 fn varying_emission_of_moving_meshes_agrees_for_shadow_and_hit_rays() {
     let lean = |time: f64| {
@@ -230,7 +232,7 @@ fn varying_emission_of_moving_meshes_agrees_for_shadow_and_hit_rays() {
         };
         let [shadow, both] = textured(1024, &build(true));
         let [_, chance] = textured(4096, &build(false));
-        // The scatter of 256 pixels tells the errors of the means.
+        // The scatter of 256 pixels gives the errors of the means.
         for (how, given) in [("shadow rays", shadow), ("both", both)] {
             let sigma = ((given.1 + chance.1) / 256.0).sqrt();
             let off = given.0 / chance.0 - 1.0;
@@ -241,7 +243,7 @@ fn varying_emission_of_moving_meshes_agrees_for_shadow_and_hit_rays() {
     }
 }
 
-/// What is sampled is not warned of, and what is at rest needs none of it.
+/// Sampled lights give no warning, and lights at rest need none of the features.
 #[test]
 fn only_deforming_mesh_lights_are_not_sampled() {
     let told = |build: &dyn Fn(&mut SceneDb)| {

@@ -18,8 +18,8 @@ pub(super) fn polygon(corners: &[DVec3]) -> f64 {
     0.5 * sum.abs()
 }
 
-/// Irradiance at the origin, facing up, of the surface `point(u, v)` of radiance 1, by midpoints: parts that look away,
-/// and what is below the floor, give nothing. `normal` need not be unit.
+/// Irradiance at the origin, facing up, of the surface `point(u, v)` of radiance 1, by midpoints: parts that face away,
+/// and those below the floor, contribute nothing. `normal` need not be unit.
 fn surface(m: &DMat3, at: DVec3, u: (f64, f64), point: impl Fn(f64, f64) -> (DVec3, DVec3, f64)) -> f64 {
     const STEPS: u32 = 1000;
     let cofactor = DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
@@ -158,7 +158,7 @@ fn lights_shine_to_one_side_and_outwards_only() {
         ("a rect that looks away", rect(1.0, 1.0), upwards(1.0)),
         ("a disk that looks away", disk(1.0), upwards(1.0)),
         ("a rect below the floor", rect(1.0, 1.0), downwards(DVec3::NEG_Y)),
-        // Not in the middle, where every direction is along the normal.
+        // The light is not in the middle, where every direction is along the normal.
         ("inside a sphere", sphere(2.0), DMat4::from_translation(DVec3::new(0.5, 0.7, -0.3))),
         ("inside a cylinder", cylinder(4.0, 2.0), DMat4::from_translation(DVec3::new(0.5, 0.7, -0.3))),
     ] {
@@ -177,7 +177,7 @@ fn lights_far_from_the_origin_stay_exact() {
             super::ALBEDO,
         ));
         db.upsert_light(light(sphere(0.01), DMat4::from_translation(far + DVec3::Y * 0.2)));
-        // As far on the other side, so that the scene cannot be moved to where the light is.
+        // Another mesh is as far on the other side, so that the scene cannot be moved to the light.
         let other = DMat4::from_translation(-far);
         db.upsert_mesh(crate::scenes::square(crate::scenes::prim("/other", other), 2, super::ALBEDO));
     });
@@ -190,7 +190,7 @@ fn lights_far_from_the_origin_stay_exact() {
     assert!((mean / expected - 1.0).abs() < 5e-3, "{mean}, not {expected}");
 }
 
-/// Where rays meet a light decides what shadows it: a black wall inside of a ball is behind its surface from
+/// The surface of a light that rays meet decides its shadows: a black wall inside of a ball is behind its surface from
 /// everywhere.
 #[test]
 fn a_wall_inside_a_sphere_light_casts_no_shadow() {

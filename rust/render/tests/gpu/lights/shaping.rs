@@ -83,7 +83,7 @@ fn profiles_scale_radiance_by_candelas() {
     });
 }
 
-/// The cone is not the profile's, and a focus goes backwards as it goes forwards.
+/// The cone does not belong to the profile, and a focus works backwards as it does forwards.
 #[test]
 fn lamps_that_point_up_shine_down_by_profile_and_focus() {
     let upwards = |shaping: ShapingCone| {

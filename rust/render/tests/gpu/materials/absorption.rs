@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What happens inside: absorption along the way, thin walls, and tangents of anisotropic lobes in pictures.
+//! The interior of glass: absorption along the way, thin walls; and tangents of anisotropic lobes in pictures.
 
 use super::*;
 
@@ -39,7 +39,7 @@ fn slab(params: &[(&str, ParamValue)], thickness: f64, streams: bool) -> Vec<[f3
     read(&session, &request, AovKind::Color)
 }
 
-/// Half a depth leaves the root of the colour, whatever the interface.
+/// Half a depth gives the root of the colour, whatever the interface.
 #[test]
 fn glass_absorbs_along_the_path_length() {
     let params = [("transmission_color", color([0.25, 0.5, 0.81])), ("transmission_depth", float(2.0))];
@@ -55,8 +55,8 @@ fn glass_absorbs_along_the_path_length() {
     }
 }
 
-/// A sheet tints once and bends nothing, though its index is that of glass; its reflection is what it does not let
-/// through.
+/// A sheet tints once and bends nothing, though its index is that of glass; its reflection is the part that it does not
+/// transmit.
 #[test]
 fn a_thin_wall_is_tinted_once() {
     let params = [

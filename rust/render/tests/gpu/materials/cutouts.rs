@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Cutouts by programs: surfaces are there where the program for their opacity says so, for camera and shadow rays.
+//! Cutouts by programs: surfaces are opaque where the program for their opacity makes them so, for camera and shadow
+//! rays.
 
 use super::*;
 use oocpt_abi::MaterialInput;
@@ -75,7 +76,7 @@ fn opacity_masks_follow_their_program() {
     let mut there = 0;
     for (pixel, id) in ids.iter().enumerate() {
         let opacity = opacity(&desc, pixel);
-        // A ray's place rounds.
+        // The position of a ray is rounded.
         if (opacity - 0.5).abs() > 1e-5 {
             assert_eq!(*id == 1, opacity > 0.5, "pixel {pixel}: opacity {opacity}");
         }
@@ -95,7 +96,7 @@ fn an_opacity_is_a_probability() {
         // The error of 2^16 samples is 0.002.
         assert!((mean - expected).abs() < 0.008, "{what}: {mean}, not {expected}");
     }
-    // A black floor under the board, lit from above through it: it is what shadow rays see.
+    // A black floor under the board, lit from above through it, shows the shadow rays.
     let light = |opaque: bool| {
         let desc = if opaque { gltf(0, 0.0) } else { gltf(BLEND, 0.0) };
         let session = session(settings(64, 1)).with_images(Arc::new(Ramps));
@@ -121,7 +122,7 @@ fn an_opacity_is_a_probability() {
     );
 }
 
-/// A program knows the normal of a candidate, the view, its point: a board that is turned away is not there.
+/// A program knows the normal of a candidate, the view, its point: a board that is turned away is cut out.
 #[test]
 fn opacity_programs_know_the_view_direction() {
     let world = ("space", ParamValue::Text("world".into()));

@@ -5,12 +5,12 @@ use super::*;
 use crate::support::color_request;
 
 const OPEN_PBR: &str = "ND_open_pbr_surface_surfaceshader";
-/// Of n - 1, between the lines F and C: 1 / V.
+/// Relative dispersion of n - 1, between the lines F and C: 1 / V.
 const DISPERSION: f64 = 0.1;
 const INDEX: f64 = 1.5;
 /// The angle of the prism.
 const ANGLE: f64 = std::f64::consts::FRAC_PI_6;
-/// Where the screen is.
+/// Position of the screen.
 const SCREEN: f32 = -5.5;
 
 fn float(value: f32) -> ParamValue {
@@ -41,7 +41,7 @@ fn prism() -> MeshDesc {
     desc
 }
 
-/// Emits as much as its x says.
+/// A screen whose emission is its x.
 fn screen(db: &mut SceneDb) {
     let black = color([0.0; 3]);
     let dark = [("diffuseColor", black.clone()), ("specularColor", black), ("useSpecularWorkflow", ParamValue::Int(1))];
@@ -61,7 +61,7 @@ fn index(wavelength: f64) -> f64 {
     a + b * inverse(wavelength)
 }
 
-/// What a ray head on the front sees of the screen, by Snell and Fresnel.
+/// The part of the screen that a ray head on the front sees, by Snell and Fresnel.
 fn seen(n: f64) -> f64 {
     let fresnel = |n1: f64, n2: f64, c1: f64, c2: f64| {
         let s = (n1 * c1 - n2 * c2) / (n1 * c1 + n2 * c2);
@@ -112,13 +112,13 @@ fn dispersive_glass_in_a_white_furnace_stays_white() {
         let pixels: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
         for channel in 0..3 {
             let mean = pixels.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>() / 256.0;
-            // What is still inside at the end is lost.
+            // Light that is still inside at the end is lost.
             assert!((mean - 1.0).abs() < 0.01, "roughness {roughness}, channel {channel}: {mean}");
         }
     }
 }
 
-/// What two prisms and an absorbing one show in front of lights, when the scene streams and when it does not.
+/// Two prisms and an absorbing one in front of lights are the same if the scene streams and if it does not.
 #[test]
 fn dispersion_streams_with_the_same_bits() {
     let request = front();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Emission that a program works out: found by reflected rays alone, it counts once.
+//! Emission that a program computes: found by BSDF rays alone, it counts once.
 
 use super::*;
 
@@ -7,8 +7,8 @@ fn float(value: f32) -> ParamValue {
     ParamValue::Float(value)
 }
 
-/// The mean of a floor beside a wall that shines in rising strength, told by a program or by a primvar, which makes the
-/// wall a light that is asked. Another wall is a light in both.
+/// The mean of a floor beside a wall that shines in rising strength, by a program or by a primvar, which makes the wall
+/// a sampled light. Another wall is a light in both.
 fn floor(by_program: bool) -> f64 {
     let surface = [("base_weight", float(0.0)), ("specular_weight", float(0.0)), ("emission_luminance", float(3.0))];
     let shines = if by_program {

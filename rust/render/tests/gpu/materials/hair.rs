@@ -55,13 +55,13 @@ fn picture(db: impl FnOnce(&mut SceneDb), samples: u32, streams: bool) -> Vec<[f
     read(&session, &request, AovKind::Color)
 }
 
-/// What enters the tube leaves it: its inside is never met, by a ray or on the way to a light; nor is that of the next
-/// piece where a curve turns.
+/// Light that enters the tube leaves it: its inside is never met, by a ray or on the way to a light; nor is that of the
+/// next piece where a curve turns.
 #[test]
 fn a_white_fibre_in_a_white_furnace_disappears() {
     let bent: Vec<[f32; 3]> = [[-1.2, -0.6], [-0.4, 0.5], [0.4, -0.5], [1.2, 0.6]].map(|[x, y]| [x, y, 0.0]).to_vec();
     let wave = curves("/fibre", CurveBasis::BSpline, &[bent], 0.1);
-    // A path that met an inside would be one bounce longer, and be lost where there is none left.
+    // A path that met an inside would be one bounce longer, and be lost at the last bounce.
     for (name, desc, bound, most) in [
         ("a tube", fibre(1.0, false), 1e-5, 1e-4),
         ("a thin tube", fibre(0.05, false), 1e-5, 1e-4),
@@ -92,7 +92,8 @@ fn lit(hair: &Hair, h: f64, to_sun: DVec3) -> f64 {
     reference(hair, 1.55, turn * DVec3::Z, turn * to_sun).x
 }
 
-/// A sun behind the fibre, beside and before it: what shadow rays bring, at every height, of a tube and of a ribbon.
+/// A sun behind the fibre, beside and before it: the contribution of shadow rays, at every height, of a tube and of a
+/// ribbon.
 #[test]
 fn a_sun_shines_on_and_through_a_fibre() {
     let own = Hair {
@@ -201,7 +202,7 @@ fn hair_streams_with_the_same_bits() {
     assert!(colors.iter().flatten().all(|x| x.is_finite()), "every pixel is a number");
 }
 
-/// Hair on a mesh is shaded by its normals, and one line says so.
+/// Hair on a mesh is shaded by its normals, and a warning says so.
 #[test]
 fn hair_on_a_mesh_gives_a_warning() {
     let session = session(settings(1, 1));

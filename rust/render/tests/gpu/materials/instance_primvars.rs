@@ -178,7 +178,7 @@ fn behind(db: &mut SceneDb, root: &str, instancer: &str) {
     db.upsert_mesh(desc);
 }
 
-/// Where nobody reads an outer value it is left out, and cannot win by mistake: here somebody does.
+/// An outer value that nobody reads is left out, and cannot win by mistake: here another mesh reads it.
 #[test]
 fn the_innermost_instancer_wins_over_values_that_others_read() {
     let own = |count: usize| move |row| per_instance(row, "displayColor", (0..count).map(|k| tint(k + 7)).collect());

@@ -39,7 +39,7 @@ pub(crate) fn noisy(path: &str) -> MaterialDesc {
     material(path, nodes)
 }
 
-/// Two lookups multiplied, the second where the first says.
+/// Two lookups multiplied, the second at the place that the first gives.
 pub(crate) fn distorted(path: &str) -> MaterialDesc {
     let nodes = vec![
         node(OPEN_PBR, &[("base_weight", float(1.0)), ("specular_weight", float(0.0))], &[("base_color", 1)]),
@@ -55,7 +55,7 @@ fn st(desc: MeshDesc) -> MeshDesc {
     with(desc, "st", Interpolation::Vertex, coordinates(|st| st))
 }
 
-/// The albedo at each pixel is what the program gives on the host, at the pixel's coordinates and point.
+/// The albedo at each pixel is the result of the program on the host, at the pixel's coordinates and point.
 #[test]
 fn device_programs_match_the_host_evaluator() {
     let desc = noisy("/noise");
@@ -135,7 +135,7 @@ fn dependent_texture_lookups_use_the_computed_coordinates() {
     }
 }
 
-/// An `open_pbr_surface` and the `UsdPreviewSurface` that says the same are the same picture, bit for bit.
+/// An `open_pbr_surface` and an equivalent `UsdPreviewSurface` give the same picture, bit for bit.
 #[test]
 fn equal_surfaces_in_two_models_give_equal_pictures() {
     let pictures = [
@@ -181,7 +181,7 @@ fn equal_surfaces_in_two_models_give_equal_pictures() {
     assert!(pictures[0] == pictures[1], "{:?} and {:?}", pictures[0][0], pictures[1][0]);
 }
 
-/// Under a white sky what takes nothing away is white: glass that is clear, fuzz that is white over white.
+/// Materials that absorb nothing are white under a white sky: clear glass, white fuzz over white.
 #[test]
 fn materialx_glass_and_fuzz_in_a_white_furnace_stay_white() {
     let cases = [
@@ -208,8 +208,8 @@ fn materialx_glass_and_fuzz_in_a_white_furnace_stay_white() {
     }
 }
 
-/// Over black it is the fuzz alone that is seen, in its colour. Seen from the front it reflects 4 %, which the bound of
-/// white fuzz over white lets pass.
+/// Over black only the fuzz is seen, in its colour. Seen from the front it reflects 4 %, which the bound of white fuzz
+/// over white would not notice.
 #[test]
 fn fuzz_color_tints_the_fuzz_lobe() {
     let params = [
@@ -232,7 +232,7 @@ fn fuzz_color_tints_the_fuzz_lobe() {
     assert!((red / blue - 0.5).abs() < 1e-3 && (green / blue - 0.25).abs() < 1e-3, "{red} {green} {blue}");
 }
 
-/// What goes through a sharp interface of tinted glass has its colour once.
+/// Light through a sharp interface of tinted glass is tinted once.
 #[test]
 fn glass_tints_transmitted_light() {
     let params = [

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Mixtures by chance: in the mean what their parts are, the same bits when the scene streams, and no chance in images
-//! through pixel centres.
+//! Mixtures by chance: in the mean they are the mean of their parts, the same bits when the scene streams, and no
+//! random choice in images through pixel centres.
 
 use super::*;
 use crate::scenes::sun;
@@ -10,7 +10,7 @@ fn float(value: f32) -> ParamValue {
     ParamValue::Float(value)
 }
 
-/// Of this roughness, which is the root of its alpha.
+/// A metal of this roughness, which is the root of its alpha.
 fn metal(roughness: f32, albedo: [f32; 3]) -> NodeDesc {
     let alpha = roughness * roughness;
     let params = [("color0", color(albedo)), ("roughness", ParamValue::Vec2([alpha; 2]))];
@@ -26,7 +26,7 @@ fn glass(roughness: f32) -> NodeDesc {
     node("ND_dielectric_bsdf", &params, &[])
 }
 
-/// `share` of the second.
+/// A mixture with `share` of the second.
 fn mixture(path: &str, share: f32, parts: [NodeDesc; 2]) -> MaterialDesc {
     let mut nodes = vec![
         node("ND_surface", &[], &[("bsdf", 1)]),
@@ -66,7 +66,7 @@ fn means(desc: MaterialDesc, samples: u32) -> [[f64; 2]; 3] {
     })
 }
 
-/// How many standard errors a mixture is from `share` of its second part.
+/// Standard errors between a mixture and the mean with `share` of its second part.
 fn off(mixture: [[f64; 2]; 3], [back, front]: [[[f64; 2]; 3]; 2], share: f64) -> f64 {
     let channel = |k: usize| {
         let expected = (1.0 - share) * back[k][0] + share * front[k][0];
@@ -77,7 +77,7 @@ fn off(mixture: [[f64; 2]; 3], [back, front]: [[[f64; 2]; 3]; 2], share: f64) ->
     [0, 1, 2].map(channel).into_iter().fold(0.0, f64::max)
 }
 
-/// w A + (1 - w) B, rendered apart: two metals, two kinds of rough glass. A weight that is squared is seen.
+/// w A + (1 - w) B, rendered apart: two metals, two kinds of rough glass. A squared weight would show.
 #[test]
 fn a_mixture_equals_the_weighted_mean_of_its_parts() {
     let alone = |part: NodeDesc| material("/m", vec![node("ND_surface", &[], &[("bsdf", 1)]), part]);
@@ -95,7 +95,7 @@ fn a_mixture_equals_the_weighted_mean_of_its_parts() {
     }
 }
 
-/// Glass of two roughnesses takes nothing away: a ball of it is white under a white sky.
+/// Glass of two roughnesses absorbs nothing: a ball of it is white under a white sky.
 #[test]
 fn mixed_glass_in_a_white_furnace_stays_white() {
     let session = session(settings(64, 24));
@@ -110,7 +110,7 @@ fn mixed_glass_in_a_white_furnace_stays_white() {
     render(&session, &request);
     let pixels: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
     let mean = pixels.iter().map(|pixel| f64::from(pixel[0])).sum::<f64>() / 256.0;
-    // What is still inside at the end is lost.
+    // Light that is still inside at the end is lost.
     assert!((mean - 1.0).abs() < 0.01, "{mean}");
 }
 

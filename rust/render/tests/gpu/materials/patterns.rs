@@ -12,25 +12,25 @@ use oocpt_gpu::{Buffer, BufferUsage, Gpu, OpenOptions, Pipeline};
 use oocpt_shaders::checks;
 use std::time::Duration;
 
-/// Numbers below the normal ones may be 0 on a device; values in between, too.
+/// Numbers below the normal ones may be 0 on a device; intermediate values, too.
 const TINY: f64 = 2.0 * f32::MIN_POSITIVE as f64;
 const ULP: f64 = f32::EPSILON as f64;
 
-/// How far the device may be from the twin.
+/// The allowed error of the device against the twin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Error {
     /// The same bits.
     Exact,
-    /// This much, and this much of the value.
+    /// An absolute error, and one relative to the value.
     Within(f64, f64),
-    /// Of the period b, this much of |a| and |b|.
+    /// An error relative to |a| and |b|, modulo the period b.
     Period(f64),
-    /// As `Within`; x has the period 1.
+    /// Like `Within`, but x has the period 1.
     Hue(f64, f64),
 }
 
-/// The stated errors. The build forbids merged operations, so sums and products are exact. What is not follows from the
-/// precision that Vulkan asks for (1.3, "Precision and Operation of SPIR-V Instructions"): division 2.5 ULP, root 5,
+/// The stated errors. The build forbids merged operations, so sums and products are exact. The others follow from the
+/// precision that Vulkan requires (1.3, "Precision and Operation of SPIR-V Instructions"): division 2.5 ULP, root 5,
 /// e^x 3 + 2 |x|, logarithm 3 or 2^-21, arcs 4096; in the range of [`ordinary`] cases.
 fn stated(case: &Case) -> Error {
     match case.op {
@@ -49,7 +49,7 @@ fn stated(case: &Case) -> Error {
     }
 }
 
-/// What runs cases on the device.
+/// Runs cases on the device.
 fn run(cases: &[Case]) -> Vec<[f32; 4]> {
     let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
     let gpu = Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device");
@@ -75,7 +75,7 @@ fn run(cases: &[Case]) -> Vec<[f32; 4]> {
     results
 }
 
-/// The error of a result in units of the stated one; infinite where it has to be exact and is not.
+/// The error of a result in units of the stated one; infinite if it must be exact and is not.
 fn error(case: &Case, result: [f32; 4], twin: [f32; 4]) -> f64 {
     let of = |k: usize| {
         let [x, t, a, b] = [result[k], twin[k], case.operands[0][k], case.operands[1][k]].map(f64::from);

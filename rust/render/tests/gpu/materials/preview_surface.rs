@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Emission and albedo as they are authored, by mesh and by subset; what each number of a surface does to what is seen.
+//! Emission and albedo as they are authored, by mesh and by subset; the effect of each parameter of a surface.
 
 use super::*;
 use crate::scenes::sun;
@@ -46,7 +46,7 @@ fn emission_lights_other_surfaces() {
     // An emissive board of radiance 2 that fills the hemisphere of a small patch facing it: albedo * 2.
     let (session, request) = shown(
         |db| {
-            // No specular lobe: what it would reflect is not in the sum.
+            // There is no specular lobe: its reflection is not in the sum.
             let dull = [("useSpecularWorkflow", ParamValue::Int(1)), ("specularColor", color([0.0; 3]))];
             let with = |params: &[(&'static str, ParamValue)]| [&dull[..], params].concat();
             let glow = [("emissiveColor", color([2.0; 3])), ("diffuseColor", color([0.0; 3]))];
@@ -99,7 +99,7 @@ fn subsets_show_their_materials_and_the_rest_its_color() {
     }
 }
 
-/// What a lobe of GGX with Schlick's Fresnel reflects of a sun, seen along the normal.
+/// The reflection of a sun by a lobe of GGX with Schlick's Fresnel, seen along the normal.
 fn shining(f0: f64, roughness: f64, degrees: f64) -> f64 {
     // The half vector is half way to the sun.
     let (cosine, half) = (degrees.to_radians().cos(), (0.5 * degrees).to_radians().cos());
@@ -110,7 +110,7 @@ fn shining(f0: f64, roughness: f64, degrees: f64) -> f64 {
     (f0 + (1.0 - f0) * (1.0 - half).powi(5)) * density * cosine / (2.0 * (slope + cosine))
 }
 
-/// Asserts what a black board with these parameters, in the specular workflow, reflects of a sun.
+/// Asserts the reflection of a sun by a black board with these parameters, in the specular workflow.
 fn expect_shining(params: &[(&'static str, f64)], specular: f32, degrees: f64, expected: f64) {
     #[expect(clippy::cast_possible_truncation, reason = "as parameters are")]
     let floats = params.iter().map(|(name, value)| (*name, ParamValue::Float(*value as f32)));
@@ -146,7 +146,7 @@ fn a_coat_has_an_amount_an_index_and_a_roughness_of_its_own() {
 }
 
 /// In a white world, straight on: a smooth metal shows its colour, a smooth dielectric its specular one, clear glass of
-/// index 1 what is behind.
+/// index 1 the background.
 #[test]
 fn metals_specular_colours_and_opacity_are_taken_as_they_are() {
     let float = |name: &'static str, value: f32| (name, ParamValue::Float(value));

@@ -11,12 +11,12 @@ fn thresholds_cut_out_and_presence_is_a_probability() {
             let threshold = [("opacityThreshold", ParamValue::Float(0.25))];
             db.upsert_material(reading("/leaf", "opacity", "float", "alpha", &threshold));
             let leaf = with(board("/a", 5, "/leaf"), "alpha", Interpolation::Vertex, opacity);
-            // displayOpacity is not for surfaces with a material.
+            // displayOpacity does not apply to surfaces with a material.
             db.upsert_mesh(MeshDesc { display_opacity: constant(0.5_f32), ..leaf });
         },
         4,
     );
-    // Opacity is (x + 1) / 2: what is left of x = -0.5 is not there, the rest is all there.
+    // Opacity is (x + 1) / 2: left of x = -0.5 the surface is cut out, the rest is opaque.
     let ids: Vec<i32> = read(&session, &request, AovKind::PrimId);
     for (pixel, id) in ids.iter().enumerate() {
         assert_eq!(*id, if place(pixel)[0] < -0.5 { -1 } else { 5 }, "pixel {pixel}");
@@ -41,8 +41,8 @@ fn thresholds_cut_out_and_presence_is_a_probability() {
     assert!((mean - 0.25).abs() < 0.004, "{mean} of the rays met it, not a quarter");
 }
 
-/// `UsdPreviewSurface` cuts out what is below the threshold: at it, the surface is there, wherever the opacity comes
-/// from.
+/// `UsdPreviewSurface` cuts out opacities below the threshold: at the threshold the surface is opaque, wherever the
+/// opacity comes from.
 #[test]
 fn opacity_at_the_threshold_is_opaque() {
     let threshold = |value: f32| ("opacityThreshold", ParamValue::Float(value));

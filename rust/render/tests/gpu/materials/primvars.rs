@@ -67,7 +67,7 @@ fn a_missing_primvar_is_the_readers_fallback() {
     assert!(albedo.iter().all(|a| *a == [0.5, 0.25, 0.125]), "{:?}", albedo[0]);
 }
 
-/// One number stands for all three of a colour.
+/// A float input sets all three components of a colour.
 #[test]
 fn a_float_makes_a_grey_colour() {
     let (session, request) = shown(

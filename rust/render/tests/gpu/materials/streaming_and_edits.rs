@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The same bits when the scene streams; what edits upload.
+//! The same bits when the scene streams; the uploads after edits.
 
 use super::*;
 

@@ -13,13 +13,13 @@ use oocpt_core::{Aabb, Triangle};
 use oocpt_gpu::{Buffer, BufferUsage, Gpu};
 use std::sync::Arc;
 
-/// Where the world is: a float knows places here to a sixteenth only.
+/// The position of the world: a float resolves only a sixteenth here.
 pub(super) const FAR: DVec3 = DVec3::new(1.0e6, -7.0e5, 3.0e5);
 /// Chunks of the world.
 pub(super) const CHUNKS: u32 = 37;
 /// Its meshes.
 pub(super) const MESHES: u32 = 3;
-/// What may be absent: chunks, then meshes.
+/// The units that may be absent: chunks, then meshes.
 pub(super) const UNITS: u32 = CHUNKS + MESHES;
 
 /// A small generator (PCG, O'Neill 2014); the same numbers everywhere.
@@ -53,7 +53,7 @@ pub(super) struct Scene {
     gpu: Arc<Gpu>,
     /// Keeps everything that is pointed to.
     kept: Vec<Buffer>,
-    /// What the world is around.
+    /// The middle of the world.
     pub(super) at: DVec3,
     pub(super) top_nodes: u64,
     pub(super) chunk_instances: u64,

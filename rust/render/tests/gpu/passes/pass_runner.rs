@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs the passes on a scene, with everything resident or with chunks that come and go, in the order that
-//! `oocpt_shaders` tells.
+//! Runs the passes on a scene, with everything resident or with chunks that are loaded and evicted, in the order of
+//! `oocpt_shaders`.
 
 use super::handmade_scene::{CHUNKS, Scene, UNITS};
 use bytemuck::{Pod, Zeroable};
@@ -24,11 +24,11 @@ pub(super) const PATHS: u32 = 3 * PIXELS;
 const BOUNCES: u32 = 3;
 const LEVELS: u32 = 2;
 const STACK: u32 = 64;
-/// More paths than these are in flight at no time.
+/// The most paths in flight at any time.
 pub(super) const SEGMENT_SIZE: u32 = 300;
 pub(super) const SEGMENTS: u32 = 3;
 
-/// What is compared: the film, and depth and instance ids.
+/// The images that are compared: the film, and depth and instance ids.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Images {
     pub(super) film: Vec<u8>,
@@ -110,14 +110,14 @@ impl<'a> Tracer<'a> {
         tracer
     }
 
-    /// The same with at most so many threads for the rays of a round.
+    /// This tracer with at most so many threads for the rays of a round.
     pub(super) fn with_walkers(mut self, walkers: u32) -> Self {
         self.walkers = walkers;
         self.fill_blocks();
         self
     }
 
-    /// The same with these capacities of the buffers `demanded` and `demand list`.
+    /// This tracer with these capacities of the buffers `demanded` and `demand list`.
     pub(super) fn with_demand_capacities(mut self, capacities: [u32; 2]) -> Self {
         self.demand_capacities = capacities;
         self.fill_blocks();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Known answers of the passes that say what the rays that wait for a chunk are worth, on rays and radiances that were
-//! made up.
+//! Known answers of the passes that estimate the worth of the rays that wait for a chunk, on invented rays and
+//! radiances.
 
 use super::{close_device, open};
 use bytemuck::{Pod, Zeroable};
@@ -20,10 +20,10 @@ const SAMPLES: u32 = 4;
 const PATHS: u32 = PIXELS * SAMPLES;
 const SEGMENT: u32 = 64;
 const CHUNKS: u32 = 8;
-/// What `measure_error` adds to a squared level.
+/// The constant that `measure_error` adds to a squared level.
 const EPSILON: f64 = 1e-2;
 
-/// Rays that wait, and what paths have brought so far.
+/// Waiting rays, and the contributions of paths so far.
 struct Waiting {
     roulette: RouletteStats,
     radiance: Vec<f32>,
@@ -36,7 +36,7 @@ struct Waiting {
 }
 
 impl Waiting {
-    /// Nobody, and every path has brought 1.
+    /// No ray waits, and every path has contributed 1.
     fn nobody() -> Self {
         Self {
             roulette: RouletteStats { mean: 1.0, second_moment: 1.0, ..RouletteStats::default() },
@@ -56,7 +56,7 @@ impl Waiting {
         self.wait(chunk, path, SHADOW_BIT);
     }
 
-    /// A closest ray does.
+    /// A closest ray of a pixel waits for a chunk.
     fn closest(&mut self, chunk: u32, pixel: u32, sample: u32, (bounce, throughput): (u32, f32)) {
         let path = sample * PIXELS + pixel;
         self.rays[path as usize][3] = bounce;
@@ -70,7 +70,7 @@ impl Waiting {
         self.entries.push(path | kind);
     }
 
-    /// Runs a pass; gives the worth of the chunks and what is known of paths.
+    /// Runs a pass; returns the worth of the chunks and the statistics of paths.
     fn run(&self, gpu: &Arc<Gpu>, module: &'static ShaderModule) -> (Vec<u32>, RouletteStats) {
         let mut kept = Vec::new();
         let mut upload = |bytes: &[u8]| {
@@ -135,7 +135,7 @@ impl Waiting {
     }
 }
 
-/// The one whose first place is `at`.
+/// The segment whose first place is `at`.
 fn segment(at: u32) -> PathSegment {
     PathSegment { first_pixel: at % PIXELS, first_sample: at / PIXELS, count: SEGMENT, alive: 1 }
 }
@@ -148,7 +148,7 @@ fn read<T: Pod>(gpu: &Arc<Gpu>, source: &Buffer) -> Vec<T> {
     copy.map(|bytes| bytemuck::pod_collect_to_vec(bytes)).expect("mapped")
 }
 
-/// Worth of the chunks, to what its sums can tell.
+/// Worth of the chunks, to the precision of the sums.
 fn assert_worth(worth: &[u32], expected: &[(u32, f64)]) {
     for &(chunk, expected) in expected {
         let got = f64::from(worth[chunk as usize]) / f64::from(WORTH_ONE);

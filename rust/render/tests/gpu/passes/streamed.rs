@@ -12,7 +12,7 @@ use oocpt_abi::{
 use oocpt_shaders::passes;
 use std::collections::HashMap;
 
-/// What a run reports beside its images.
+/// The counts of a run beside its images.
 #[derive(Debug, Default)]
 pub(super) struct Totals {
     pub(super) submissions: u32,
@@ -20,15 +20,15 @@ pub(super) struct Totals {
     pub(super) unit_rays: Vec<u32>,
 }
 
-/// An item of a ray's list: its chunk, and its mesh unless all of the chunk is meant.
+/// An item of a ray's list: its chunk, and its mesh unless the whole chunk is meant.
 type Item = (u32, Option<u32>);
 
 /// A deferred ray and its items.
 type Deferred = (u32, Vec<Item>);
 
 impl Tracer<'_> {
-    /// The same images with at most `resident` chunks at a time and a few meshes, `rounds` rounds a submission; units
-    /// come by demand and go at random.
+    /// Renders the images with at most `resident` chunks at a time and a few meshes, `rounds` rounds a submission;
+    /// units are loaded by demand and evicted at random.
     pub(super) fn stream(&mut self, resident: usize, rounds: u32, seed: u64) -> (Images, Totals) {
         self.clear(&["film", "unit rays"]);
         let mut random = Random(seed);
@@ -104,7 +104,7 @@ impl Tracer<'_> {
         q.with(self.round, segment * SEGMENT_SIZE).flagged(flags)
     }
 
-    /// Sends deferred rays on, and checks where they went.
+    /// Sends deferred rays on, and checks their queues.
     fn sort(&mut self, flags: PushFlags, here: &[u32]) {
         let q = PushConstants::wave(self.address("frame"), 0, 0, PIXELS).with(self.round, 0).flagged(flags);
         let before = self.waiting();

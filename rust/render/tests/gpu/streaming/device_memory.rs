@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! All device memory in many sizes: what renders with less renders with more, and gives the same picture.
+//! All device memory in many sizes: a scene that renders with less memory renders with more, and gives the same
+//! picture.
 
 use super::{BEACH, options, planting, request_of};
 use crate::support::{read_all, render, render_with_messages, seeds, settings};
 use oocpt_core::settings::Settings;
 use oocpt_render::{PlantedFaults, Session};
 
-/// MiB, from what nothing renders with to more than all of the scene and its paths take.
+/// MiB, from a size with which nothing renders to more than all of the scene and its paths take.
 const SIZES: std::ops::RangeInclusive<u32> = 1..=50;
 /// Of these, those of a short test: most of them about the smallest in core.
 const FEW: [u32; 9] = [1, 4, 7, 9, 10, 11, 12, 14, 24];
@@ -43,7 +44,7 @@ fn a_scene_that_renders_in_less_memory_renders_in_more() {
     assert!(streamed > 1 && in_core > 1, "both kinds were there: {streamed}, {in_core}");
 }
 
-/// What an earlier scene or a load that ran out has left on the device makes room for paths.
+/// Assets on the device from an earlier scene or a load that ran out of memory are evicted for paths.
 #[test]
 fn leftovers_on_the_device_are_evicted_for_paths() {
     let tight = Settings { chunk_size_kib: 256, memory_budget_mib: 10, ..settings(2, 2) };
@@ -61,7 +62,7 @@ fn leftovers_on_the_device_are_evicted_for_paths() {
     assert!(second.gpu_peak_bytes <= second.gpu_budget_bytes, "above the budget: {}", second.gpu_peak_bytes);
 }
 
-/// A scene that fits may be rendered while it comes: the same picture, and the next one is in core.
+/// A scene that fits may be rendered while it is loaded: the same picture, and the next one is in core.
 #[test]
 fn a_scene_streamed_while_uploading_stays_resident() {
     let settings = Settings { chunk_size_kib: 256, ..settings(8, 2) };

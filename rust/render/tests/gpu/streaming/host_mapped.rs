@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Geometry that rays read in host memory: no ray waits for it any more, the picture stays, and what an edit leaves of
-//! it stays as well.
+//! Geometry that rays read in host memory: no ray waits for it any more, the picture is the same, and unedited assets
+//! stay there after an edit.
 
 use super::{Render, SCENES, options, percent, planting, request_of, small_chunks, smallest_budget};
 use crate::support::{self, read_all, settings};
@@ -53,7 +53,7 @@ fn no_ray_waits_for_host_mapped_geometry() {
     }
 }
 
-/// The budget of host memory holds for it: with hardly any, chunks come as ever.
+/// The budget of host memory limits it: with hardly any, chunks are streamed as usual.
 #[test]
 fn geometry_beyond_host_memory_is_streamed() {
     let whole = super::render(&SCENES[0], small_chunks(), options());

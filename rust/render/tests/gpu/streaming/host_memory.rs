@@ -11,7 +11,7 @@ use oocpt_render::{Session, SessionOptions};
 use std::fs;
 use std::path::PathBuf;
 
-/// A folder that is gone at the end.
+/// A folder that is removed at the end.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -85,13 +85,13 @@ fn bits_do_not_depend_on_host_memory_or_stored_meshes() {
     }
     assert_eq!(folder.files(), written, "nothing is written again");
 
-    // As a process leaves it that is killed while it writes.
+    // This is the file as a process leaves it that is killed while it writes.
     let content = fs::read(&written[0]).expect("read");
     fs::write(&written[0], &content[..content.len() / 2]).expect("written");
     same("half a file", render(8, &cache, true), 0);
     folder.files().iter().for_each(|file| fs::remove_file(file).expect("removed"));
 
-    // The heads stay whole, so that all is found; the last payload of each record is not what was written.
+    // The heads stay whole, so that all records are found; the last payload of each record is damaged.
     let mut damaged = content.clone();
     let step = 997;
     (0..damaged.len()).skip(step).step_by(step).for_each(|at| damaged[at] ^= 0x55);

@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 const POLICIES: [PolicyKind; 3] = [PolicyKind::Sweep, PolicyKind::Priority, PolicyKind::Benefit];
 
-/// What one render gives.
+/// The results of one render.
 struct Render {
     images: Vec<Vec<u8>>,
     stats: StreamingStats,
@@ -76,7 +76,7 @@ pub(crate) fn same_bits(scene: &Scene) {
     same_bits_under(scene, without.into_iter().chain([(PolicyKind::Benefit, HostMapped::On)]));
 }
 
-/// The same under these policies, with geometry that rays read in host memory or without.
+/// Compares under these policies, with geometry that rays read in host memory or without.
 fn same_bits_under(scene: &Scene, policies: impl IntoIterator<Item = (PolicyKind, HostMapped)>) {
     let whole = render(scene, small_chunks(), options());
     assert!(whole.stats.in_core, "{}: the scene fits", scene.name);
@@ -151,7 +151,7 @@ fn chunks_that_all_place_the_same_meshes_same_bits_at_every_budget() {
     let whole = render(&SET, small_chunks(), options());
     let smallest = u64::from(smallest_budget(&SET)) << 10;
     assert!(8 * smallest < whole.stats.scene_bytes, "{smallest} bytes of {:?}", whole.stats);
-    // The others wait long for two units that a ray needs at once.
+    // The other policies wait long for two units that a ray needs at once.
     same_bits_under(&SET, [HostMapped::Off, HostMapped::On].map(|mapped| (PolicyKind::Benefit, mapped)));
 }
 
@@ -165,7 +165,7 @@ fn thin_shadow_casters_same_bits_at_every_budget() {
     same_bits(&SCENES[5]);
 }
 
-/// Encoded anew, or copied from what the host keeps of it: what comes again is the same.
+/// Assets that are encoded anew, or copied from the host's store: the bits are the same.
 #[test]
 fn kept_encodings_change_no_bit() {
     let whole = render(&BEACH, Settings { chunk_size_kib: 256, ..settings(2, 2) }, options());

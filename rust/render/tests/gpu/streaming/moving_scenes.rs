@@ -26,7 +26,7 @@ pub(crate) const DEFORMING: Scene =
 pub(crate) const MOVING_BULBS: Scene =
     Scene { name: "moving bulbs", build: moving_bulbs, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO };
 
-/// See [`MOVING_LAMPS`].
+/// Builds [`MOVING_LAMPS`].
 fn moving_lamps(db: &mut SceneDb) {
     lamps_and_sky(db, &|place| {
         let next = place * DMat4::from_rotation_y(0.8) * DMat4::from_translation(DVec3::new(0.5, -0.2, 0.3));
@@ -52,7 +52,7 @@ fn moving_lamps(db: &mut SceneDb) {
     });
 }
 
-/// See [`MOVING_BULBS`].
+/// Builds [`MOVING_BULBS`].
 fn moving_bulbs(db: &mut SceneDb) {
     moving(db);
     db.remove("/sun");
@@ -93,7 +93,7 @@ fn moving_bulbs(db: &mut SceneDb) {
     db.upsert_mesh(bulb);
 }
 
-/// See [`MOVING`].
+/// Builds [`MOVING`].
 fn moving(db: &mut SceneDb) {
     lights(db);
     ground(db, 12.0, -2.0);

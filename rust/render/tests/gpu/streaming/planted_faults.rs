@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What is planted shows, and failures for lack of memory do not: lost chunks, calls that fail, bytes that nobody
-//! counted.
+//! Planted faults show, and failures of allocations do not: lost chunks, calls that fail, bytes that nobody counted.
 
 use super::MOST_PICTURES;
 use super::scenes::{BEACH, SCENES, Scene};
@@ -13,13 +12,13 @@ use oocpt_render::{Message, PlantedFaults, Session, SessionOptions, Severity};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// At a quarter of the geometry.
+/// Settings with a quarter of the geometry's budget.
 fn quarter(scene: &Scene, whole: &Render) -> Settings {
     let budget = percent(whole.stats.scene_bytes, 25).max(smallest_budget(scene));
     Settings { geometry_budget_kib: budget, ..small_chunks() }
 }
 
-/// Whether the picture shows that chunk instances are lost (`SPEC_FAULT`).
+/// Returns true if the picture shows that chunk instances are lost (`SPEC_FAULT`).
 fn shows(scene: &Scene, whole: &Render, lost_chunks: u32) -> bool {
     let planted = planting(PlantedFaults { lost_chunks, ..PlantedFaults::default() });
     let part = render(scene, quarter(scene, whole), SessionOptions { force_streaming: true, ..planted });
@@ -29,7 +28,7 @@ fn shows(scene: &Scene, whole: &Render, lost_chunks: u32) -> bool {
 /// The same in all scenes: passes are compiled for it.
 const LOST: u32 = 9;
 
-/// One chunk in a hundred, and of a scene of fewer one of all.
+/// One chunk in a hundred is lost, and one in all of a smaller scene.
 #[test]
 fn one_lost_chunk_in_a_hundred_is_noticed() {
     for scene in &SCENES {
@@ -41,17 +40,17 @@ fn one_lost_chunk_in_a_hundred_is_noticed() {
     }
 }
 
-/// What became of a render in which calls failed, and of the next one of that session.
+/// The outcome of a render in which calls failed, and of the next one of that session.
 struct Failed {
     what: String,
     struck: u64,
-    /// The same picture, or what was said instead.
+    /// True if the picture is the same; otherwise the messages.
     outcome: Result<bool, Vec<Message>>,
-    /// Whether the next one has the same picture, if there was need of one.
+    /// True if the next one has the same picture, if there was need of one.
     next: bool,
 }
 
-/// What a device has compiled or pooled it does not ask for again: these calls need a new one.
+/// Returns true for calls that need a new device: what a device has compiled or pooled it does not request again.
 fn needs_device(call: DriverCall) -> bool {
     matches!(call, DriverCall::Pipeline | DriverCall::CommandPool)
 }
@@ -80,7 +79,7 @@ fn failed(scene: &Scene, settings: Settings, streams: bool, failure: PlantedFail
     Failed { what, struck, outcome, next }
 }
 
-/// Calls that take memory, and after how many of them one fails: as far as there are so many, in core and streaming.
+/// Allocating calls, and after how many of them one fails: as far as there are so many, in core and streaming.
 const FAILURES: [(DriverCall, &[u64]); 6] = [
     (DriverCall::Buffer, &[0, 2, 5, 13]),
     (DriverCall::Range, &[0, 3, 13, 34]),
@@ -90,7 +89,7 @@ const FAILURES: [(DriverCall, &[u64]); 6] = [
     (DriverCall::CommandPool, &[0, 1]),
 ];
 
-/// Fails at `most` of the places of each call.
+/// Fails at `most` of the positions of each call.
 fn fail_everywhere(times: u32, most: usize, judge: impl Fn(&Failed)) {
     let scene = &SCENES[0];
     let whole = render(scene, small_chunks(), options());
@@ -118,7 +117,7 @@ fn any_single_failed_allocation_changes_no_bit() {
     });
 }
 
-/// What failed twice is given up, with one error, or did not matter.
+/// A call that failed twice is given up, with one error, or did not matter.
 #[test]
 fn two_consecutive_failed_allocations_give_at_most_one_error() {
     fail_everywhere(2, 2, |failed| match &failed.outcome {
@@ -130,8 +129,8 @@ fn two_consecutive_failed_allocations_give_at_most_one_error() {
     });
 }
 
-/// By the driver's own function, on any device: every byte is on the books of the budget, and what is on them for the
-/// device never exceeds it.
+/// By the driver's own function, on any device: the budget accounts for every byte, and its figure for the device never
+/// exceeds it.
 #[test]
 fn driver_allocations_never_exceed_the_counted_budget() {
     for host_mapped in [HostMapped::Off, HostMapped::On] {

@@ -20,11 +20,11 @@ use std::sync::Arc;
 /// Seeds, and with all tests. The draws of consecutive seeds are stratified, by sixteen: a mean over them is closer to
 /// the truth than its standard error says, never further.
 const SEEDS: [u32; 2] = [32, 64];
-/// How often the roulette is to be played for each of them ([`plays`]), and the most times as many seeds that may be
-/// rendered for that.
+/// The number of times that the roulette is to be played for each of the [`SEEDS`] ([`plays`]).
 const PLAYS: u32 = 16;
+/// The most times as many seeds that may be rendered for that.
 const MOST_BATCHES: u32 = 4;
-/// Seeds that only tell how often a machine plays.
+/// Seeds that only measure how often a machine plays.
 const PILOTS: Range<u32> = 1 << 20..(1 << 20) + 4;
 /// Probability of every load that is played for. At a half a load adds as much as often as it takes away, so that
 /// Student's distribution holds far out with few seeds: with less, means that lie low come with spreads that are too
@@ -46,7 +46,7 @@ fn played() -> PlantedFaults {
     PlantedFaults { roulette_per_mille: Some(PER_MILLE), ..PlantedFaults::default() }
 }
 
-/// The same without weights.
+/// The fault that plays without weights.
 fn unweighted() -> PlantedFaults {
     PlantedFaults { unweighted_roulette: true, ..played() }
 }
@@ -56,7 +56,8 @@ struct Renderer {
     session: Session,
     view: RenderRequest,
     totals: StreamingStats,
-    /// In core: pictures of seeds.
+    /// The decision of production, in which only the price of a byte is that of a slow disk: probabilities of all
+    /// sizes, accounts that run out, few stragglers.
     known: HashMap<u32, Regions>,
 }
 
@@ -70,7 +71,7 @@ impl Renderer {
         Self { session, view, totals: StreamingStats::default(), known: HashMap::new() }
     }
 
-    /// Mean of the colour, region by region; alpha and counts have to be what they are.
+    /// Mean of the colour, region by region; alpha and counts must not change.
     fn regions(&mut self, seed: u32) -> Regions {
         if let Some(known) = self.known.get(&seed) {
             return known.clone();
@@ -100,15 +101,15 @@ impl Renderer {
     }
 }
 
-/// What seeds show.
+/// The results of the seeds.
 struct Shown {
     seeds: u32,
     /// Means and their standard errors of `with - without`, region by region.
     differences: Vec<(f64, f64)>,
 }
 
-/// How many seeds play often enough on this machine, by what others have played: had those that are compared a say in
-/// it, they would end where more rays than on average have ended, and be too dark in the mean.
+/// The number of seeds that play often enough on this machine, from the plays of other seeds: if the compared seeds
+/// decided it, they would end where more rays than on average have ended, and be too dark in the mean.
 fn enough(with: &mut Renderer) -> u32 {
     let least = seeds(SEEDS);
     for seed in PILOTS {
@@ -147,13 +148,13 @@ fn limit(seeds: u32) -> f64 {
     terms[0] + terms[1] / nu + terms[2] / nu.powi(2) + third / nu.powi(3)
 }
 
-/// How often the roulette was played: rays of both kinds that ended, loads that this saved.
+/// The number of plays: rays of both kinds that ended, loads that this saved.
 fn plays(totals: &StreamingStats) -> u64 {
     totals.roulette_paths.min(totals.roulette_shadow_rays).min(2 * totals.roulette_loads_saved)
 }
 
-/// Whether rays ended so often, over all seeds, that the test says something: half as often as the seeds that were
-/// asked said.
+/// Returns true if enough rays ended, over all seeds, for the test to be meaningful: half as many as the pilot seeds
+/// predicted.
 fn was_played(totals: &StreamingStats) -> bool {
     plays(totals) >= u64::from(PLAYS * seeds(SEEDS) / 2)
 }
@@ -167,7 +168,7 @@ impl Shown {
     }
 }
 
-/// The regions that differ, at `budget_percent`, as it is played by `faults`.
+/// The regions that differ, at `budget_percent`, with roulette under `faults`.
 fn differing(
     scene: &Scene,
     without: &mut Renderer,
@@ -262,8 +263,7 @@ fn roulette_on_steering_samples_is_noticed() {
     assert!(planted > 0, "counts that verdicts decide must be seen");
 }
 
-/// By what loads really cost: a scene so small has no load that is not worth it, or few; what is asked for is that
-/// nothing hangs.
+/// With measured costs: so small a scene has few or no loads that are not worth it; the test is that nothing hangs.
 #[test]
 fn with_measured_prices_all_paths_finish() {
     for scene in &SCENES {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Scenes of many small chunks, each with another way to go wrong.
+//! Scenes of many small chunks, each of which tests another risk.
 
 use crate::lights::TestFiles;
 use crate::scenes::{constant, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
@@ -10,7 +10,7 @@ use oocpt_core::scene::{
 };
 use oocpt_core::{DomeFormat, LightDesc, LightKind, ShapingCone, TypedArray};
 
-/// A scene, where its camera stands and what it looks at.
+/// A scene with its camera.
 pub(crate) struct Scene {
     pub(crate) name: &'static str,
     pub(crate) build: fn(&mut SceneDb),
@@ -18,7 +18,7 @@ pub(crate) struct Scene {
     pub(crate) target: DVec3,
 }
 
-/// All of them.
+/// All scenes.
 pub(crate) const SCENES: [Scene; 10] = [
     Scene { name: "flat", build: flat, eye: DVec3::new(6.0, 5.0, 12.0), target: DVec3::ZERO },
     Scene { name: "nested", build: nested, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO },
@@ -130,7 +130,7 @@ pub(super) fn balls(first: u32, end: u32, path: &str) -> InstancerDesc {
     instancer(clump, &format!("{path}/ball"), &inner)
 }
 
-/// As `nested`: each clump has a colour, half of the balls in it one of their own, and some are there in part only.
+/// As `nested`: each clump has a colour, half of the balls in it one of their own, and some are partly transparent.
 fn coloured(db: &mut SceneDb) {
     nested(db);
     let per_instance = |name: &str, values: TypedArray| NamedPrimvar {
@@ -196,8 +196,9 @@ fn huge_mesh(db: &mut SceneDb) {
 /// Props of which every part of the set has each one, in place of cells with props of their own.
 pub(crate) const SET: Scene = Scene { name: "set", build: set, eye: DVec3::new(5.0, 4.0, 11.0), target: DVec3::ZERO };
 
-/// Meshes of [`SET`], and placements of them.
+/// Meshes of [`SET`].
 const PROPS: u32 = 24;
+/// Placements of the meshes of [`SET`].
 const PLACED: u32 = 1000;
 
 fn set(db: &mut SceneDb) {
@@ -249,7 +250,7 @@ fn lamps(db: &mut SceneDb) {
     lamps_and_sky(db, &|_| Vec::new());
 }
 
-/// With what `motion` says of each transform.
+/// The scene with the motion that `motion` returns for each transform.
 pub(super) fn lamps_and_sky(db: &mut SceneDb, motion: &dyn Fn(DMat4) -> Vec<TransformSample>) {
     flat(db);
     db.remove("/sun");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Boxes around what cutouts leave of triangles change no picture: in core, streaming, natively, by textures, by sets
-//! of files, by primvars, and where points move.
+//! Boxes around the opaque parts of triangles change no picture: in core, streaming, natively, by textures, by sets of
+//! files, by primvars, and with moving points.
 
 #![expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "times and counts of pixels")]
 
@@ -75,8 +75,8 @@ fn cut_otherwise(db: &mut SceneDb) {
     }
 }
 
-/// What is there is compared, and not a number of chance, which goes by the place of a triangle in its tree: the same
-/// rays meet the same surfaces.
+/// Coverage is compared, and not random numbers, which depend on the place of a triangle in its tree: the same rays
+/// meet the same surfaces.
 #[test]
 fn clipped_boxes_change_no_bit_of_cutouts_by_thresholds() {
     let without = (false, false);
@@ -86,7 +86,7 @@ fn clipped_boxes_change_no_bit_of_cutouts_by_thresholds() {
     let count = snapshot.meshes.iter().filter(|mesh| mesh.is_clipped).count();
     assert_eq!(count, 6, "meshes whose boxes are clipped");
     assert!(clipped.images[0] == expected[0], "the picture differs");
-    // Depths may differ by how they round: what is smaller has another origin.
+    // Depths may differ in rounding: a smaller box has another origin.
     assert!(clipped.images[3..=8] == expected[3..=8], "ids and normals differ");
     let apart = masked(cut_otherwise, without, Some(600), one_chunk()).0;
     assert!(apart.images == clipped.images, "streaming");
@@ -96,7 +96,7 @@ fn clipped_boxes_change_no_bit_of_cutouts_by_thresholds() {
     }
 }
 
-/// By chance rays meet other leaves, as many.
+/// By chance rays meet other leaves, but as many.
 #[test]
 fn clipped_boxes_cover_as_much() {
     let mean = |images: &[Vec<u8>]| {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How coarsely textures are looked up: levels that are known, and a ground seen at a grazing angle against the same
-//! picture without a filter, worked out in f64.
+//! The coarseness of texture lookups: known levels, and a ground seen at a grazing angle against the same picture
+//! without a filter, computed in f64.
 
 use super::test_images::{CHECKS, Library, check};
 use super::{node, options, text, textured};
@@ -64,7 +64,7 @@ fn slant(times: f64) -> f64 {
     (1.0 / times).acos()
 }
 
-/// Not by its longer side, up to a ratio of sixteen.
+/// The level does not follow the longer side, up to a ratio of sixteen.
 #[test]
 fn a_slanted_surface_is_looked_up_as_coarse_as_its_shorter_side() {
     for (times, level) in [(1.0, 4.0), (2.0, 4.0), (-2.0, 4.0), (15.9, 4.0), (32.0, 5.0), (-32.0, 5.0), (64.0, 6.0)] {
@@ -94,8 +94,8 @@ fn a_texture_that_is_scaled_down_is_looked_up_coarser() {
     }
 }
 
-/// What is compared is not filtered, nor are the levels of the file asked: level 0 is 0 all over, levels 5 and 6 are
-/// 0.39 and 0.47.
+/// The opacity that is compared is not filtered, nor are the levels of the file used: level 0 is 0 all over, levels 5
+/// and 6 are 0.39 and 0.47.
 #[test]
 fn a_cutout_is_told_by_the_finest_level_however_slanted() {
     for times in [1.0, 2.0, -8.0, 32.0, -32.0, 64.0] {
@@ -202,7 +202,7 @@ fn error(picture: &[f64], reference: &[f64]) -> f64 {
     picture.iter().zip(reference).map(relative).sum::<f64>() / picture.len() as f64
 }
 
-/// How much of the reference's differences between neighbours a picture has.
+/// The share of the reference's differences between neighbours that a picture has.
 fn sharpness(picture: &[f64], reference: &[f64]) -> f64 {
     let row = SIZE[0] as usize;
     let edges = |image: &[f64]| -> Vec<f64> {
@@ -232,7 +232,7 @@ fn anisotropic_filtering_of_a_ground_beats_isotropic() {
     }
 }
 
-/// Where the checks are holes: a surface that is there by chance is so in the mean.
+/// The checks are holes: a surface that is there by chance is right in the mean.
 #[test]
 fn anisotropic_filtering_of_cutouts_beats_isotropic() {
     let density = [0.25, 0.25];

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A scene with textures whose chunks are all there, on the device or in host memory: a picture that streams goes on
-//! without, as those without textures do (`streaming::host_mapped`), and its tiles come as they do in core.
+//! A scene with textures whose chunks are all on the device or in host memory: a streaming picture goes on without
+//! streaming, as those without textures do (`streaming::host_mapped`), and its tiles are loaded as in core.
 
 use super::{Library, close, leaves, small_chunks};
 use crate::scenes::{prim, sphere};

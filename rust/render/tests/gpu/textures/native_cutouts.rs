@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Cutouts of every kind, walked by the shaders and by the host: the same bits, in core and streaming; and who walks
-//! them. On a device with memory of its own there is nothing to compare.
+//! Cutouts of every kind, walked by the shaders and by the host: the same bits, in core and streaming; and the choice
+//! of the backend. On a device with memory of its own there is nothing to compare.
 
 use super::*;
 use crate::scenes::{deforming, widening};
@@ -26,15 +26,15 @@ const IMAGES: [(&str, &str); 12] = [
     ("disc 600x300", "a"),
 ];
 
-/// What a leaf of a kind is made of.
+/// The construction of a leaf.
 #[derive(Clone, Copy, PartialEq)]
 enum Made {
     Card,
-    /// With values at corners of faces.
+    /// Values at corners of faces.
     Faceted,
-    /// Without coordinates: the instances have them.
+    /// No coordinates: the instances have them.
     Bare,
-    /// With the same ones everywhere.
+    /// The same coordinates everywhere.
     Flat,
     Deforming,
     Curves,
@@ -57,7 +57,7 @@ fn of<T: oocpt_core::ArrayElement + std::fmt::Debug>(
     NamedPrimvar { name: name.into(), primvar: Primvar { interpolation, values: TypedArray::of(v), indices: None } }
 }
 
-/// Some leaves of a kind, in two nested levels, with values of their own for what they lack.
+/// Some leaves of a kind, in two nested levels, with values of their own for the attributes that they lack.
 fn kind(db: &mut SceneDb, number: u32, made: Made, material: MaterialDesc) {
     let [name, inner] = [format!("/kind_{number}"), format!("/kind_{number}/inner")];
     let leaf = format!("{inner}/leaf");
@@ -107,7 +107,7 @@ fn kind(db: &mut SceneDb, number: u32, made: Made, material: MaterialDesc) {
     db.upsert_material(material);
 }
 
-/// How opacity is meant: by a threshold or by chance.
+/// The mode of opacity: by a threshold or by chance.
 fn mode(number: u32) -> Vec<(&'static str, ParamValue)> {
     match number % 2 {
         0 => vec![("opacityThreshold", ParamValue::Float(0.45))],
@@ -115,7 +115,7 @@ fn mode(number: u32) -> Vec<(&'static str, ParamValue)> {
     }
 }
 
-/// Cut out by a texture, looked at through a map that turns and stretches.
+/// A material cut out by a texture through a map that turns and stretches.
 fn by_image(number: u32, (file, output): (&str, &str)) -> MaterialDesc {
     let mut desc = textured(&format!("/material_{number}"), file, mode(number), &[("opacity", output)]);
     let map = vec![
@@ -130,7 +130,7 @@ fn by_image(number: u32, (file, output): (&str, &str)) -> MaterialDesc {
     desc
 }
 
-/// By a primvar, or by a number.
+/// A material with opacity by a primvar, or by a number.
 fn by_value(number: u32, name: Option<&str>) -> MaterialDesc {
     let mut own = mode(number);
     if name.is_none() {
@@ -147,7 +147,7 @@ fn by_value(number: u32, name: Option<&str>) -> MaterialDesc {
 
 /// Cutouts of every kind.
 fn all_kinds(db: &mut SceneDb) {
-    // Ptex beside them is no matter.
+    // Ptex beside them does not matter.
     let ground = square(prim("/ground", DMat4::from_scale(DVec3::splat(20.0))), 1, 0.5);
     db.upsert_mesh(MeshDesc { material: Some("/painted".into()), ..ground });
     db.upsert_material(crate::materials::painted("/painted"));
@@ -172,7 +172,7 @@ fn all_kinds(db: &mut SceneDb) {
     }
 }
 
-/// A render, who walked its rays, and whether the host could.
+/// A render, the backend that walked its rays, and whether the host could.
 fn walked(build: fn(&mut SceneDb), traversal: TraversalKind, budget: Option<u32>) -> (Render, TraversalUse, bool) {
     let settings = Settings { geometry_budget_kib: budget.unwrap_or(0), traversal, ..small_chunks() };
     let force_streaming = budget.is_some();

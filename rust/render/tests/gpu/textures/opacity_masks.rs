@@ -54,7 +54,7 @@ pub(super) fn cut_in_many_ways(db: &mut SceneDb) {
     cut_with(db, |kind| kind.is_multiple_of(2).then_some(AROUND));
 }
 
-/// The same with coordinates that no author means.
+/// Cut leaves with invalid coordinates.
 pub(super) fn cut_with_bad_coordinates(db: &mut SceneDb) {
     let (nan, inf) = (f32::NAN, f32::INFINITY);
     let bad = [
@@ -104,7 +104,7 @@ fn with_masks(are_there: bool, budget: Option<u32>) -> Render {
     masked(cut_in_many_ways, (are_there, false), budget, small_chunks()).0
 }
 
-/// Whether there are masks, and whether what they do not know has passes of its own.
+/// Two flags: there are masks, and lookups that they leave open have passes of their own.
 pub(super) type Masks = (bool, bool);
 
 pub(super) fn masked(
@@ -131,7 +131,7 @@ pub(super) fn masked(
     (render, session)
 }
 
-/// The shaders that ask together, those that look up in passes of their own, and streaming.
+/// The shaders that look up together, those that look up in passes of their own, and streaming.
 #[test]
 fn masked_cutouts_have_the_same_bits_in_every_engine() {
     let (together, _) = masked(cut_in_many_ways, (true, false), None, small_chunks());
@@ -157,7 +157,7 @@ fn opacity_masks_tolerate_nan_coordinates() {
     }
 }
 
-/// The host looks at masks and textures as the shaders do. On a device with memory of its own there is nothing to
+/// The host evaluates masks and textures as the shaders do. On a device with memory of its own there is nothing to
 /// compare.
 #[test]
 fn native_masked_cutouts_match_the_shaders() {
@@ -197,7 +197,7 @@ pub(super) fn cards(path: &str, id: i32, along: u16, part: impl Fn(u16, u16) -> 
     desc
 }
 
-/// What share of camera rays meets something, and of pixels that have an id.
+/// The share of camera rays that meet something, and of pixels that have an id.
 pub(super) fn coverage(samples: u32, masks: Masks, budget: Option<u32>, build: impl Fn(&mut SceneDb)) -> [f64; 2] {
     let more_features = if masks.1 { Features::DEFERRED_CUTOUTS } else { Features::empty() };
     let (no_opacity_masks, no_deferred_cutouts) = (!masks.0, !masks.1);
@@ -245,7 +245,8 @@ fn coverage_of_a_cutout_is_the_same_from_every_distance() {
     }
 }
 
-/// What is seen through ten layers with so many cards along a side each; leaves are in the same place or anywhere.
+/// The share that is seen through ten layers with so many cards along a side each; leaves are in the same place or
+/// anywhere.
 fn seen_through(along: u16, are_anywhere: bool, budget: Option<u32>) -> f64 {
     let [alpha, _] = coverage(64, (true, false), budget, |db| {
         db.upsert_material(material_of("/m", ("leaf 512x512", ["repeat", "repeat"], 1.0, 0.0, 0.5)));
@@ -262,8 +263,7 @@ fn seen_through(along: u16, are_anywhere: bool, budget: Option<u32>) -> f64 {
     1.0 - alpha
 }
 
-/// Where leaves lie anywhere behind each other, what rays meet of one has nothing to do with what they meet of the
-/// next.
+/// If leaves lie anywhere behind each other, the hits of one are independent of those of the next.
 #[test]
 fn cutouts_behind_each_other_cover_as_chance_does() {
     for budget in [None, Some(2000)] {
@@ -295,7 +295,8 @@ fn coverage_of_a_udim_set_is_the_same_from_every_distance() {
     }
 }
 
-/// Ids and depths have one ray to a pixel and no chance: they are of what is in its middle, however small it is.
+/// Ids and depths have one ray to a pixel and no random numbers: they show the surface in its middle, however small it
+/// is.
 #[test]
 fn images_of_ids_show_cutouts_in_the_middle_of_pixels() {
     for (scale, bias, threshold, at_rim, at_leaf) in

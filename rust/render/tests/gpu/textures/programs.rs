@@ -5,7 +5,8 @@ use super::opacity_masks::{DISTANCES, cards, coverage, is_near};
 use super::test_images::LEAF_AREA;
 use super::*;
 
-/// Leaves as `leaves` has them, their opacity the product of two lookups, the second where the first says.
+/// Leaves as in `leaves`, with an opacity that is the product of two lookups, the second at the place that the first
+/// gives.
 pub(super) fn leaves_by_program(db: &mut SceneDb) {
     leaves(db);
     let file = |name: &str| ParamValue::Asset(AssetRef { authored: name.into(), resolved: name.into() });
@@ -31,8 +32,8 @@ fn streaming_program_textures_changes_no_bit() {
     same_bits(leaves_by_program);
 }
 
-/// Signs as `signs` has them, two of them by programs: the product of two lookups, and a lookup where another says,
-/// times stripes that need none.
+/// Signs as in `signs`, two of them by programs: the product of two lookups, and a lookup at the place of another,
+/// times stripes without lookups.
 fn signs_by_program(db: &mut SceneDb) {
     signs(db);
     let file = |name: &str| ParamValue::Asset(AssetRef { authored: name.into(), resolved: name.into() });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Images that the tests read: random texels, levels that tell which they are, one that breaks off.
+//! Images that the tests read: random texels, levels with a known value, one that breaks off.
 
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::TexelFormat;
@@ -91,7 +91,7 @@ impl SourceImage for Checks {
     }
 }
 
-/// 256 texels a side; what lies above the middle of level 0 cannot be read, nor any level made of it.
+/// 256 texels a side; texels above the middle of level 0 cannot be read, nor any level made of them.
 #[derive(Debug)]
 struct Torn;
 
@@ -108,7 +108,7 @@ impl SourceImage for Torn {
     }
 }
 
-/// White, with alpha in the shape of a disc of this radius with a soft rim; whoever reads it makes smaller levels.
+/// White, with alpha in the shape of a disc of this radius with a soft rim; readers make the smaller levels.
 #[derive(Debug)]
 struct Disc([u32; 2], f64);
 
@@ -168,9 +168,9 @@ impl SourceImage for Floats {
     }
 }
 
-/// A file is called by width, height and channels, with an x between, "half " or "float " before if it has floats;
-/// "steps", "checks", "torn", "disc " and "leaf " with width and height, and "part " and "leaves " with numbers of UDIM
-/// sets are others.
+/// The library of all test images. A file is called by width, height and channels, with an x between, "half " or "float
+/// " before if it has floats; "steps", "checks", "torn", "disc " and "leaf " with width and height, and "part " and
+/// "leaves " with numbers of UDIM sets are others.
 #[derive(Debug)]
 pub(super) struct Library;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! In core: tiles come when they are seen, and stay; where they outgrow their memory the scene is streamed.
+//! In core: tiles are loaded when they are seen, and stay; if they outgrow their memory the scene is streamed.
 
 use super::{board, options, session};
 use crate::support::{self, orthographic, read_all, request, settings};
@@ -31,7 +31,7 @@ fn only_visible_tiles_are_loaded() {
     let streamed = session(settings(4, 1), streams, build);
     support::render(&streamed, &far);
     assert!(read_all(&streamed, &far) == read_all(&in_core, &far), "the same bits");
-    // Another camera asks for what it sees; the rest stays and is not loaded again.
+    // Another camera requests the tiles that it sees; the rest stays and is not loaded again.
     let near = part(0.01, 32);
     support::render(&in_core, &near);
     let later = stats(&in_core);
@@ -48,7 +48,7 @@ fn only_visible_tiles_are_loaded() {
 #[test]
 fn textures_that_outgrow_their_memory_are_streamed() {
     let build = |db: &mut _| board(db, "1500x1500x4");
-    // Finer than the picture: all of level 0, of 8.6 MiB.
+    // This is finer than the picture: all of level 0, of 8.6 MiB.
     let all = part(4.0, 1000);
     let roomy = session(settings(1, 0), options(), build);
     support::render(&roomy, &all);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The commands of the clone with their flags, as their definitions have them: `cargo xtask`, `oocpt`, `usdrecord`, the
-//! Python programs. Pure.
+//! The commands of the clone with their flags, from their definitions: `cargo xtask`, `oocpt`, `usdrecord`, the Python
+//! programs. Pure.
 //!
 //! Tasks of `cargo xtask` come from clap itself. Those of `oocpt` are read from its source, since xtask depends on
 //! nothing of the product: subcommands are the variants of `enum ..Command`, flags the fields under `#[arg(long)]`.
@@ -21,7 +21,7 @@ const SHARED: [&str; 3] = ["rust/scenes/src/", "rust/command/src/", "plugin/text
 /// What `UsdAppUtils` adds to every usdrecord: `pxr/usdImaging/usdAppUtils/*Args.py` of OpenUSD.
 const ADDED_BY_USD: &[&str] =
     &["camera", "colorCorrectionMode", "complexity", "defaultTime", "frames", "help", "renderer"];
-/// Tasks of `cargo xtask` that hand their arguments on, and where those are defined.
+/// Tasks of `cargo xtask` that pass their arguments on, and the files that define those.
 const HANDED_ON: &[(&str, &[&str])] = &[
     ("record", &["plugin/usdrecord"]),
     ("bench", &["tests/bench/"]),
@@ -57,7 +57,7 @@ pub(super) struct KnownCommands {
 }
 
 impl KnownCommands {
-    /// `tasks` is the command line of `cargo xtask`.
+    /// Collects the commands; `tasks` is the command line of `cargo xtask`.
     pub(super) fn new(tasks: &Command, files: &[FileText]) -> Self {
         let below = |folders: &[&str]| flags_below(folders, files);
         let mut usdrecord = below(&["plugin/usdrecord"]);
@@ -86,7 +86,7 @@ impl KnownCommands {
         made
     }
 
-    /// What is wrong with a command line; nothing for programs of others.
+    /// The fault of a command line; `None` for other programs.
     pub(super) fn finding(&self, line: &str) -> Option<String> {
         let line = line.split(" #").next().unwrap_or(line);
         line.split(['|', ';', '&']).find_map(|command| self.finding_in(command))
@@ -111,7 +111,7 @@ impl KnownCommands {
         }
     }
 
-    /// `cargo run ... -- ARGUMENTS`.
+    /// The fault of `cargo run ... -- ARGUMENTS`.
     fn finding_of_built(&self, words: &[&str]) -> Option<String> {
         let end = words.iter().position(|word| *word == "--")?;
         let (build, rest) = (&words[..end], &words[end + 1..]);
@@ -137,7 +137,7 @@ impl KnownCommands {
         unknown_flag(rest, &tool.flags)
     }
 
-    /// What is wrong with flags that stand without a program: `--full`.
+    /// The fault of flags without a program: `--full`.
     pub(super) fn finding_of_flags(&self, span: &str) -> Option<String> {
         let tools = self.tools.values().map(|tool| &tool.flags);
         let known = self.tasks.values().chain(tools).chain(self.programs.values());
@@ -152,7 +152,7 @@ fn unknown_flag(words: &[&str], known: &NameSet) -> Option<String> {
     names.filter(|name| !name.is_empty()).find(|name| !known.contains(*name)).map(|name| format!("no flag --{name}"))
 }
 
-/// Whether the word can be a command, and not a file or what the reader fills in.
+/// Returns true if the word can be a command, and not a file or a placeholder.
 fn is_name(word: &str) -> bool {
     !word.starts_with('-') && word.chars().all(|c| c.is_ascii_lowercase() || c == '-')
 }

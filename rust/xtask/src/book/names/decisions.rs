@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Decisions that documents and sources refer to by number are files of `rust/decisions`. Pure.
+//! Checks that decisions that documents and sources refer to by number are files of `rust/decisions`. Pure.
 //!
 //! A reference is a number of four digits that begins with two zeros: `decision 0004`, `decisions/0004`, `(0004)`,
-//! `0004-partition.md`. The changelog and the decisions themselves may also name those that the list of the folder says
-//! are folded into chapters.
+//! `0004-partition.md`. The changelog and the decisions themselves may also name those that the folder's list marks as
+//! folded into chapters.
 
 use std::collections::BTreeSet;
 
@@ -32,7 +32,7 @@ impl<'a> DecisionList<'a> {
         }
     }
 
-    /// One line for each reference that leads nowhere.
+    /// One line for each reference without a target.
     pub(super) fn findings(&self, file: &str, text: &str) -> Vec<String> {
         let mut found = Vec::new();
         for (line, content) in (1..).zip(text.lines()) {
@@ -53,7 +53,7 @@ impl<'a> DecisionList<'a> {
     }
 }
 
-/// Numbers of decisions in a line, with the name of the file where it stands.
+/// Numbers of decisions in a line, with the name of the file if it is given.
 fn references(line: &str) -> Vec<(&str, Option<&str>)> {
     let mut found = Vec::new();
     for (at, _) in line.match_indices("00") {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the sources define: identifiers, functions, keys of settings and statistics. Pure.
+//! The definitions in the sources: identifiers, functions, keys of settings and statistics. Pure.
 //!
 //! A scan by lines and words, not a parser. It takes more for a definition than is one (a call that begins a line looks
-//! like a variant), never less: a name that is in no source is found, and nothing that is there is refused.
+//! like a variant), never less: a name that is in no source is reported, and no existing one is.
 
 use std::collections::HashSet;
 
@@ -29,22 +29,22 @@ const DEFINES: &[&str] = &[
     "union",
     "using",
 ];
-/// Those of them that define what is called.
+/// The words among them that define functions and macros.
 const DEFINES_CALLS: &[&str] = &["def", "define", "fn", "macro_rules"];
-/// Words of C++ and GLSL that stand before a call and are no type.
+/// Words of C++ and GLSL that may precede a call and are not types.
 const NO_TYPES: &[&str] =
     &["and", "case", "co_return", "delete", "else", "goto", "new", "not", "or", "return", "throw"];
 
-/// Names that one source holds, comments left out.
+/// The names in one source, without comments.
 #[derive(Debug, Default)]
 struct SourceNames {
-    /// With the folders that the file lies in, which are modules.
+    /// Words, and the folders that the file lies in, which are modules.
     words: HashSet<String>,
     defined: HashSet<String>,
     calls: HashSet<String>,
 }
 
-/// Names that the sources hold.
+/// The names in all sources.
 #[derive(Debug, Default)]
 pub(super) struct SourceIndex {
     files: Vec<SourceNames>,
@@ -61,27 +61,27 @@ impl SourceIndex {
         sources
     }
 
-    /// Whether `name` occurs outside of comments.
+    /// Returns true if `name` occurs outside of comments.
     pub(super) fn has_word(&self, name: &str) -> bool {
         self.files.iter().any(|file| file.words.contains(name))
     }
 
-    /// Whether something is defined as `name`: an item, a field, a variant, a file.
+    /// Returns true if something is defined as `name`: an item, a field, a variant, a file.
     pub(super) fn defines(&self, name: &str) -> bool {
         self.files.iter().any(|file| file.defined.contains(name))
     }
 
-    /// Whether `name` is defined where there is something called `owner`, the file's own modules included.
+    /// Returns true if `name` is defined in something called `owner`, the file's own modules included.
     pub(super) fn defines_in(&self, owner: &str, name: &str) -> bool {
         self.files.iter().any(|file| file.defined.contains(name) && file.words.contains(owner))
     }
 
-    /// Whether a function or a macro is defined as `name`.
+    /// Returns true if a function or a macro is defined as `name`.
     pub(super) fn defines_call(&self, name: &str) -> bool {
         self.files.iter().any(|file| file.calls.contains(name))
     }
 
-    /// Whether `name` is a key below `oocpt:` of the shipped sources; `*` at the end stands for any rest.
+    /// Returns true if `name` is a key below `oocpt:` of the shipped sources; `*` at the end stands for any rest.
     pub(super) fn has_key(&self, name: &str) -> bool {
         match name.strip_suffix('*') {
             Some(start) => self.keys.iter().any(|key| key.starts_with(start)),
@@ -131,7 +131,7 @@ impl SourceNames {
     }
 }
 
-/// How comments begin.
+/// The syntax of comments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum CommentStyle {
     Rust,
@@ -154,22 +154,22 @@ impl CommentStyle {
         if self == Self::Hash {
             return if line.trim_start().starts_with('#') { "" } else { line.split(" # ").next().unwrap_or(line) };
         }
-        // An address has the same two slashes.
+        // The two slashes of an address are not a comment.
         let begin = line.match_indices("//").find(|(at, _)| !line[..*at].ends_with(':'));
         begin.map_or(line, |(at, _)| &line[..at])
     }
 }
 
-/// Whether the file is what this check reads for names.
+/// Returns true if the check reads the file for names.
 pub(in crate::book) fn is_source(file: &str) -> bool {
-    // The check's own tests hold names that are nowhere.
+    // The check's own tests contain names that do not exist.
     let is_check = file.starts_with("rust/xtask/src/book/");
     let ends = [".rs", ".h", ".cpp", ".comp", ".glsl", ".py", ".toml", ".cmake", ".in", "CMakeLists.txt"];
     let others = ["plugin/", ".ci/"];
     !is_check && (ends.iter().any(|end| file.ends_with(end)) || others.iter().any(|folder| file.starts_with(folder)))
 }
 
-/// Whether people get what is compiled from the file.
+/// Returns true if the file is compiled into the product.
 fn is_shipped(file: &str) -> bool {
     let is_below = ["rust/", "cpp/", "plugin/"].iter().any(|folder| file.starts_with(folder));
     is_below && !file.split('/').any(|part| part == "tests" || part == "tests.rs" || part.ends_with("_tests.rs"))
@@ -187,7 +187,7 @@ fn keys(text: &str) -> impl Iterator<Item = String> {
     })
 }
 
-/// The module, crate or program that a file is.
+/// The module, crate or program of a file.
 fn names_of_file(file: &str) -> Vec<String> {
     let mut parts = file.rsplit('/');
     let name = parts.next().unwrap_or(file);
@@ -208,7 +208,7 @@ fn begins_definition(rest: &str) -> bool {
     rest.is_empty() || rest.starts_with([',', ':', '(', '{', '=', ';', '['])
 }
 
-/// Identifiers with where they begin.
+/// Identifiers with their offsets.
 pub(super) fn words(line: &str) -> Vec<(usize, &str)> {
     let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let mut found = Vec::new();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Of the view and of geometry.
+//! Rows of the view and of geometry.
 
 use super::super::scenes::{bare, nested, placed, turning};
 use super::{Also, BARE, Row};

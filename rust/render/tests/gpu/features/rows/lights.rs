@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Of lights.
+//! Rows of lights.
 
 use super::super::scenes::{ball, bare, lit};
 use super::{BARE, OF_LIGHTS, Row};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Of materials without textures.
+//! Rows of materials without textures.
 
 use super::super::scenes::{bare, dressed, made_of, open_pbr, turning};
 use super::{Also, BARE, OF_MATERIALS, OF_MESH_LIGHTS, Row};

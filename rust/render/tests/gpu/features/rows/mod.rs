@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a scene of every kind is made of, beside the bare one.
+//! Rows of the table: the parts that each kind of scene has beside those of the bare one.
 
 mod geometry;
 mod lights;
@@ -10,7 +10,7 @@ mod textures;
 use super::scenes::shown;
 use oocpt_core::scene::SceneDb;
 
-/// What a row says: names of features, of passes, of buffers and of primvars that are there because of it.
+/// The contents of a row: names of features, of passes, of buffers and of primvars that exist because of it.
 pub(crate) type Names = &'static [&'static str];
 
 /// Lists of names; one may be in several.
@@ -24,7 +24,7 @@ pub(crate) struct Row {
     pub(crate) passes: Lists,
     pub(crate) buffers: Lists,
     pub(crate) primvars: Names,
-    /// Of the request, the settings or the session, where it is none of the scene.
+    /// Features of the request, the settings or the session, if the scene does not need them itself.
     pub(crate) also: Also,
 }
 
@@ -115,7 +115,7 @@ pub(crate) const BARE: Row = Row {
 pub(crate) use {geometry::ROWS as GEOMETRY, lights::ROWS as LIGHTS, materials::ROWS as MATERIALS};
 pub(crate) use {streaming::ROWS as STREAMING, textures::ROWS as TEXTURES};
 
-/// All of them.
+/// All rows.
 pub(crate) fn all() -> impl Iterator<Item = &'static Row> {
     [GEOMETRY, LIGHTS, MATERIALS, TEXTURES, STREAMING].into_iter().flatten()
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Of scenes that stream.
+//! Rows of scenes that stream.
 
 use super::super::scenes::papered;
 use super::{Also, BARE, OF_MATERIALS, OF_MESH_LIGHTS, OF_RESOLVING, OF_STREAMING, OF_TEXTURES, Row, STREAM_PASSES};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Of textures.
+//! Rows of textures.
 
 use super::super::scenes::{made_of, papered};
 use super::{BARE, OF_MATERIALS, OF_MESH_LIGHTS, OF_PRIMVARS, OF_TEXTURES, OF_TILES, Row};

@@ -3,12 +3,12 @@
 
 use oocpt_core::materialx::program::Op;
 
-/// Every operation but those that are the caller's.
+/// Every operation except those that the caller evaluates.
 pub(super) fn ops() -> impl Iterator<Item = Op> {
     Op::ALL.into_iter().filter(|op| !matches!(op, Op::Surface | Op::Texture))
 }
 
-/// An operation and what it is given.
+/// An operation and its operands.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Case {
     pub(super) op: Op,
@@ -17,7 +17,7 @@ pub(super) struct Case {
 }
 
 impl Case {
-    /// As the shader reads it.
+    /// The case in the layout of the shader.
     pub(super) fn words(&self) -> [u32; 14] {
         let mut words = [self.op as u32, self.immediate.into(), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
         for (word, x) in words[2..].iter_mut().zip(self.operands.as_flattened()) {
@@ -54,7 +54,7 @@ impl Random {
         if self.below(2) == 0 { 1.0 } else { -1.0 }
     }
 
-    /// Of any size from 2^-20 to 2^20, or a small number of quarters, so that operands are often equal or 0.
+    /// A number of any size from 2^-20 to 2^20, or a small number of quarters, so that operands are often equal or 0.
     fn number(&mut self) -> f32 {
         if self.below(4) == 0 {
             self.sign() * self.below(9) as f32 / 4.0
@@ -113,7 +113,7 @@ pub(super) fn ordinary(op: Op, seed: u32) -> Case {
     Case { op, immediate, operands }
 }
 
-/// Operands that nobody means: huge, tiny, not normal, not finite.
+/// Extreme operands: huge, tiny, not normal, not finite.
 pub(super) fn extreme(op: Op, seed: u32) -> Case {
     const ODD: [f32; 16] = [
         0.0,
@@ -135,7 +135,7 @@ pub(super) fn extreme(op: Op, seed: u32) -> Case {
     ];
     let mut r = Random::new(op, seed);
     let immediate = if r.below(2) == 0 { immediate(op, &mut r) } else { (r.bits() >> 16) as u16 };
-    // Half of the cases have operands that the twin answers for.
+    // Half of the cases have operands for which the twin is specified.
     let normal = r.below(2) == 0;
     let mut number = || {
         let x = match r.below(4) {
