@@ -154,7 +154,8 @@ def mitsuba(scene: Scene, stage: dict, height: int, arguments, folder: pathlib.P
     made = {"scene": results(folder / "log.txt").get("scene", {})}
     if not run.is_good:
         refused = made["scene"].get("refused")
-        return made | {"failed": "refused" if refused else run.status, "messages": [refused] if refused else run.messages}
+        failed = {"failed": "refused", "messages": [refused]} if refused else {"failed": run.status}
+        return made | {"messages": run.messages} | failed
     command = [str(arguments.mitsuba), "-I", str(HERE / "mitsuba_process.py"), str(folder / "job.json")]
     run = watched(command, _plain(), arguments.limit * 2, folder)
     said = results(folder / "log.txt")

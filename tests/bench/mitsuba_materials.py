@@ -3,8 +3,8 @@
 numpy.
 
 - UsdPreviewSurface: `principled`, the same GGX of alpha = roughness squared over a diffuse base, F0 by `ior`. Opacity
-  below 1 without a threshold: `blendbsdf` with a `dielectric` of the same ior. Opacity with a threshold: `mask` with the
-  picture cut there. `normal`: `normalmap`.
+  below 1 without a threshold: `blendbsdf` with a `dielectric` of the same ior. Opacity with a threshold: `mask` with
+  the picture cut there. `normal`: `normalmap`.
 - MaterialX's standard_surface: `principled` with its clearcoat for `coat`; clear: `dielectric` tinted by
   `transmission_color`. Of nodes, constants, images and the background of a mix are read.
 - emissiveColor and emission: an `area` emitter.
@@ -24,7 +24,7 @@ LEAST_IOR = 1.05
 PREVIEW = {
     "diffuseColor": (0.18, 0.18, 0.18), "emissiveColor": (0.0, 0.0, 0.0), "useSpecularWorkflow": 0, "metallic": 0.0,
     "roughness": 0.5, "clearcoat": 0.0, "clearcoatRoughness": 0.01, "opacity": 1.0, "opacityThreshold": 0.0,
-    "ior": 1.5, "normal": (0.0, 0.0, 1.0), "displacement": 0.0,
+    "ior": 1.5, "normal": (0.0, 0.0, 1.0),
 }  # fmt: skip
 STANDARD = {
     "base": 1.0, "base_color": (0.8, 0.8, 0.8), "metalness": 0.0, "specular": 1.0, "specular_roughness": 0.2,
@@ -194,6 +194,20 @@ def bsdf(material: UsdShade.Material, time, notes: Notes) -> tuple[dict, dict | 
     return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": rgb((0.18,) * 3)}}, None
 
 
+def displacement(material: UsdShade.Material | None, time, notes: Notes) -> dict | None:
+    """The picture that moves a surface along its normals, None if none does."""
+    shader = material.ComputeDisplacementSource()[0] if material else None
+    if not shader:
+        return None
+    if shader.GetIdAttr().Get() != "UsdPreviewSurface":
+        notes.add("a displacement that is not of UsdPreviewSurface", material)
+        return None
+    value = found(shader, "displacement", 0.0, time, notes)
+    if not is_picture(value) and value:
+        notes.add("a displacement without a texture", material)
+    return value if is_picture(value) else None
+
+
 def _number(value, reason: str, material, notes: Notes, default: float) -> float:
     if is_picture(value):
         notes.add(f"a texture of {reason}, taken as {default:g}", material)
@@ -238,8 +252,6 @@ def preview(values: dict, material, notes: Notes) -> tuple[dict, dict | None]:
     ior, opacity, threshold = number("ior"), values["opacity"], number("opacityThreshold")
     if values["useSpecularWorkflow"]:
         notes.add("the specular workflow, taken as the metallic one", material)
-    if is_picture(values["displacement"]) or values["displacement"]:
-        notes.add("displacement", material)
     solid = principled(
         values["diffuseColor"], values["metallic"], values["roughness"], ior, values["clearcoat"],
         number("clearcoatRoughness"),

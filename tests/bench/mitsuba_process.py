@@ -130,11 +130,14 @@ class Made:
         if "matrix" in given:
             kind = self._mi.ScalarTransform4f if len(given["matrix"]) == 4 else self._mi.ScalarTransform3f
             return kind(given["matrix"])
-        made = {key: self.entry(value) for key, value in given.items() if key not in ("picture", "points")}
+        plain = ("picture", "points", "raised", "by")
+        made = {key: self.entry(value) for key, value in given.items() if key not in plain}
         if "picture" in given:
             return self._bitmap(given, made)
         if "points" in given:
             made |= self._balls(given["points"])
+        if "raised" in given:
+            self._raise(given)
         if "filename" in made:
             made["filename"] = str(self._folder / made["filename"])
         return made
@@ -150,6 +153,18 @@ class Made:
             self._bitmaps[key] = self._mi.load_dict(made)
         return self._bitmaps[key]
 
+    def _raise(self, given: dict) -> None:
+        """Writes the file of a displaced mesh."""
+        import numpy as np
+
+        from mitsuba_meshes import Mesh
+
+        with np.load(self._folder / given["raised"]) as arrays:
+            mesh = Mesh(*(arrays[name] for name in ("points", "normals", "st", "faces")))
+        heights = pixels_of(self._mi, given["by"]["picture"])[..., 0]
+        to_uv = np.array(given["by"]["to_uv"]["matrix"])
+        mesh.raised(heights, to_uv).write(self._folder / given["filename"])
+
     def _balls(self, file: str) -> dict:
         import numpy as np
 
@@ -158,9 +173,8 @@ class Made:
         turns[:, 3] = 1
         tensor = self._mi.TensorXf
         scales = np.ascontiguousarray(np.repeat(points[:, 3:], 3, 1))
-        return {
-            "centers": tensor(np.ascontiguousarray(points[:, :3])), "scales": tensor(scales), "quaternions": tensor(turns)
-        }  # fmt: skip
+        centers = tensor(np.ascontiguousarray(points[:, :3]))
+        return {"centers": centers, "scales": tensor(scales), "quaternions": tensor(turns)}
 
     def scene(self):
         import numpy as np
@@ -199,10 +213,9 @@ def render(mi, scene, samples: int, seed: int):
 def main() -> None:
     job = json.loads(pathlib.Path(sys.argv[1]).read_text())
     asked = variant(job.get("variant", ""))
-    import mitsuba as mi
-
     sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
     import exr_pixels
+    import mitsuba as mi
 
     mi.set_variant(asked)
     mi.set_log_level(mi.LogLevel.Error)
