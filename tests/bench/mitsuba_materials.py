@@ -4,7 +4,8 @@ numpy.
 
 - UsdPreviewSurface: `principled`, the same GGX of alpha = roughness squared over a diffuse base, F0 by `ior`. Opacity
   below 1 without a threshold: `blendbsdf` with a `dielectric` of the same ior. Opacity with a threshold: `mask` with
-  the picture cut there. `normal`: `normalmap`.
+  the picture cut there. `normal`: `normalmap`. Rough dielectrics are `diffuse`: the base of `principled` is brighter
+  than Lambert's there (a room of walls of roughness 0.9 by 6 %), its other lobe is faint.
 - MaterialX's standard_surface: `principled` with its clearcoat for `coat`; clear: `dielectric` tinted by
   `transmission_color`. Of nodes, constants, images and the background of a mix are read.
 - emissiveColor and emission: an `area` emitter.
@@ -19,6 +20,8 @@ from pxr import Sdf, Usd, UsdShade
 
 SMOOTH = 0.03
 """Roughness below which a clear surface is smooth."""
+ROUGH = 0.8
+"""Roughness from which a dielectric without a coat is `diffuse`."""
 LEAST_IOR = 1.05
 """Of `principled`."""
 PREVIEW = {
@@ -228,11 +231,14 @@ def _gloss(roughness: float) -> float:
 
 
 def principled(color, metallic, roughness, ior: float, coat, coat_roughness: float, anisotropy=0.0) -> dict:
+    is_coated, numbers = is_picture(coat) or coat > 0, not is_picture(metallic) and not is_picture(roughness)
+    if numbers and metallic == 0 and roughness >= ROUGH and not is_coated:
+        return {"type": "diffuse", "reflectance": texture(color)}
     made = {
         "type": "principled", "base_color": texture(color), "metallic": texture(metallic),
         "roughness": texture(roughness), "eta": max(float(ior), LEAST_IOR),
     }  # fmt: skip
-    if is_picture(coat) or coat > 0:
+    if is_coated:
         made |= {"clearcoat": texture(coat), "clearcoat_gloss": _gloss(coat_roughness)}
     if is_picture(anisotropy) or anisotropy:
         made["anisotropic"] = texture(anisotropy)

@@ -211,6 +211,13 @@ def test_clear_surfaces_are_dielectrics():
     assert preview(opacity=0.75, opacityThreshold=0.5)[0]["type"] == "twosided"
 
 
+def test_rough_dielectrics_are_diffuse():
+    made, _, _ = preview(roughness=0.9, diffuseColor=(0.5, 0.25, 0.125))
+    assert made["bsdf"] == {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.5, 0.25, 0.125]}}
+    for changes in ({"roughness": 0.7}, {"metallic": 1.0}, {"clearcoat": 1.0}, {"roughness": {"type": "bitmap"}}):
+        assert preview(**{"roughness": 0.9, **changes})[0]["bsdf"]["type"] == "principled"
+
+
 def test_coats_normals_and_glow_of_preview_surfaces():
     picture = mitsuba_materials.picture([["n.png", 0, 0]], "raw", "rgb", "repeat", np.eye(3), (2, 2, 2), (-1, -1, -1))
     made, glow, _ = preview(clearcoat=0.5, clearcoatRoughness=0.1, normal=picture, emissiveColor=(1.0, 2.0, 3.0))
