@@ -121,7 +121,7 @@ class Made:
     def __init__(self, mi, folder: pathlib.Path) -> None:
         self._mi, self._folder, self._bitmaps = mi, folder, {}
         self.prepared = 0.0
-        """Seconds of Python's own work on pictures and displaced meshes, which a scene of Mitsuba's own does not need."""
+        """Seconds of Python's own work on pictures and displaced meshes; a scene of Mitsuba's own needs none."""
 
     def entry(self, given):
         """A value of the dictionary."""
