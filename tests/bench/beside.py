@@ -15,9 +15,9 @@ How it is measured:
 - `frame` is what a frame takes when the file has been read: of OocPT the seconds of tracing, of Cycles those of
   Blender's operator, which also makes its scene and trees, of Mitsuba those of its render, whose trees are of the load.
   `whole` is from the file to the picture in a new process: ours as measured, of Cycles the import and the frame, of
-  Mitsuba the load of its own files and the frame (starting Blender or Python is not in it; writing Mitsuba's files and
-  compiling its kernels are told apart).
-- Memory is the most that the process held; what is on a GPU is beside it.
+  Mitsuba the load of its own files and the frame (starting Blender or Python is not in it; writing Mitsuba's files,
+  what Python does to their pictures and compiling its kernels are told apart).
+- Memory is the most that the process held; what is on a GPU is beside it. Mitsuba's has what Python does to pictures.
 - What Blender's importer did not make is told as counts of both sides. Lamps and suns are given the
   power that OpenUSD defines, which the importer does not; lamps of meshes and what else it leaves out is in how far the
   pictures are apart.
@@ -154,7 +154,8 @@ def mitsuba(scene: Scene, stage: dict, height: int, arguments, folder: pathlib.P
     made = {"scene": results(folder / "log.txt").get("scene", {})}
     if not run.is_good:
         refused = made["scene"].get("refused")
-        return made | {"failed": "refused" if refused else run.status, "messages": [refused] if refused else run.messages}
+        failed = {"failed": "refused", "messages": [refused]} if refused else {"failed": run.status}
+        return made | {"messages": run.messages} | failed
     command = [str(arguments.mitsuba), "-I", str(HERE / "mitsuba_process.py"), str(folder / "job.json")]
     run = watched(command, _plain(), arguments.limit * 2, folder)
     said = results(folder / "log.txt")

@@ -3,8 +3,9 @@
 numpy.
 
 - UsdPreviewSurface: `principled`, the same GGX of alpha = roughness squared over a diffuse base, F0 by `ior`. Opacity
-  below 1 without a threshold: `blendbsdf` with a `dielectric` of the same ior. Opacity with a threshold: `mask` with the
-  picture cut there. `normal`: `normalmap`.
+  below 1 without a threshold: `blendbsdf` with a `dielectric` of the same ior. Opacity with a threshold: `mask` with
+  the picture cut there. `normal`: `normalmap`. Rough dielectrics are `diffuse`: the base of `principled` is brighter
+  than Lambert's there (a room of walls of roughness 0.9 by 6 %), its other lobe is faint.
 - MaterialX's standard_surface: `principled` with its clearcoat for `coat`; clear: `dielectric` tinted by
   `transmission_color`. Of nodes, constants, images and the background of a mix are read.
 - emissiveColor and emission: an `area` emitter.
@@ -19,12 +20,14 @@ from pxr import Sdf, Usd, UsdShade
 
 SMOOTH = 0.03
 """Roughness below which a clear surface is smooth."""
+ROUGH = 0.8
+"""Roughness from which a dielectric without a coat is `diffuse`."""
 LEAST_IOR = 1.05
 """Of `principled`."""
 PREVIEW = {
     "diffuseColor": (0.18, 0.18, 0.18), "emissiveColor": (0.0, 0.0, 0.0), "useSpecularWorkflow": 0, "metallic": 0.0,
     "roughness": 0.5, "clearcoat": 0.0, "clearcoatRoughness": 0.01, "opacity": 1.0, "opacityThreshold": 0.0,
-    "ior": 1.5, "normal": (0.0, 0.0, 1.0), "displacement": 0.0,
+    "ior": 1.5, "normal": (0.0, 0.0, 1.0),
 }  # fmt: skip
 STANDARD = {
     "base": 1.0, "base_color": (0.8, 0.8, 0.8), "metalness": 0.0, "specular": 1.0, "specular_roughness": 0.2,
@@ -194,6 +197,20 @@ def bsdf(material: UsdShade.Material, time, notes: Notes) -> tuple[dict, dict | 
     return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": rgb((0.18,) * 3)}}, None
 
 
+def displacement(material: UsdShade.Material | None, time, notes: Notes) -> dict | None:
+    """The picture that moves a surface along its normals, None if none does."""
+    shader = material.ComputeDisplacementSource()[0] if material else None
+    if not shader:
+        return None
+    if shader.GetIdAttr().Get() != "UsdPreviewSurface":
+        notes.add("a displacement that is not of UsdPreviewSurface", material)
+        return None
+    value = found(shader, "displacement", 0.0, time, notes)
+    if not is_picture(value) and value:
+        notes.add("a displacement without a texture", material)
+    return value if is_picture(value) else None
+
+
 def _number(value, reason: str, material, notes: Notes, default: float) -> float:
     if is_picture(value):
         notes.add(f"a texture of {reason}, taken as {default:g}", material)
@@ -214,11 +231,14 @@ def _gloss(roughness: float) -> float:
 
 
 def principled(color, metallic, roughness, ior: float, coat, coat_roughness: float, anisotropy=0.0) -> dict:
+    is_coated, numbers = is_picture(coat) or coat > 0, not is_picture(metallic) and not is_picture(roughness)
+    if numbers and metallic == 0 and roughness >= ROUGH and not is_coated:
+        return {"type": "diffuse", "reflectance": texture(color)}
     made = {
         "type": "principled", "base_color": texture(color), "metallic": texture(metallic),
         "roughness": texture(roughness), "eta": max(float(ior), LEAST_IOR),
     }  # fmt: skip
-    if is_picture(coat) or coat > 0:
+    if is_coated:
         made |= {"clearcoat": texture(coat), "clearcoat_gloss": _gloss(coat_roughness)}
     if is_picture(anisotropy) or anisotropy:
         made["anisotropic"] = texture(anisotropy)
@@ -238,8 +258,6 @@ def preview(values: dict, material, notes: Notes) -> tuple[dict, dict | None]:
     ior, opacity, threshold = number("ior"), values["opacity"], number("opacityThreshold")
     if values["useSpecularWorkflow"]:
         notes.add("the specular workflow, taken as the metallic one", material)
-    if is_picture(values["displacement"]) or values["displacement"]:
-        notes.add("displacement", material)
     solid = principled(
         values["diffuseColor"], values["metallic"], values["roughness"], ior, values["clearcoat"],
         number("clearcoatRoughness"),

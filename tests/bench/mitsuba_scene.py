@@ -11,7 +11,8 @@ instances as arrays of numpy. What Mitsuba's own types are made of is told as pl
 
 - A mesh (curves, points) that stands in one place is a shape of the world. One of many places is a shape group with an
   instance for each place: nested instances and point instancers are multiplied out to that one level.
-- Subdivision surfaces and displacement: see `subdivide.py`. Everything is as it stands at one time.
+- Catmull-Clark surfaces are cut three times, up to FINE triangles; with a displacement on and on, up to FINEST, and
+  their points moved. Everything is as it stands at one time.
 - UsdPreviewSurface and standard_surface are `principled`; clear ones `dielectric`; opacity with a threshold, or from a
   picture, is a `mask`.
 - Lights of forms are shapes with an `area` emitter; disks and spheres with a narrow cone are a `spot` of no size.
@@ -36,9 +37,12 @@ sys.path.insert(0, str(HERE))
 
 import mitsuba_materials  # noqa: E402
 from mitsuba_materials import Notes, rgb  # noqa: E402
+from mitsuba_meshes import Mesh, smooth_normals, subdivided, triangles  # noqa: E402
 
 FAR = 1e4
 """Distance of a distant light's disk, in radii of the scene."""
+STEPS, FINE, FINEST = 3, 1 << 18, 1 << 21
+"""Of a subdivision surface: steps at most without a displacement, and triangles without and with one."""
 ROULETTE = 5
 """Mitsuba's own: from this depth on paths end at random."""
 LIGHTS = (
@@ -150,68 +154,6 @@ class Places:
             raise TooLarge(f"{count} instances in one level, more than {self._most}")
 
 
-def triangles(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of fans, (n, 3) numbers into the face corners, and the face of each triangle."""
-    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    corners, faces = [np.zeros((0, 3), int)], [np.zeros(0, int)]
-    for size in np.unique(counts):
-        chosen = np.flatnonzero(counts == size)
-        for k in range(1, size - 1):
-            corners.append(starts[chosen, None] + [0, k, k + 1])
-            faces.append(chosen)
-    return np.concatenate(corners), np.concatenate(faces)
-
-
-def smooth_normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Of points, from the areas of the triangles about them."""
-    a, b, c = (points[faces[:, corner]] for corner in range(3))
-    facing = np.cross(b - a, c - a)
-    made = np.zeros_like(points)
-    for corner in range(3):
-        np.add.at(made, faces[:, corner], facing)
-    return made / np.maximum(np.linalg.norm(made, axis=1, keepdims=True), 1e-30)
-
-
-class Mesh:
-    """Triangles of one material: points, normals or None, st or None, faces."""
-
-    def __init__(self, points, normals, st, faces, material) -> None:
-        self.points, self.normals, self.st, self.faces, self.material = points, normals, st, faces, material
-
-    def backs(self) -> Mesh:
-        """The other side, a little behind: Mitsuba's emitters shine from one."""
-        normals = smooth_normals(self.points, self.faces)
-        edges = self.points[self.faces[:, 1]] - self.points[self.faces[:, 0]]
-        gap = 1e-3 * float(np.median(np.linalg.norm(edges, axis=1)))
-        turned = None if self.normals is None else -self.normals
-        return Mesh(self.points - gap * normals, turned, self.st, self.faces[:, ::-1], self.material)
-
-    def moved(self, place: np.ndarray) -> Mesh:
-        linear = place[:3, :3]
-        is_turned = np.linalg.det(linear) < 0
-        normals = None if self.normals is None else self.normals @ np.linalg.inv(linear)
-        if normals is not None:
-            normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-        faces = self.faces[:, ::-1] if is_turned else self.faces
-        return Mesh(self.points @ linear.T + place[:3, 3], normals, self.st, faces, self.material)
-
-    def write(self, path: pathlib.Path) -> None:
-        """Binary PLY."""
-        parts = [("xyz", self.points), (("nx", "ny", "nz"), self.normals), ("uv", self.st)]
-        parts = [(names, values) for names, values in parts if values is not None]
-        names = [name for group, _ in parts for name in group]
-        table = np.concatenate([values for _, values in parts], 1).astype("<f4")
-        listed = np.empty(len(self.faces), np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
-        listed["count"], listed["corners"] = 3, self.faces
-        head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
-        head += [f"property float {name}" for name in names]
-        head += [f"element face {len(listed)}", "property list uchar int vertex_indices", "end_header"]
-        with open(path, "wb") as file:
-            file.write(("\n".join(head) + "\n").encode())
-            file.write(table.tobytes())
-            file.write(listed.tobytes())
-
-
 def primvar(prim: Usd.Prim, name: str, time):
     """(values, interpolation) of a primvar, None where it has none."""
     found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
@@ -232,14 +174,22 @@ def meshes(prim: Usd.Prim, time, notes: Notes) -> list[Mesh]:
     if not len(counts) or counts.sum() != len(indices) or indices.max() >= len(points):
         notes.add("a mesh without faces, or whose arrays differ in length", prim)
         return []
+    st, scheme = primvar(prim, "st", time), mesh.GetSubdivisionSchemeAttr().Get(time)
+    original, height, is_cut = np.arange(len(counts)), None, scheme == UsdGeom.Tokens.catmullClark
+    if is_cut:
+        if len(mesh.GetCreaseSharpnessesAttr().Get(time) or []) + len(mesh.GetCornerSharpnessesAttr().Get(time) or []):
+            notes.add("creases and corners of a subdivision surface", prim)
+        height = mitsuba_materials.displacement(bound(prim), time, notes) if st else None
+        points, counts, indices, st, original = cut(points, counts, indices, st, height is not None)
     corners, of_face = triangles(counts)
     if mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
         corners = corners[:, ::-1]
     faces = indices[corners]
-    values = {"points": (points, UsdGeom.Tokens.vertex), "st": primvar(prim, "st", time)}
+    values = {"points": (points, UsdGeom.Tokens.vertex), "st": st}
     normals = primvar(prim, "normals", time)
-    if mesh.GetSubdivisionSchemeAttr().Get(time) != UsdGeom.Tokens.none:
-        notes.add("a subdivision surface, taken as its cage with smooth normals", prim)
+    if scheme not in (UsdGeom.Tokens.none, UsdGeom.Tokens.catmullClark):
+        notes.add(f"a subdivision surface of the scheme {scheme}, taken as its cage with smooth normals", prim)
+    if scheme != UsdGeom.Tokens.none:
         normals = (smooth_normals(points, faces), UsdGeom.Tokens.vertex)
     elif normals is None and mesh.GetNormalsAttr().HasAuthoredValue():
         normals = (np.array(mesh.GetNormalsAttr().Get(time), np.float64), mesh.GetNormalsInterpolation())
@@ -265,11 +215,33 @@ def meshes(prim: Usd.Prim, time, notes: Notes) -> list[Mesh]:
     made, rest = [], np.ones(len(counts), bool)
     for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
         own = np.zeros(len(counts), bool)
-        own[np.array(subset.GetIndicesAttr().Get(time) or [], int)] = True
+        own[np.isin(original, np.array(subset.GetIndicesAttr().Get(time) or [], int))] = True
         made.append(_part(values, faces, (own & rest)[of_face], bound(subset.GetPrim())))
         rest &= ~own
     made.append(_part(values, faces, rest[of_face], bound(prim)))
+    made[-1].height = height if len(made) == 1 and is_indexed else None
     return [one for one in made if len(one.faces)]
+
+
+def cut(points, counts, indices, st, is_displaced: bool):
+    """A Catmull-Clark surface after some steps: points, counts, indices, st and of which face each is."""
+    is_smooth = st is not None and st[1] in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying)
+    is_smooth = is_smooth and len(st[0]) == len(points)
+    values = np.concatenate([points, st[0]], 1) if is_smooth else points
+    corners = st[0] if st and st[1] == UsdGeom.Tokens.faceVarying and len(st[0]) == len(indices) else None
+    original, most = np.arange(len(counts)), FINEST if is_displaced else FINE
+    for step in range(32):
+        if 2 * len(indices) > most or (step == STEPS and not is_displaced):
+            break
+        values, counts, indices, corners, of = subdivided(values, counts, indices, corners)
+        original = original[of]
+    if is_smooth:
+        st = values[:, 3:], st[1]
+    elif corners is not None:
+        st = corners, st[1]
+    elif st is not None and st[1] == UsdGeom.Tokens.uniform:
+        st = st[0][original], st[1]
+    return values[:, :3], counts, indices, st, original
 
 
 def _part(values: dict, faces: np.ndarray, chosen: np.ndarray, material) -> Mesh:
@@ -604,9 +576,14 @@ class Writer:
                     kind = [look, shine, mesh.normals is None, mesh.st is None]
                     self._glowing.setdefault(json.dumps(kind), []).extend(mesh.moved(place) for place in places)
                 continue
-            mesh.write(self._folder / f"{name}_{number}.ply")
-            is_flat = mesh.normals is None
-            entries.append({"type": "ply", "filename": f"{name}_{number}.ply", "face_normals": is_flat, "bsdf": look})
+            file, is_flat = f"{name}_{number}.ply", mesh.normals is None
+            entries.append({"type": "ply", "filename": file, "face_normals": is_flat, "bsdf": look})
+            if mesh.height is not None:
+                arrays = {part: getattr(mesh, part).astype(np.float32) for part in ("points", "normals", "st")}
+                np.savez(self._folder / f"{name}.npz", faces=mesh.faces.astype(np.int32), **arrays)
+                entries[-1] |= {"raised": f"{name}.npz", "by": mesh.height}
+            else:
+                mesh.write(self._folder / file)
         return entries, _corners(np.concatenate([mesh.points for mesh in found]))
 
     def _look(self, material, prim: Usd.Prim) -> tuple[dict, dict | None]:

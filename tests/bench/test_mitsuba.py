@@ -18,6 +18,7 @@ import beside
 import exr_pixels
 import images
 import mitsuba_materials
+import mitsuba_meshes
 import mitsuba_process
 import mitsuba_scene
 import shading
@@ -165,6 +166,7 @@ def test_subsets_have_materials_of_their_own(stage, tmp_path):
     scene, _ = made_of(stage, tmp_path)
     found = {scene[one["bsdf"]["id"]]["bsdf"]["roughness"]["value"]: one["filename"] for one in of_type(scene, "ply")}
     assert sorted(found) == [0.25, 0.75]
+    assert len(of_type(scene, "ply")) == 2 and ply(tmp_path / found[0.25])[1].tolist() == [[0, 1, 2]]
     values, faces = ply(tmp_path / found[0.75])
     assert values[faces[0], :2].tolist() == [[-1, -1], [1, 1], [-1, 1]] and len(values) == 3
 
@@ -209,6 +211,13 @@ def test_clear_surfaces_are_dielectrics():
     assert preview(opacity=0.75, opacityThreshold=0.5)[0]["type"] == "twosided"
 
 
+def test_rough_dielectrics_are_diffuse():
+    made, _, _ = preview(roughness=0.9, diffuseColor=(0.5, 0.25, 0.125))
+    assert made["bsdf"] == {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.5, 0.25, 0.125]}}
+    for changes in ({"roughness": 0.7}, {"metallic": 1.0}, {"clearcoat": 1.0}, {"roughness": {"type": "bitmap"}}):
+        assert preview(**{"roughness": 0.9, **changes})[0]["bsdf"]["type"] == "principled"
+
+
 def test_coats_normals_and_glow_of_preview_surfaces():
     picture = mitsuba_materials.picture([["n.png", 0, 0]], "raw", "rgb", "repeat", np.eye(3), (2, 2, 2), (-1, -1, -1))
     made, glow, _ = preview(clearcoat=0.5, clearcoatRoughness=0.1, normal=picture, emissiveColor=(1.0, 2.0, 3.0))
@@ -225,7 +234,9 @@ def test_standard_surfaces():
         {**mitsuba_materials.STANDARD, **changes}, Usd.Stage.CreateInMemory().GetPseudoRoot(), notes
     )
     notes = Notes()
-    solid, glow = made(base=0.5, base_color=(0.2, 0.4, 0.8), metalness=1.0, emission=2.0, emission_color=(1.0, 0.0, 0.5))
+    solid, glow = made(
+        base=0.5, base_color=(0.2, 0.4, 0.8), metalness=1.0, emission=2.0, emission_color=(1.0, 0.0, 0.5)
+    )
     assert solid["bsdf"]["base_color"]["value"] == pytest.approx([0.1, 0.2, 0.4])
     assert solid["bsdf"]["metallic"]["value"] == 1.0 and glow["value"] == [2, 0, 1]
     glass, _ = made(transmission=1.0, specular_roughness=0.01, transmission_color=(0.5, 0.5, 1.0))
@@ -266,7 +277,8 @@ def test_lights_of_forms_are_shapes_that_shine(stage):
     rect, _ = lamp(stage, UsdLux.RectLight, "/B", width=4.0, height=2.0, normalize=True, intensity=16.0)
     assert rect["emitter"]["radiance"]["value"] == [2, 2, 2], "what is normalized is divided by the area"
     assert np.diag(rect["to_world"]["matrix"]).tolist() == [-2, 1, -1, 1], "shines along -z"
-    disk, _ = lamp(stage, UsdLux.DiskLight, "/C", radius=2.0, normalize=True, intensity=4.0, matrix=np.diag([3, 3, 3, 1]))
+    larger = np.diag([3, 3, 3, 1])
+    disk, _ = lamp(stage, UsdLux.DiskLight, "/C", radius=2.0, normalize=True, intensity=4.0, matrix=larger)
     assert disk["emitter"]["radiance"]["value"] == pytest.approx([1 / (9 * math.pi)] * 3)
     tube, _ = lamp(stage, UsdLux.CylinderLight, "/D", radius=0.5, length=4.0)
     ends = np.array(tube["to_world"]["matrix"]) @ [[0, 0], [0, 0], [0, 1], [1, 1]]
@@ -346,7 +358,8 @@ def test_curves_are_the_same_curves_as_b_splines(basis):
     assert np.allclose(found, wanted)
     if basis != "bezier":
         pinned = mitsuba_scene.cubic(strand, basis, True)
-        ends = [np.array([0, 0, 0, 1]) @ mitsuba_scene.BSPLINE @ pinned[0][:4], np.ones(4) @ mitsuba_scene.BSPLINE @ pinned[-1][-4:]]
+        own = mitsuba_scene.BSPLINE
+        ends = [np.array([0, 0, 0, 1]) @ own @ pinned[0][:4], np.ones(4) @ own @ pinned[-1][-4:]]
         assert np.allclose(ends, strand[[0, -1]]), "it goes from the first point to the last"
 
 
@@ -363,12 +376,12 @@ def test_points_are_balls_of_the_size_one_in_a_larger_or_smaller_place(stage, tm
 
 
 def test_what_is_left_out_is_told(stage, tmp_path):
-    quad(stage, "/World/Cage").CreateSubdivisionSchemeAttr("catmullClark")
+    quad(stage, "/World/Cage").CreateSubdivisionSchemeAttr("loop")
     UsdGeom.Cone.Define(stage, "/World/Cone")
     UsdGeom.Cone.Define(stage, "/World/Other")
     _, said = made_of(stage, tmp_path, shutter=0.5)
     assert said["left_out"] == [
-        "a subdivision surface, taken as its cage with smooth normals: 1, first /World/Cage",
+        "a subdivision surface of the scheme loop, taken as its cage with smooth normals: 1, first /World/Cage",
         "Cone prims: 2, first /World/Cone", "motion: everything stands as at the frame",
     ]  # fmt: skip
 
@@ -446,3 +459,81 @@ def test_pictures_are_compared_by_region():
     result |= {"mitsuba": {**side, "frame": 3.0}, "apart": {"mitsuba": made}}
     (row,) = beside.lines(result)
     assert row.count("|") == beside.HEAD.splitlines()[0].count("|") and "| 1.00 | 3.00 | 3.00 |" in row
+
+
+CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+CUBE_FACES = np.array([0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3])
+
+
+def test_a_closed_surface_is_cut_by_the_rules_of_catmull_and_clark():
+    made, counts, indices, _, of = mitsuba_meshes.subdivided(CUBE, np.full(6, 4), CUBE_FACES)
+    assert len(made) == 26 and len(counts) == 24 and indices.max() == 25 and of.tolist() == sorted([*range(6)] * 4)
+    # Of a cube of half the width 1: 5 / 9 at corners, 3 / 4 at edges, 1 in faces.
+    assert np.allclose(made[:8], CUBE * 5 / 9)
+    assert np.allclose(np.sort(np.abs(made[8:20]), 1), [0, 0.75, 0.75])
+    assert np.allclose(np.sort(np.abs(made[20:]), 1), [0, 0, 1])
+
+
+def test_boundaries_are_curves_and_corners_stay():
+    strip = np.array([(x, y, 0) for x in range(3) for y in range(2)], float)
+    corners = np.array([[0, 0], [4, 0], [4, 4], [0, 4], *[[9, 9]] * 4], float)
+    made, counts, indices, st, _ = mitsuba_meshes.subdivided(
+        strip, np.array([4, 4]), np.array([0, 2, 3, 1, 2, 4, 5, 3]), corners
+    )
+    assert np.allclose(made[[0, 1, 4, 5]], strip[[0, 1, 4, 5]]) and np.allclose(made[[2, 3]], strip[[2, 3]])
+    st = st.reshape(8, 4, 2)
+    assert st[0].tolist() == [[0, 0], [2, 0], [2, 2], [0, 2]] and st[1].tolist() == [[4, 0], [4, 2], [2, 2], [2, 0]]
+    assert len(counts) == 8 and (st[4:] == 9).all()
+    bent = strip.copy()
+    bent[2, 2] = 8.0
+    made, *_ = mitsuba_meshes.subdivided(bent, np.array([4, 4]), np.array([0, 2, 3, 1, 2, 4, 5, 3]))
+    assert made[2, 2] == 6.0, "three quarters of its own, an eighth of each neighbour's"
+
+
+def test_surfaces_are_cut_with_their_coordinates_and_subsets(stage, tmp_path):
+    mesh = quad(stage, "/World/Quad")
+    mesh.CreateSubdivisionSchemeAttr("catmullClark")
+    mesh.CreatePointsAttr([*QUAD, (3, -1, 0), (3, 1, 0)])
+    mesh.CreateFaceVertexCountsAttr([4, 4])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3, 1, 4, 5, 2])
+    shading.coordinates(mesh, [(0, 0), (1, 0), (1, 1), (0, 1), (2, 0), (2, 1)])
+    shading.subset(mesh, "Part", [1], shading.material(stage, "/World/Looks/B", roughness=0.75))
+    scene, said = made_of(stage, tmp_path)
+    assert said["triangles"] == 2 * 2 * 4**3 and said["left_out"] == []
+    values, _ = ply(tmp_path / of_type(scene, "ply")[0]["filename"])
+    assert len(of_type(scene, "ply")) == 2 and len(values) == 81 and values[:, 0].min() >= 0.99
+    assert np.allclose(values[:, 0] / 2 + 0.5, values[:, 6]), "st goes with the points"
+    assert np.allclose(values[:, 3:6], [0, 0, 1])
+
+
+def test_a_displacement_is_told_with_its_mesh(stage, tmp_path):
+    images.png(tmp_path / "height.png", np.full((4, 4), 51, np.uint8))
+    stage.GetRootLayer().Export(str(tmp_path / "a.usda"))
+    stage = Usd.Stage.Open(str(tmp_path / "a.usda"))
+    height = shading.sample(stage, "/World/Looks/Sand/H", "./height.png", "r", color_space="raw", scale=(5, 5, 5, 1))
+    sand = shading.material(stage, "/World/Looks/Sand", displacement=height)
+    surface = shading.UsdShade.Shader.Get(stage, "/World/Looks/Sand/Surface")
+    sand.CreateDisplacementOutput().ConnectToSource(surface.CreateOutput("displacement", Sdf.ValueTypeNames.Token))
+    quad(stage, "/World/Quad", sand).CreateSubdivisionSchemeAttr("catmullClark")
+    scene, said = made_of(stage, tmp_path, triangles=10_000_000)
+    (shape,) = of_type(scene, "ply")
+    assert shape["by"]["picture"]["scale"] == [5]
+    assert mitsuba_scene.FINEST / 4 < said["triangles"] <= mitsuba_scene.FINEST
+    with np.load(tmp_path / shape["raised"]) as arrays:
+        assert arrays["faces"].shape == (said["triangles"], 3)
+        mesh = mitsuba_meshes.Mesh(*(arrays[name] for name in ("points", "normals", "st", "faces")))
+    assert np.allclose(mesh.raised(np.full((4, 4), 0.25), np.eye(3)).points[:, 2], 0.25)
+
+
+def test_heights_are_means_as_wide_as_the_points_are_apart():
+    sheet = lambda n: mitsuba_meshes.Mesh(
+        np.array([(x, y, 0.0) for x in range(n) for y in range(n)]), np.tile([0, 0, 1.0], (n * n, 1)),
+        np.array([(x / n, y / n) for x in range(n) for y in range(n)]),
+        np.array([(x * n + y, x * n + n + y, x * n + y + 1) for x in range(n - 1) for y in range(n - 1)]),
+    )  # fmt: skip
+    spikes = np.zeros((16, 16))
+    spikes[::4, ::4] = 1.0
+    assert np.allclose(sheet(4).raised(spikes, np.eye(3)).points[:, 2], 1 / 16)
+    ramp = np.arange(8.0)[None].repeat(8, 0)
+    points = sheet(8).raised(ramp, np.array([[1, 0, 0.5 / 8], [0, 1, 0], [0, 0, 1]])).points
+    assert np.allclose(points[:, 2], points[:, 0]), "between texels, from their middles"
