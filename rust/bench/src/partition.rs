@@ -8,8 +8,8 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use super::common::{Machine, median, reset_peak, resident_bytes, write_json};
-use oocpt_scenes::island::{Parameters, Prims};
+use super::common::{BenchMachine, median, reset_peak, resident_bytes, write_json};
+use oocpt_scenes::island::{IslandParameters, IslandPrims};
 
 /// Options of `oocpt bench partition`.
 #[derive(clap::Args)]
@@ -68,9 +68,9 @@ struct Row {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct PartitionReport {
     bench: &'static str,
-    machine: Machine,
+    machine: BenchMachine,
     copies: u32,
     unique_quads: u64,
     chunk_bytes: u64,
@@ -79,7 +79,7 @@ struct Report {
 
 /// Runs the bench.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let machine = Machine::new(None, arguments.date.as_deref());
+    let machine = BenchMachine::new(None, arguments.date.as_deref());
     println!("{machine}");
     println!(
         "{:>14} {:>8} {:>11} {:>14} {:>9} {:>11} {:>8} {:>14} {:>13} {:>13}",
@@ -96,7 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     );
     let mut rows = Vec::new();
     for &instances in &arguments.instances {
-        let parameters = Parameters {
+        let parameters = IslandParameters {
             instances,
             unique_quads: arguments.unique_quads,
             copies: arguments.copies,
@@ -104,7 +104,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             distinct: arguments.distinct,
             seed: 7,
         };
-        let prims = Prims::new(&parameters)?;
+        let prims = IslandPrims::new(&parameters)?;
         for &threads in &arguments.threads {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start threads")?;
             for &sort_memory in &arguments.sort_memory {
@@ -115,12 +115,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         }
     }
     let Arguments { copies, unique_quads, chunk_size, .. } = *arguments;
-    let report = Report { bench: "partition", machine, copies, unique_quads, chunk_bytes: chunk_size << 10, rows };
+    let report =
+        PartitionReport { bench: "partition", machine, copies, unique_quads, chunk_bytes: chunk_size << 10, rows };
     write_json(&report, arguments.json.as_deref())
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
-fn measure(parameters: &Parameters, prims: &Prims, arguments: &Arguments, sort_memory: u64) -> Row {
+fn measure(parameters: &IslandParameters, prims: &IslandPrims, arguments: &Arguments, sort_memory: u64) -> Row {
     let total = parameters.total_instances() as f64;
     let mut commit_secs = Vec::new();
     let (mut grown, mut peak) = (0, 0);

@@ -11,11 +11,11 @@ use oocpt_core::scene::{
 };
 
 use super::forest::{self, grid, prim};
-use super::island::Random;
+use super::island::KeyedRandom;
 
 /// What is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Subject {
+pub enum FurSubject {
     /// Cubic B-splines of five points, pinned, on a ball.
     Hair,
     /// Balls in a box.
@@ -26,7 +26,7 @@ pub enum Subject {
     Polygons,
 }
 
-impl Subject {
+impl FurSubject {
     /// All, in the order of the documentation.
     pub const ALL: [Self; 4] = [Self::Hair, Self::Points, Self::Limit, Self::Polygons];
 
@@ -42,12 +42,12 @@ impl Subject {
 }
 
 /// Fills `db` with `count` hairs or points, or a surface of about so many quads, under a dome.
-pub fn build(db: &mut SceneDb, subject: Subject, count: u32) -> Result<()> {
+pub fn build(db: &mut SceneDb, subject: FurSubject, count: u32) -> Result<()> {
     let mut mesh = match subject {
-        Subject::Hair => hair(count),
-        Subject::Points => points(count),
-        Subject::Limit => creature(count, Subdivision::CatmullClark)?,
-        Subject::Polygons => creature(count, Subdivision::None)?,
+        FurSubject::Hair => hair(count),
+        FurSubject::Points => points(count),
+        FurSubject::Limit => creature(count, Subdivision::CatmullClark)?,
+        FurSubject::Polygons => creature(count, Subdivision::None)?,
     };
     mesh.prim = prim("/subject", Vec::new());
     mesh.prim_id = 1;
@@ -63,7 +63,7 @@ pub fn camera(width: u32, height: u32) -> Camera {
 }
 
 fn hair(count: u32) -> MeshDesc {
-    let mut random = Random::new(&[11]);
+    let mut random = KeyedRandom::new(&[11]);
     let mut points = Vec::new();
     for _ in 0..count {
         let (root, bend) = (random.direction(), random.direction() * 0.02);
@@ -86,7 +86,7 @@ fn hair(count: u32) -> MeshDesc {
 }
 
 fn points(count: u32) -> MeshDesc {
-    let mut random = Random::new(&[12]);
+    let mut random = KeyedRandom::new(&[12]);
     let mut coordinate = || random.range(-1.0, 1.0);
     let place = |_| DVec3::new(coordinate(), coordinate(), coordinate()).as_vec3().to_array();
     MeshDesc {

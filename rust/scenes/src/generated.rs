@@ -5,13 +5,13 @@ use anyhow::{Result, ensure};
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::SceneDb;
 
-use super::leaves::Leaves;
+use super::leaves::LeafModel;
 use super::{forest, island, lamps, leaves, woods};
 
 /// A generated scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
 #[serde(rename_all = "camelCase")]
-pub enum Generated {
+pub enum GeneratedScene {
     /// Diffuse blobs on a ground under a dome.
     Forest,
     /// Trees with textures and leaves that are cut out, dome and sun.
@@ -26,7 +26,7 @@ pub enum Generated {
     Island,
 }
 
-impl Generated {
+impl GeneratedScene {
     /// All, in the order of the documentation.
     pub const ALL: [Self; 6] = [Self::Forest, Self::Woods, Self::Leaves, Self::Cutouts, Self::Lamps, Self::Island];
 
@@ -47,9 +47,16 @@ impl Generated {
         Self::ALL.into_iter().find(|scene| scene.name() == name)
     }
 
-    fn island(scale: u32) -> island::Parameters {
+    fn island(scale: u32) -> island::IslandParameters {
         let instances = 10_000 * u64::from(scale);
-        island::Parameters { instances, unique_quads: instances, copies: 1, flatten: false, distinct: false, seed: 7 }
+        island::IslandParameters {
+            instances,
+            unique_quads: instances,
+            copies: 1,
+            flatten: false,
+            distinct: false,
+            seed: 7,
+        }
     }
 
     /// Fills `db` with the scene; numbers of instances grow with `scale`, 1 is small.
@@ -58,7 +65,7 @@ impl Generated {
         match self {
             Self::Forest => forest::build(db, 1000 * scale),
             Self::Woods => {
-                let trees = woods::Parameters {
+                let trees = woods::WoodsParameters {
                     trees: 12,
                     tree_quads: 1024,
                     cards: 100,
@@ -67,8 +74,8 @@ impl Generated {
                 };
                 woods::build(db, &trees)
             }
-            Self::Leaves => leaves::build(db, Leaves::Opaque, 1000 * scale, 256),
-            Self::Cutouts => leaves::build(db, Leaves::Cut, 1000 * scale, 256),
+            Self::Leaves => leaves::build(db, LeafModel::Opaque, 1000 * scale, 256),
+            Self::Cutouts => leaves::build(db, LeafModel::Cut, 1000 * scale, 256),
             Self::Lamps => lamps::build(db, 1000 * scale, 100 * scale),
             Self::Island => island::build(db, &Self::island(scale)).map(drop),
         }
@@ -91,22 +98,22 @@ mod tests {
 
     #[test]
     fn every_scene_is_built_and_found_by_its_name() {
-        for scene in Generated::ALL {
-            assert_eq!(Generated::named(scene.name()), Some(scene), "{scene:?}");
+        for scene in GeneratedScene::ALL {
+            assert_eq!(GeneratedScene::named(scene.name()), Some(scene), "{scene:?}");
             let mut db = SceneDb::new();
             scene.build(&mut db, 1).expect("a small scene");
             let commit = db.commit();
             assert!(commit.warnings.is_empty(), "{scene:?}: {:?}", commit.warnings);
             assert!(commit.snapshot.counts.instances > 100, "{scene:?} has instances");
         }
-        assert_eq!(Generated::named("no such scene"), None, "a file");
-        assert!(Generated::Forest.build(&mut SceneDb::new(), 0).is_err(), "scale 0");
+        assert_eq!(GeneratedScene::named("no such scene"), None, "a file");
+        assert!(GeneratedScene::Forest.build(&mut SceneDb::new(), 0).is_err(), "scale 0");
     }
 
     #[test]
     fn the_lamps_scene_has_no_other_light() {
         let mut db = SceneDb::new();
-        Generated::Lamps.build(&mut db, 1).expect("a small scene");
+        GeneratedScene::Lamps.build(&mut db, 1).expect("a small scene");
         assert_eq!(db.commit().snapshot.lights.len(), 100, "no dome");
     }
 }

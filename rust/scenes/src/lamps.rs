@@ -7,7 +7,7 @@ use glam::{DMat4, DVec3};
 use oocpt_core::scene::{LightDesc, LightKind, PrimDesc, SceneDb, ShapingCone};
 
 use super::forest::{self, HALF_SIDE, ground};
-use super::island::Random;
+use super::island::KeyedRandom;
 
 /// Where the dome of the forest is.
 const DOME: &str = "/dome";
@@ -16,7 +16,7 @@ const DOME: &str = "/dome";
 pub(crate) fn build(db: &mut SceneDb, instances: u32, lamps: u32) -> Result<()> {
     forest::build(db, instances)?;
     db.remove(DOME);
-    let mut random = Random::new(&[11]);
+    let mut random = KeyedRandom::new(&[11]);
     for lamp in 0..lamps {
         let (x, z) = (random.range(-HALF_SIDE, HALF_SIDE), random.range(-HALF_SIDE, HALF_SIDE));
         let at = DVec3::new(x, ground(x, z) + 2.0, z);

@@ -8,12 +8,12 @@ use oocpt_core::camera::Camera;
 use oocpt_core::scene::{InstancedBy, InstancerDesc, InstancerPrototype, LightDesc, LightKind, SceneDb};
 
 use super::forest::{self, grid, prim};
-use super::island::Random;
-use super::preview::{Picture, cards, material};
+use super::island::KeyedRandom;
+use super::preview::{PreviewPicture, cards, material};
 
 /// How leaves are there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Leaves {
+pub enum LeafModel {
     /// The colour of a picture, no opacity.
     Opaque,
     /// The same picture's alpha, which is 1 all over, cuts at 0.5.
@@ -22,7 +22,7 @@ pub enum Leaves {
     Cut,
 }
 
-impl Leaves {
+impl LeafModel {
     /// All, in the order of the documentation.
     pub const ALL: [Self; 3] = [Self::Opaque, Self::Sheets, Self::Cut];
 
@@ -40,15 +40,15 @@ impl Leaves {
 const HALF_SIDE: f64 = 1.0;
 
 /// Fills `db` with `count` leaves; side of their picture in texels.
-pub fn build(db: &mut SceneDb, kind: Leaves, count: u32, texture_size: u32) -> Result<()> {
+pub fn build(db: &mut SceneDb, kind: LeafModel, count: u32, texture_size: u32) -> Result<()> {
     let side = texture_size.max(2);
     let (picture, outputs): (_, &[_]) = match kind {
-        Leaves::Opaque => ("sheet", &[("rgb", "diffuseColor")]),
-        Leaves::Sheets => ("sheet", &[("rgb", "diffuseColor"), ("a", "opacity")]),
-        Leaves::Cut => ("leaf", &[("rgb", "diffuseColor"), ("a", "opacity")]),
+        LeafModel::Opaque => ("sheet", &[("rgb", "diffuseColor")]),
+        LeafModel::Sheets => ("sheet", &[("rgb", "diffuseColor"), ("a", "opacity")]),
+        LeafModel::Cut => ("leaf", &[("rgb", "diffuseColor"), ("a", "opacity")]),
     };
-    let threshold = (kind != Leaves::Opaque).then_some(0.5);
-    let picture = Picture { name: format!("{picture}:{side}:1"), outputs };
+    let threshold = (kind != LeafModel::Opaque).then_some(0.5);
+    let picture = PreviewPicture { name: format!("{picture}:{side}:1"), outputs };
     db.upsert_material(material("/leaf", &[picture], threshold));
     let mut leaf = grid("/heap/leaf", 1, 1, |u, v| DVec3::new(u, v, 0.0))?;
     leaf.prim_id = 1;
@@ -76,7 +76,7 @@ pub fn camera(width: u32, height: u32) -> Camera {
 }
 
 fn scatter(count: u32) -> Result<InstancerDesc> {
-    let mut random = Random::new(&[5]);
+    let mut random = KeyedRandom::new(&[5]);
     let (mut translations, mut rotations) = (Vec::new(), Vec::new());
     // Eight times the box's front in leaves, however many there are.
     let half = (8.0 * HALF_SIDE * HALF_SIDE / f64::from(count.max(1))).sqrt();

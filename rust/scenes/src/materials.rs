@@ -22,7 +22,7 @@ const DISTANCE: f64 = 4.0;
 
 /// What the wall is made of: `open_pbr_surface` by networks of `MaterialX` nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pattern {
+pub enum WallPattern {
     /// Constants.
     Constant,
     /// Two textures, of colour and roughness, which need no program.
@@ -33,7 +33,7 @@ pub enum Pattern {
     Long,
 }
 
-impl Pattern {
+impl WallPattern {
     /// All, in the order of the documentation.
     pub const ALL: [Self; 4] = [Self::Constant, Self::Textured, Self::Short, Self::Long];
 
@@ -49,7 +49,7 @@ impl Pattern {
 
     /// The network; side of its textures in texels.
     pub fn network(self, texture_size: u32) -> MaterialDesc {
-        let mut network = Network::default();
+        let mut network = NetworkBuilder::default();
         let surface = network.add("open_pbr_surface_surfaceshader", &[("base_weight", ParamValue::Float(1.0))], &[]);
         let (color, roughness) = match self {
             Self::Constant => (None, None),
@@ -71,11 +71,11 @@ impl Pattern {
 
 /// Nodes as they are added.
 #[derive(Default)]
-struct Network {
+struct NetworkBuilder {
     nodes: Vec<NodeDesc>,
 }
 
-impl Network {
+impl NetworkBuilder {
     fn add(&mut self, kind: &str, params: &[(&str, ParamValue)], from: &[(&str, usize)]) -> usize {
         let at = self.nodes.len();
         let param = |(name, value): &(&str, ParamValue)| ParamDesc { name: (*name).into(), value: value.clone() };
@@ -157,7 +157,7 @@ impl Network {
 }
 
 /// Fills `db`; tells what the material is.
-pub fn build(db: &mut SceneDb, pattern: Pattern, texture_size: u32) -> Result<MaterialText> {
+pub fn build(db: &mut SceneDb, pattern: WallPattern, texture_size: u32) -> Result<MaterialText> {
     let material = pattern.network(texture_size);
     let text = describe(&material);
     let first = text.warnings.first().map(String::as_str).unwrap_or_default();
@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     fn bench_materials_match_their_names() {
-        let told = Pattern::ALL.map(|pattern| {
+        let told = WallPattern::ALL.map(|pattern| {
             let mut db = SceneDb::new();
             build(&mut db, pattern, 64).expect("MaterialX's data libraries are there")
         });

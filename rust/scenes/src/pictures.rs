@@ -13,10 +13,10 @@ use std::sync::Arc;
 
 /// The library of all such pictures.
 #[derive(Debug)]
-pub struct Pictures;
+pub struct GeneratedPictures;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum PictureKind {
     Bark,
     Surface,
     Leaf,
@@ -24,27 +24,27 @@ enum Kind {
 }
 
 #[derive(Debug)]
-struct Picture {
-    kind: Kind,
+struct GeneratedPicture {
+    kind: PictureKind,
     side: u32,
     seed: u32,
 }
 
-impl ImageLibrary for Pictures {
+impl ImageLibrary for GeneratedPictures {
     fn open(&self, asset: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
-        let picture = Picture::named(&asset.resolved).ok_or_else(|| ImageError("no such picture".into()))?;
+        let picture = GeneratedPicture::named(&asset.resolved).ok_or_else(|| ImageError("no such picture".into()))?;
         Ok(Arc::new(picture))
     }
 }
 
-impl Picture {
+impl GeneratedPicture {
     fn named(name: &str) -> Option<Self> {
         let mut parts = name.split(':');
         let kind = match parts.next()? {
-            "bark" => Kind::Bark,
-            "surface" => Kind::Surface,
-            "leaf" => Kind::Leaf,
-            "sheet" => Kind::Sheet,
+            "bark" => PictureKind::Bark,
+            "surface" => PictureKind::Surface,
+            "leaf" => PictureKind::Leaf,
+            "sheet" => PictureKind::Sheet,
             _ => return None,
         };
         let side = parts.next()?.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side))?;
@@ -72,10 +72,10 @@ impl Picture {
         let noise = self.noise(s, t, side / 2);
         let hue = unit(hash(self.seed));
         match self.kind {
-            Kind::Bark => [0.25 + 0.5 * noise, 0.2 + 0.4 * noise * hue, 0.1 + 0.2 * noise, 1.0],
-            Kind::Surface => [1.0, 0.3 + 0.6 * noise, if noise > 0.62 { 0.8 } else { 0.0 }, 1.0],
-            Kind::Leaf => [0.1 + 0.3 * hue, 0.3 + 0.5 * noise, 0.1, leaf(s, t, step)],
-            Kind::Sheet => [0.1 + 0.3 * hue, 0.3 + 0.5 * noise, 0.1, 1.0],
+            PictureKind::Bark => [0.25 + 0.5 * noise, 0.2 + 0.4 * noise * hue, 0.1 + 0.2 * noise, 1.0],
+            PictureKind::Surface => [1.0, 0.3 + 0.6 * noise, if noise > 0.62 { 0.8 } else { 0.0 }, 1.0],
+            PictureKind::Leaf => [0.1 + 0.3 * hue, 0.3 + 0.5 * noise, 0.1, leaf(s, t, step)],
+            PictureKind::Sheet => [0.1 + 0.3 * hue, 0.3 + 0.5 * noise, 0.1, 1.0],
         }
     }
 
@@ -86,11 +86,11 @@ impl Picture {
     }
 }
 
-impl SourceImage for Picture {
+impl SourceImage for GeneratedPicture {
     fn info(&self) -> ImageInfo {
         ImageInfo {
             levels: self.sides().map(|side| [side; 2]).collect(),
-            channels: if self.kind == Kind::Surface { 3 } else { 4 },
+            channels: if self.kind == PictureKind::Surface { 3 } else { 4 },
             format: TexelFormat::U8,
             tile_friendly: true,
             is_srgb: None,
@@ -99,7 +99,7 @@ impl SourceImage for Picture {
     }
 
     fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
-        let channels = if self.kind == Kind::Surface { 3 } else { 4 };
+        let channels = if self.kind == PictureKind::Surface { 3 } else { 4 };
         let side = (self.side >> level.min(31)).max(1);
         for (y, row) in (at[1]..).zip(out.chunks_exact_mut(size[0] as usize * channels)) {
             for (x, texel) in (at[0]..).zip(row.chunks_exact_mut(channels)) {
@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     fn read(name: &str, level: u32, at: [u32; 2], size: [u32; 2]) -> Vec<u8> {
-        let picture = Picture::named(name).expect("a name of a picture");
+        let picture = GeneratedPicture::named(name).expect("a name of a picture");
         let mut out = vec![0; size[0] as usize * size[1] as usize * picture.info().channels as usize];
         picture.read(level, at, size, &mut out).expect("it cannot fail");
         out
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn malformed_picture_names_are_refused() {
         for name in ["", "bark", "bark:0:1", "bark:99999999:1", "bark:4:x", "rock:4:1"] {
-            assert!(Picture::named(name).is_none(), "{name}");
+            assert!(GeneratedPicture::named(name).is_none(), "{name}");
         }
     }
 }

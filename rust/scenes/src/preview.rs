@@ -10,13 +10,13 @@ use oocpt_core::scene::{
 };
 
 /// A picture, and which of its outputs go to which inputs of the surface.
-pub(crate) struct Picture<'a> {
+pub(crate) struct PreviewPicture<'a> {
     pub(crate) name: String,
     pub(crate) outputs: &'a [(&'a str, &'a str)],
 }
 
 /// A material of pictures; `threshold`: its opacity cuts.
-pub(crate) fn material(path: &str, pictures: &[Picture<'_>], threshold: Option<f32>) -> MaterialDesc {
+pub(crate) fn material(path: &str, pictures: &[PreviewPicture<'_>], threshold: Option<f32>) -> MaterialDesc {
     let own = threshold.map(|value| ParamDesc { name: "opacityThreshold".into(), value: ParamValue::Float(value) });
     let mut surface = node("UsdPreviewSurface", own.into_iter().collect());
     // Nodes: the surface, the reader, then pictures.

@@ -12,12 +12,12 @@ use oocpt_core::camera::Camera;
 use oocpt_core::scene::{InstancedBy, InstancerDesc, InstancerPrototype, LightDesc, LightKind, MeshDesc, SceneDb};
 
 use super::forest::{self, HALF_SIDE, grid, ground, prim};
-use super::island::Random;
-use super::preview::{Picture, cards, dress, material};
+use super::island::KeyedRandom;
+use super::preview::{PreviewPicture, cards, dress, material};
 
 /// What determines the woods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::Args, serde::Serialize)]
-pub struct Parameters {
+pub struct WoodsParameters {
     /// Different trees; each has its meshes and three pictures.
     #[arg(long, default_value_t = 96)]
     pub trees: u32,
@@ -36,7 +36,7 @@ pub struct Parameters {
     pub instances: u32,
 }
 
-impl Parameters {
+impl WoodsParameters {
     fn check(&self) -> Result<()> {
         ensure!((1..=100_000).contains(&self.trees), "--trees: 1 to 100 000");
         ensure!((16..=100_000_000).contains(&self.tree_quads), "--tree-quads: 16 to 100 000 000");
@@ -47,19 +47,20 @@ impl Parameters {
     }
 }
 
-/// Fills `db` with the scene. Its pictures are those of [`Pictures`](super::pictures::Pictures).
-pub fn build(db: &mut SceneDb, parameters: &Parameters) -> Result<()> {
+/// Fills `db` with the scene. Its pictures are those of [`GeneratedPictures`](super::pictures::GeneratedPictures).
+pub fn build(db: &mut SceneDb, parameters: &WoodsParameters) -> Result<()> {
     parameters.check()?;
-    let Parameters { trees, texture_size, .. } = *parameters;
-    let bark = |seed: u32| Picture { name: format!("bark:{texture_size}:{seed}"), outputs: &[("rgb", "diffuseColor")] };
+    let WoodsParameters { trees, texture_size, .. } = *parameters;
+    let bark =
+        |seed: u32| PreviewPicture { name: format!("bark:{texture_size}:{seed}"), outputs: &[("rgb", "diffuseColor")] };
     db.upsert_mesh(dress(forest::terrain()?, coordinates(224, 224, 16.0), "/ground")?);
     db.upsert_material(material("/ground", &[bark(trees)], None));
     for tree in 0..trees {
-        let surface = Picture {
+        let surface = PreviewPicture {
             name: format!("surface:{texture_size}:{tree}"),
             outputs: &[("g", "roughness"), ("b", "metallic")],
         };
-        let leaf = Picture {
+        let leaf = PreviewPicture {
             name: format!("leaf:{}:{tree}", texture_size / 2),
             outputs: &[("rgb", "diffuseColor"), ("a", "opacity")],
         };
@@ -125,7 +126,7 @@ fn body(tree: u32, quads: u32, material: &str) -> Result<MeshDesc> {
 
 /// Cards around the cone.
 fn crown(tree: u32, count: u32, material: &str) -> Result<MeshDesc> {
-    let mut random = Random::new(&[u64::from(tree), 11]);
+    let mut random = KeyedRandom::new(&[u64::from(tree), 11]);
     let leaves: Vec<_> = (0..count.max(1))
         .map(|_| {
             let (v, angle) = (1.0 - random.unit().sqrt(), random.angle());
@@ -141,7 +142,7 @@ fn crown(tree: u32, count: u32, material: &str) -> Result<MeshDesc> {
 }
 
 fn scatter(trees: u32, instances: u32) -> Result<InstancerDesc> {
-    let mut random = Random::new(&[u64::from(trees), 3]);
+    let mut random = KeyedRandom::new(&[u64::from(trees), 3]);
     let (mut translations, mut rotations, mut scales) = (Vec::new(), Vec::new(), Vec::new());
     let mut indices = vec![Vec::new(); trees as usize];
     // Patches in a square grid, one for each kind, that reach into each other.

@@ -21,7 +21,7 @@ enum SceneCommand {
     /// The island: a stand-in for Disney's Moana island.
     Island {
         #[command(flatten)]
-        island: island::Parameters,
+        island: island::IslandParameters,
         /// The file to write: .usdc, .usda or .usd.
         #[arg(long)]
         out: PathBuf,
@@ -39,7 +39,7 @@ enum SceneCommand {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let SceneCommand::Island { island, out, python, report } = &arguments.command;
     let python = usd::python(python.as_deref().map(Path::new))?;
-    let prims = island::Prims::new(island)?;
+    let prims = island::IslandPrims::new(island)?;
     usd::write(&prims, &island::stage_camera(island), report.as_deref(), python, out)?;
     println!("{}: {} instances, {} unique quads", out.display(), island.total_instances(), prims.quads);
     Ok(())

@@ -4,10 +4,10 @@
 
 use anyhow::{Context, Result, bail};
 use glam::DMat4;
-use oocpt_command::stop::{self, Folder};
+use oocpt_command::stop::{self, TemporaryFolder};
 use oocpt_core::array::{ElementType, TypedArray};
 use oocpt_core::scene::{InstancerDesc, Interpolation, LightDesc, LightKind, MeshDesc};
-use oocpt_scenes::island::{Prims, StageCamera};
+use oocpt_scenes::island::{IslandPrims, StageCamera};
 use rustc_hash::FxHashMap;
 use serde_json::{Value, json};
 use std::fs::File;
@@ -27,13 +27,13 @@ pub(crate) fn python(named: Option<&Path>) -> Result<&Path> {
 
 /// Writes the stage; with `report`, its render settings name that file.
 pub(crate) fn write(
-    prims: &Prims,
+    prims: &IslandPrims,
     camera: &StageCamera,
     report: Option<&Path>,
     python: &Path,
     out: &Path,
 ) -> Result<()> {
-    let folder = Folder::create(std::env::temp_dir().join(format!("oocpt-island-{}", std::process::id())))?;
+    let folder = TemporaryFolder::create(std::env::temp_dir().join(format!("oocpt-island-{}", std::process::id())))?;
     let place = folder.path();
     let contents = write_parts(prims, camera, report, place);
     contents.with_context(|| format!("cannot write into {} (TMPDIR names another place)", place.display()))?;
@@ -51,7 +51,7 @@ pub(crate) fn write(
     Ok(())
 }
 
-fn write_parts(prims: &Prims, camera: &StageCamera, report: Option<&Path>, folder: &Path) -> Result<()> {
+fn write_parts(prims: &IslandPrims, camera: &StageCamera, report: Option<&Path>, folder: &Path) -> Result<()> {
     std::fs::write(folder.join("island.py"), SCRIPT)?;
     let mut arrays =
         ArrayFile { file: BufWriter::new(File::create(folder.join("arrays"))?), end: 0, known: FxHashMap::default() };

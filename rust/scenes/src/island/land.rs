@@ -4,7 +4,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::random::Noise;
+use super::random::ValueNoise;
 
 /// Half the side of the full-size island's square, metres.
 pub(crate) const FULL_HALF: f64 = 1000.0;
@@ -34,11 +34,11 @@ pub(crate) enum Habitat {
 
 /// The terrain.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Land {
+pub(crate) struct IslandTerrain {
     /// Half the side of the square that holds the island, metres.
     pub(crate) half: f64,
-    hills: Noise,
-    patches: Noise,
+    hills: ValueNoise,
+    patches: ValueNoise,
 }
 
 fn smooth(low: f64, high: f64, x: f64) -> f64 {
@@ -50,12 +50,12 @@ fn bump(at: DVec2, center: [f64; 2], radius: f64) -> f64 {
     (-(at - DVec2::from(center)).length_squared() / (radius * radius)).exp()
 }
 
-impl Land {
+impl IslandTerrain {
     /// The land that suits `instances`: fewer things make a smaller island, so that they do not get lost.
     pub(crate) fn new(instances: u64, seed: u64) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "a size, not a count")]
         let part = (instances as f64 / FULL_INSTANCES).cbrt().clamp(0.09, 1.0);
-        Self { half: FULL_HALF * part, hills: Noise(seed ^ 0x11), patches: Noise(seed ^ 0x22) }
+        Self { half: FULL_HALF * part, hills: ValueNoise(seed ^ 0x11), patches: ValueNoise(seed ^ 0x22) }
     }
 
     /// Distance inland from the coast in half sides; negative in the sea.
@@ -138,7 +138,7 @@ impl Land {
         // More towards the camera's side, as a set dresser would.
         let front = 0.35 + bump(at, [0.0, 0.62], 0.5);
         // Deviation of the logarithm about 1.7: one place in a hundred has 50 times the middle, one in a hundred 1/50.
-        let patch = Noise(self.patches.0 ^ stream.wrapping_mul(0x9e37_79b9)).at(at.x, at.y, 0.12, 4);
+        let patch = ValueNoise(self.patches.0 ^ stream.wrapping_mul(0x9e37_79b9)).at(at.x, at.y, 0.12, 4);
         let wood = if habitat == Habitat::Meadow { -1.2 } else { 1.2 } * self.patches.at(at.x + 3.0, at.y, 0.18, 3);
         place * front * (4.8 * patch + wood * hills).exp()
     }
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn an_island_has_hills_a_beach_and_the_sea_around() {
-        let land = Land::new(20_000, 1);
+        let land = IslandTerrain::new(20_000, 1);
         let half = land.half;
         for (x, z) in [(half, 0.0), (-half, half), (0.0, -half), (0.0, half)] {
             assert!(land.height(x, z) < 0.0, "({x}, {z}) is in the sea");

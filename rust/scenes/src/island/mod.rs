@@ -3,8 +3,8 @@
 //! flattened, 261 M unique quads): few large unique meshes, many small plants in nested clumps, a beach full of
 //! pebbles, sizes over three orders of magnitude and density over more.
 //!
-//! A pure function of [`Parameters`], made on the rayon pool. The result is a list of prims ([`Prims`]), which goes
-//! into a [`SceneDb`] or to a USD file.
+//! A pure function of [`IslandParameters`], made on the rayon pool. The result is a list of prims ([`IslandPrims`]),
+//! which goes into a [`SceneDb`] or to a USD file.
 
 mod land;
 mod plants;
@@ -19,12 +19,12 @@ mod view;
 use anyhow::{Result, ensure};
 use oocpt_core::scene::SceneDb;
 
-use land::Land;
-use plants::Plants;
-pub use prims::Prims;
-pub(crate) use random::Random;
-use scatter::{Ground, Sampler, Scatter};
-use uniques::Unique;
+use land::IslandTerrain;
+use plants::PlantCatalog;
+pub use prims::IslandPrims;
+pub(crate) use random::KeyedRandom;
+use scatter::{DensitySampler, SpeciesScatter, TerrainMesh};
+use uniques::UniqueMesh;
 pub use view::{StageCamera, camera, stage_camera};
 
 /// Quads of an instanced mesh, mean over all instances, of the full-size island (82.4 G / 39.3 M).
@@ -34,7 +34,7 @@ const INSTANCED_PART: f64 = 0.35;
 
 /// What determines an island.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::Args, serde::Serialize)]
-pub struct Parameters {
+pub struct IslandParameters {
     /// Placements of meshes on one island, nesting multiplied out.
     #[arg(long, default_value_t = 1_000_000)]
     pub instances: u64,
@@ -55,7 +55,7 @@ pub struct Parameters {
     pub seed: u64,
 }
 
-impl Parameters {
+impl IslandParameters {
     fn check(&self) -> Result<()> {
         ensure!((10_000..=4_000_000_000).contains(&self.instances), "--instances: 10 000 to 4 000 000 000");
         ensure!((10_000..=4_000_000_000).contains(&self.unique_quads), "--unique-quads: 10 000 to 4 000 000 000");
@@ -72,19 +72,19 @@ impl Parameters {
 /// One island, made.
 #[derive(Debug)]
 struct Island {
-    land: Land,
-    uniques: Vec<Unique>,
-    plants: Plants,
+    land: IslandTerrain,
+    uniques: Vec<UniqueMesh>,
+    plants: PlantCatalog,
     /// Placements of each species.
     counts: Vec<u64>,
     seed: u64,
 }
 
 impl Island {
-    fn new(parameters: &Parameters) -> Self {
-        let Parameters { instances, unique_quads, seed, .. } = *parameters;
-        let land = Land::new(instances, seed);
-        let mut plants = Plants::new(seed);
+    fn new(parameters: &IslandParameters) -> Self {
+        let IslandParameters { instances, unique_quads, seed, .. } = *parameters;
+        let land = IslandTerrain::new(instances, seed);
+        let mut plants = PlantCatalog::new(seed);
         let trees = uniques::tree_count(unique_quads);
         let counts = counts(&plants, instances - uniques::count(trees));
         plants.make_shapes(unit(&plants, &counts, instances, unique_quads), seed);
@@ -94,21 +94,21 @@ impl Island {
         Self { land, uniques, plants, counts, seed }
     }
 
-    fn ground(&self) -> Ground<'_> {
+    fn ground(&self) -> TerrainMesh<'_> {
         let terrain = &self.uniques[0].soup;
         let side = soup::side_of(terrain.quads.len() as u64, 1);
-        Ground { points: &terrain.points, side, half: self.land.half }
+        TerrainMesh { points: &terrain.points, side, half: self.land.half }
     }
 
     /// What places species number `k` of an island that is distinct from those of other numbers.
-    fn scatter(&self, k: usize, island: u32) -> Scatter<'_> {
+    fn scatter(&self, k: usize, island: u32) -> SpeciesScatter<'_> {
         let species = &self.plants.species[k];
         let stream = k as u64 + 1;
         // Fine enough for the smallest patches, coarse enough to be cheap for small islands.
         let side = soup::side_of(self.counts.iter().sum::<u64>().clamp(1 << 12, 1 << 18), 1);
         let eye = view::eye(&self.land);
-        let sampler = Sampler::new(&self.land, species.habitat, stream, side, eye, species.clearing);
-        Scatter {
+        let sampler = DensitySampler::new(&self.land, species.habitat, stream, side, eye, species.clearing);
+        SpeciesScatter {
             species,
             ground: self.ground(),
             sampler,
@@ -119,7 +119,7 @@ impl Island {
 }
 
 /// Placements of each species, such that the meshes they place are exactly `instances`.
-fn counts(plants: &Plants, instances: u64) -> Vec<u64> {
+fn counts(plants: &PlantCatalog, instances: u64) -> Vec<u64> {
     let sizes: Vec<u64> = plants.species.iter().map(|s| plants.flat(s.variants[0]).len() as u64).collect();
     let mut counts: Vec<u64> = plants
         .species
@@ -146,7 +146,7 @@ fn counts(plants: &Plants, instances: u64) -> Vec<u64> {
 
 /// Quads of a shape of weight 1: as many as make the mean instance as heavy as Moana's, if the unique quads allow it.
 #[expect(clippy::cast_precision_loss, reason = "a target, not a count")]
-fn unit(plants: &Plants, counts: &[u64], instances: u64, unique_quads: u64) -> f64 {
+fn unit(plants: &PlantCatalog, counts: &[u64], instances: u64, unique_quads: u64) -> f64 {
     let weights = plants::weights();
     let mut placed = 0.0;
     for (species, &count) in plants.species.iter().zip(counts) {
@@ -160,8 +160,8 @@ fn unit(plants: &Plants, counts: &[u64], instances: u64, unique_quads: u64) -> f
 }
 
 /// Fills `db` with the scene; gives what was put in.
-pub fn build(db: &mut SceneDb, parameters: &Parameters) -> Result<Prims> {
-    let prims = Prims::new(parameters)?;
+pub fn build(db: &mut SceneDb, parameters: &IslandParameters) -> Result<IslandPrims> {
+    let prims = IslandPrims::new(parameters)?;
     prims.insert(db);
     Ok(prims)
 }

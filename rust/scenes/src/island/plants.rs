@@ -7,18 +7,18 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use super::land::Habitat;
-use super::random::Random;
-use super::soup::{Soup, flower, frond, leaves, lump, trunk, trunk_at, tuft};
+use super::random::KeyedRandom;
+use super::soup::{QuadSoup, flower, frond, leaves, lump, trunk, trunk_at, tuft};
 
 /// A uniform scale, then a turn, then a shift.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
+pub(crate) struct PlantPlacement {
     pub(crate) at: DVec3,
     pub(crate) turn: DQuat,
     pub(crate) scale: f64,
 }
 
-impl Place {
+impl PlantPlacement {
     /// First `inner`, then this.
     pub(crate) fn of(&self, inner: &Self) -> Self {
         Self {
@@ -31,19 +31,19 @@ impl Place {
 
 /// What a part or a species shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Item {
-    /// Index into [`Plants::shapes`].
+pub(crate) enum PlantItem {
+    /// Index into [`PlantCatalog::shapes`].
     Shape(usize),
-    /// Index into [`Plants::clumps`].
+    /// Index into [`PlantCatalog::clumps`].
     Clump(usize),
 }
 
 /// A few things that always stand together.
 #[derive(Debug)]
-pub(crate) struct Clump {
+pub(crate) struct PlantClump {
     pub(crate) name: String,
-    /// Clumps among them come earlier in [`Plants::clumps`].
-    pub(crate) parts: Vec<(Item, Place)>,
+    /// Clumps among them come earlier in [`PlantCatalog::clumps`].
+    pub(crate) parts: Vec<(PlantItem, PlantPlacement)>,
 }
 
 /// A thing that grows in one habitat.
@@ -54,7 +54,7 @@ pub(crate) struct Species {
     /// Part of all instances, counted as meshes; 0 = what is left over.
     pub(crate) share: f64,
     /// Shown in turn.
-    pub(crate) variants: Vec<Item>,
+    pub(crate) variants: Vec<PlantItem>,
     /// Least and greatest scale.
     pub(crate) scale: [f64; 2],
     /// True: as many small ones as there are few large ones (even in the logarithm), false: even.
@@ -69,23 +69,23 @@ pub(crate) struct Species {
 
 /// A named mesh.
 #[derive(Debug)]
-pub(crate) struct Shape {
+pub(crate) struct PlantShape {
     pub(crate) name: String,
-    pub(crate) soup: Soup,
+    pub(crate) soup: QuadSoup,
 }
 
 /// All of it.
 #[derive(Debug)]
-pub(crate) struct Plants {
-    pub(crate) shapes: Vec<Shape>,
-    pub(crate) clumps: Vec<Clump>,
+pub(crate) struct PlantCatalog {
+    pub(crate) shapes: Vec<PlantShape>,
+    pub(crate) clumps: Vec<PlantClump>,
     pub(crate) species: Vec<Species>,
 }
 
-type Maker = fn(u64, &mut Random) -> Soup;
+type ShapeMaker = fn(u64, &mut KeyedRandom) -> QuadSoup;
 
 /// (name, variants, quads relative to the others, maker).
-const SHAPES: &[(&str, u64, f64, Maker)] = &[
+const SHAPES: &[(&str, u64, f64, ShapeMaker)] = &[
     ("pebble", 8, 0.6, pebble),
     ("shell", 3, 0.6, |quads, random| {
         let size = DVec3::new(0.03, 0.012, 0.024) * random.range(0.7, 1.3);
@@ -95,7 +95,7 @@ const SHAPES: &[(&str, u64, f64, Maker)] = &[
         trunk(quads, random.range(0.3, 0.9), 0.011, random.range(0.05, 0.3), DVec3::new(0.33, 0.27, 0.21))
     }),
     ("litter", 2, 0.3, |quads, random| {
-        let mut soup = Soup::of_color(DVec3::new(0.30, 0.20, 0.09));
+        let mut soup = QuadSoup::of_color(DVec3::new(0.30, 0.20, 0.09));
         leaves(&mut soup, quads.max(4), DVec3::ZERO, DVec3::new(0.12, 0.02, 0.12), 1.0, random);
         soup
     }),
@@ -115,7 +115,7 @@ const SHAPES: &[(&str, u64, f64, Maker)] = &[
     }),
     ("leaves", 4, 1.5, |quads, random| {
         let tint = DVec3::new(0.07, 0.15, 0.035) * random.range(0.7, 1.5);
-        let mut soup = Soup::of_color(tint);
+        let mut soup = QuadSoup::of_color(tint);
         leaves(&mut soup, quads.max(6), DVec3::ZERO, DVec3::splat(0.34), 1.0, random);
         soup
     }),
@@ -133,16 +133,16 @@ const SHAPES: &[(&str, u64, f64, Maker)] = &[
 /// Height of a palm's trunk, metres.
 const PALM_HEIGHT: f64 = 8.0;
 
-fn palm_bend(random: &mut Random) -> f64 {
+fn palm_bend(random: &mut KeyedRandom) -> f64 {
     random.range(0.08, 0.3)
 }
 
 /// The stream that makes shape number `k`.
-fn shape_stream(seed: u64, k: usize) -> Random {
-    Random::new(&[seed, 0x5a, k as u64])
+fn shape_stream(seed: u64, k: usize) -> KeyedRandom {
+    KeyedRandom::new(&[seed, 0x5a, k as u64])
 }
 
-fn pebble(quads: u64, random: &mut Random) -> Soup {
+fn pebble(quads: u64, random: &mut KeyedRandom) -> QuadSoup {
     let size = DVec3::new(1.0, random.range(0.45, 0.75), random.range(0.7, 1.0));
     let grey = DVec3::new(0.30, 0.27, 0.24) * random.range(0.5, 1.6);
     lump(quads, DVec3::ZERO, size, 0.12, grey, random)
@@ -153,11 +153,11 @@ pub(crate) fn weights() -> Vec<f64> {
     SHAPES.iter().flat_map(|&(_, variants, weight, _)| (0..variants).map(move |_| weight)).collect()
 }
 
-impl Plants {
-    /// Everything but the meshes, which come with [`Plants::make_shapes`].
+impl PlantCatalog {
+    /// Everything but the meshes, which come with [`PlantCatalog::make_shapes`].
     pub(crate) fn new(seed: u64) -> Self {
         let names = SHAPES.iter().flat_map(|&(name, variants, ..)| (0..variants).map(move |k| format!("{name}_{k}")));
-        let shapes = names.map(|name| Shape { name, soup: Soup::default() }).collect();
+        let shapes = names.map(|name| PlantShape { name, soup: QuadSoup::default() }).collect();
         let mut plants = Self { shapes, clumps: Vec::new(), species: Vec::new() };
         plants.add_species(seed);
         plants
@@ -165,7 +165,7 @@ impl Plants {
 
     /// Makes the meshes, `unit` quads times their weight each, in parallel.
     pub(crate) fn make_shapes(&mut self, unit: f64, seed: u64) {
-        let makers: Vec<(f64, Maker)> =
+        let makers: Vec<(f64, ShapeMaker)> =
             SHAPES.iter().flat_map(|&(_, n, weight, maker)| (0..n).map(move |_| (weight, maker))).collect();
         self.shapes.par_iter_mut().zip(makers).enumerate().for_each(|(k, (shape, (weight, maker)))| {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive and moderate")]
@@ -175,16 +175,22 @@ impl Plants {
     }
 
     /// The variants of a kind of shape.
-    pub(crate) fn all(&self, kind: &str) -> Vec<Item> {
-        let is_kind = |shape: &Shape| shape.name.rsplit_once('_').is_some_and(|(name, _)| name == kind);
-        self.shapes.iter().enumerate().filter(|(_, s)| is_kind(s)).map(|(k, _)| Item::Shape(k)).collect()
+    pub(crate) fn all(&self, kind: &str) -> Vec<PlantItem> {
+        let is_kind = |shape: &PlantShape| shape.name.rsplit_once('_').is_some_and(|(name, _)| name == kind);
+        self.shapes.iter().enumerate().filter(|(_, s)| is_kind(s)).map(|(k, _)| PlantItem::Shape(k)).collect()
     }
 
     /// Adds `variants` clumps of the same `groups`.
-    pub(crate) fn add_clumps(&mut self, name: &str, variants: u64, groups: &[Group<'_>], seed: u64) -> Vec<Item> {
+    pub(crate) fn add_clumps(
+        &mut self,
+        name: &str,
+        variants: u64,
+        groups: &[ClumpGroup<'_>],
+        seed: u64,
+    ) -> Vec<PlantItem> {
         let first = self.clumps.len();
         for variant in 0..variants {
-            let mut random = Random::new(&[seed, 0xc1, first as u64, variant]);
+            let mut random = KeyedRandom::new(&[seed, 0xc1, first as u64, variant]);
             let mut parts = Vec::new();
             for group in groups {
                 let skip = random.range(0.0, 8.0).floor();
@@ -194,16 +200,16 @@ impl Plants {
                     parts.push((*item, (group.place)(part, &mut random)));
                 }
             }
-            self.clumps.push(Clump { name: format!("{name}_{variant}"), parts });
+            self.clumps.push(PlantClump { name: format!("{name}_{variant}"), parts });
         }
-        (first..self.clumps.len()).map(Item::Clump).collect()
+        (first..self.clumps.len()).map(PlantItem::Clump).collect()
     }
 
     /// Where the trunk of a palm ends.
-    pub(crate) fn trunk_top(&self, trunk: Item, seed: u64) -> DVec3 {
+    pub(crate) fn trunk_top(&self, trunk: PlantItem, seed: u64) -> DVec3 {
         match trunk {
-            Item::Shape(k) => trunk_at(1.0, PALM_HEIGHT, palm_bend(&mut shape_stream(seed, k))),
-            Item::Clump(_) => DVec3::ZERO,
+            PlantItem::Shape(k) => trunk_at(1.0, PALM_HEIGHT, palm_bend(&mut shape_stream(seed, k))),
+            PlantItem::Clump(_) => DVec3::ZERO,
         }
     }
 
@@ -213,14 +219,14 @@ impl Plants {
     }
 
     /// All shapes of an item with their places, clumps taken apart.
-    pub(crate) fn flat(&self, item: Item) -> Vec<(usize, Place)> {
+    pub(crate) fn flat(&self, item: PlantItem) -> Vec<(usize, PlantPlacement)> {
         match item {
-            Item::Shape(shape) => {
-                vec![(shape, Place { at: DVec3::ZERO, turn: DQuat::IDENTITY, scale: 1.0 })]
+            PlantItem::Shape(shape) => {
+                vec![(shape, PlantPlacement { at: DVec3::ZERO, turn: DQuat::IDENTITY, scale: 1.0 })]
             }
-            Item::Clump(clump) => {
+            PlantItem::Clump(clump) => {
                 let parts = &self.clumps[clump].parts;
-                let inner = |(item, place): &(Item, Place)| {
+                let inner = |(item, place): &(PlantItem, PlantPlacement)| {
                     let place = *place;
                     self.flat(*item).into_iter().map(move |(shape, inner)| (shape, place.of(&inner)))
                 };
@@ -231,11 +237,11 @@ impl Plants {
 }
 
 /// Equal parts of a clump.
-pub(crate) struct Group<'a> {
+pub(crate) struct ClumpGroup<'a> {
     /// Shown in turn.
-    pub(crate) items: &'a [Item],
+    pub(crate) items: &'a [PlantItem],
     /// How many.
     pub(crate) count: u32,
     /// Where the part goes that has this fraction of the others before it.
-    pub(crate) place: &'a dyn Fn(f64, &mut Random) -> Place,
+    pub(crate) place: &'a dyn Fn(f64, &mut KeyedRandom) -> PlantPlacement,
 }

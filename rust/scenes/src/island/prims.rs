@@ -2,7 +2,7 @@
 //! The island as prims: the one description behind the scene database and the USD file.
 //!
 //! Paths are those of the USD stage. `BASE` is `/World/Island`, or `/World/Copies/Island` when an instancer copies it:
-//! - `BASE/Unique/NAME`: meshes that appear once (under `--flatten` with copies: prototypes of `BASE/Unique`)
+//! - `BASE/UniqueMesh/NAME`: meshes that appear once (under `--flatten` with copies: prototypes of `BASE/UniqueMesh`)
 //! - `BASE/Library/NAME`: meshes and clumps, the prototypes (USD: below an empty instancer, so that nothing shows them)
 //! - `BASE/SPECIES`, or `BASE/SPECIES_c007` for copy 7: point instancers
 //! - `/World/Ocean`, `/World/Sky`, `/World/Sun`, `/World/Camera`
@@ -19,10 +19,10 @@ use oocpt_core::scene::{
 };
 use rustc_hash::FxHashMap;
 
-use super::plants::{Item, Place};
-use super::scatter::Places;
-use super::soup::Soup;
-use super::{Island, Parameters, uniques, view};
+use super::plants::{PlantItem, PlantPlacement};
+use super::scatter::ScatteredInstances;
+use super::soup::QuadSoup;
+use super::{Island, IslandParameters, uniques, view};
 
 /// Distance of copies, in half sides of an island.
 const SPACING: f64 = 2.3;
@@ -31,7 +31,7 @@ const OCEAN: f64 = 60.0;
 
 /// Everything in the scene but the camera.
 #[derive(Debug)]
-pub struct Prims {
+pub struct IslandPrims {
     /// Unique meshes and prototypes.
     pub meshes: Vec<MeshDesc>,
     /// All point instancers.
@@ -56,22 +56,22 @@ pub(crate) fn copy_transform(c: u32, half: f64) -> DMat4 {
 }
 
 /// Collects prims; remembers who shows what.
-struct Builder<'a> {
+struct PrimBuilder<'a> {
     island: &'a Island,
-    parameters: &'a Parameters,
+    parameters: &'a IslandParameters,
     base: &'static str,
-    prims: Prims,
+    prims: IslandPrims,
     /// By the path of a prototype: who shows it.
     shown_by: FxHashMap<Arc<str>, Vec<InstancedBy>>,
 }
 
-impl Prims {
+impl IslandPrims {
     /// Makes the island.
-    pub fn new(parameters: &Parameters) -> Result<Self> {
+    pub fn new(parameters: &IslandParameters) -> Result<Self> {
         parameters.check()?;
         let mut island = Island::new(parameters);
         let copied = parameters.copies > 1 && !parameters.flatten;
-        let mut builder = Builder {
+        let mut builder = PrimBuilder {
             island: &island,
             parameters,
             base: if copied { "/World/Copies/Island" } else { "/World/Island" },
@@ -83,9 +83,9 @@ impl Prims {
         if !parameters.flatten {
             builder.add_clumps()?;
         }
-        let Builder { mut prims, shown_by, base, .. } = builder;
+        let PrimBuilder { mut prims, shown_by, base, .. } = builder;
         let land = island.land;
-        let mut add = |path: Arc<str>, soup: Soup, place: DMat4| -> Result<()> {
+        let mut add = |path: Arc<str>, soup: QuadSoup, place: DMat4| -> Result<()> {
             let instanced_by = shown_by.get(&path).cloned().unwrap_or_default();
             prims.quads += soup.quads.len() as u64;
             let id = i32::try_from(prims.meshes.len())?;
@@ -154,10 +154,10 @@ impl Prims {
     }
 }
 
-impl Builder<'_> {
+impl PrimBuilder<'_> {
     /// The instancers of the species, once or once per copy; copies share their arrays unless they are distinct.
     fn add_species(&mut self) -> Result<()> {
-        let Parameters { flatten, distinct, .. } = *self.parameters;
+        let IslandParameters { flatten, distinct, .. } = *self.parameters;
         let copies = if flatten { self.parameters.copies } else { 1 };
         for (k, species) in self.island.plants.species.iter().enumerate() {
             let (mut places, mut prototypes) = if flatten { self.flat(k, 0)? } else { self.nested(k)? };
@@ -178,9 +178,9 @@ impl Builder<'_> {
     fn nested(&self, k: usize) -> Result<(InstancerDesc, Vec<InstancerPrototype>)> {
         let scatter = self.island.scatter(k, 0);
         let count = usize::try_from(scatter.count)?;
-        let places = Places::new(count, 1, |i, put| put(scatter.place(i)));
+        let places = ScatteredInstances::new(count, 1, |i, put| put(scatter.place(i)));
         let variants = &scatter.species.variants;
-        let prototype = |(v, item): (usize, &Item)| {
+        let prototype = |(v, item): (usize, &PlantItem)| {
             let indices = numbers(v, variants.len(), count)?;
             Ok(InstancerPrototype { root: self.root(*item), indices })
         };
@@ -193,7 +193,7 @@ impl Builder<'_> {
         let flats: Vec<_> = scatter.species.variants.iter().map(|v| self.island.plants.flat(*v)).collect();
         let (variants, each) = (flats.len(), flats.first().map_or(0, Vec::len));
         let count = usize::try_from(scatter.count)?;
-        let places = Places::new(count, each, |i, put| {
+        let places = ScatteredInstances::new(count, each, |i, put| {
             let place = scatter.place(i);
             for (_, inner) in &flats[usize::try_from(i).unwrap_or(0) % variants] {
                 put(place.of(inner));
@@ -209,7 +209,7 @@ impl Builder<'_> {
         let prototype = |(shape, mut list): (usize, Vec<i32>)| {
             list.shrink_to_fit();
             let indices = TypedArray::of(list);
-            InstancerPrototype { root: self.root(Item::Shape(shape)), indices }
+            InstancerPrototype { root: self.root(PlantItem::Shape(shape)), indices }
         };
         Ok((arrays(places)?, indices.into_iter().map(prototype).collect()))
     }
@@ -217,21 +217,21 @@ impl Builder<'_> {
     /// One instancer per clump, with its parts.
     fn add_clumps(&mut self) -> Result<()> {
         for (k, clump) in self.island.plants.clumps.iter().enumerate() {
-            let places = Places::new(clump.parts.len(), 1, |i, put| {
+            let places = ScatteredInstances::new(clump.parts.len(), 1, |i, put| {
                 put(clump.parts[usize::try_from(i).unwrap_or(0)].1);
             });
-            let mut items: Vec<Item> = Vec::new();
+            let mut items: Vec<PlantItem> = Vec::new();
             for (item, _) in &clump.parts {
                 if !items.contains(item) {
                     items.push(*item);
                 }
             }
-            let prototype = |item: Item| {
+            let prototype = |item: PlantItem| {
                 let numbers = (0_i32..).zip(&clump.parts).filter(|(_, (part, _))| *part == item).map(|(i, _)| i);
                 InstancerPrototype { root: self.root(item), indices: TypedArray::of(numbers.collect::<Vec<i32>>()) }
             };
             let prototypes = items.into_iter().map(prototype).collect();
-            let prim = prim(self.root(Item::Clump(k)), DMat4::IDENTITY, Vec::new());
+            let prim = prim(self.root(PlantItem::Clump(k)), DMat4::IDENTITY, Vec::new());
             self.add(InstancerDesc { prim, prototypes, ..arrays(places)? });
         }
         // Who shows a clump is known only now.
@@ -245,7 +245,7 @@ impl Builder<'_> {
 
     /// Copies of a flattened island: its unique meshes are instanced too.
     fn add_unique_places(&mut self) -> Result<()> {
-        let Parameters { copies, flatten, .. } = *self.parameters;
+        let IslandParameters { copies, flatten, .. } = *self.parameters;
         if !flatten || copies == 1 {
             return Ok(());
         }
@@ -271,11 +271,11 @@ impl Builder<'_> {
     }
 
     /// The path of a prototype.
-    fn root(&self, item: Item) -> Arc<str> {
+    fn root(&self, item: PlantItem) -> Arc<str> {
         let plants = &self.island.plants;
         match item {
-            Item::Shape(k) => library(self.base, &plants.shapes[k].name),
-            Item::Clump(k) => library(self.base, &plants.clumps[k].name),
+            PlantItem::Shape(k) => library(self.base, &plants.shapes[k].name),
+            PlantItem::Clump(k) => library(self.base, &plants.clumps[k].name),
         }
     }
 }
@@ -284,7 +284,7 @@ fn library(base: &str, name: &str) -> Arc<str> {
     format!("{base}/Library/{name}").into()
 }
 
-fn matrix(place: &Place) -> DMat4 {
+fn matrix(place: &PlantPlacement) -> DMat4 {
     DMat4::from_scale_rotation_translation(DVec3::splat(place.scale), place.turn, place.at)
 }
 
@@ -295,7 +295,7 @@ fn numbers(first: usize, step: usize, end: usize) -> Result<TypedArray> {
 }
 
 /// An instancer with these arrays and nothing else.
-fn arrays(places: Places) -> Result<InstancerDesc> {
+fn arrays(places: ScatteredInstances) -> Result<InstancerDesc> {
     Ok(InstancerDesc {
         prim: prim("", DMat4::IDENTITY, Vec::new()),
         prototypes: Vec::new(),
@@ -328,7 +328,7 @@ fn of_matrices(prim: PrimDesc, prototypes: Vec<InstancerPrototype>, transforms: 
 }
 
 /// A mesh prim of a soup.
-fn mesh(prim: PrimDesc, prim_id: i32, soup: Soup) -> Result<MeshDesc> {
+fn mesh(prim: PrimDesc, prim_id: i32, soup: QuadSoup) -> Result<MeshDesc> {
     let interpolation = match soup.colors.len() {
         1 => Interpolation::Constant,
         n if n == soup.quads.len() => Interpolation::Uniform,

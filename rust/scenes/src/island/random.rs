@@ -3,7 +3,7 @@
 
 /// A stream of numbers that belongs to a key: the same key gives the same stream, whoever asks and in which order.
 #[derive(Clone, Debug)]
-pub(crate) struct Random(u64);
+pub(crate) struct KeyedRandom(u64);
 
 /// The finaliser of `SplitMix64` (Steele, Lea, Flood 2014).
 fn mix(z: u64) -> u64 {
@@ -17,7 +17,7 @@ pub(crate) fn hash(key: &[u64]) -> u64 {
     key.iter().fold(0x9e37_79b9_7f4a_7c15, |state, part| mix(state ^ mix(part.wrapping_add(0x9e37_79b9_7f4a_7c15))))
 }
 
-impl Random {
+impl KeyedRandom {
     /// The stream of `key`.
     pub(crate) fn new(key: &[u64]) -> Self {
         Self(hash(key))
@@ -66,9 +66,9 @@ fn unit(bits: u64) -> f64 {
 
 /// Smooth value noise in the plane, summed over octaves.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Noise(pub(crate) u64);
+pub(crate) struct ValueNoise(pub(crate) u64);
 
-impl Noise {
+impl ValueNoise {
     /// Value of one lattice point, -1 to 1.
     fn lattice(self, x: f64, z: f64) -> f64 {
         2.0 * unit(hash(&[self.0, x.to_bits(), z.to_bits()])) - 1.0
@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn a_stream_belongs_to_its_key() {
         let draw = |key: &[u64]| {
-            let mut random = Random::new(key);
+            let mut random = KeyedRandom::new(key);
             [random.unit(), random.unit(), random.normal()]
         };
         assert!(draw(&[1, 2]) == draw(&[1, 2]), "the same key twice");
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn noise_is_continuous_and_varied() {
-        let noise = Noise(3);
+        let noise = ValueNoise(3);
         let values: Vec<f64> = (0..4000_i32).map(|i| noise.at(f64::from(i) * 0.01 - 20.0, 0.3, 5.0, 4)).collect();
         let step = values.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
         let (low, high) = values.iter().fold((0.0_f64, 0.0_f64), |(l, h), &v| (l.min(v), h.max(v)));

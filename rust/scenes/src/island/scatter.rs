@@ -7,9 +7,9 @@ use glam::{DQuat, DVec3};
 use half::f16;
 use rayon::prelude::*;
 
-use super::land::{Habitat, Land};
-use super::plants::{Place, Species};
-use super::random::Random;
+use super::land::{Habitat, IslandTerrain};
+use super::plants::{PlantPlacement, Species};
+use super::random::KeyedRandom;
 
 /// Placements filled by one task.
 const TASK: usize = 1 << 12;
@@ -18,7 +18,7 @@ const STRIDE: u64 = 4_294_967_291;
 
 /// The terrain as its mesh has it, so that things stand on what is drawn.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Ground<'a> {
+pub(crate) struct TerrainMesh<'a> {
     /// Of a square grid of `side * side` quads, rows along z.
     pub(crate) points: &'a [[f32; 3]],
     /// Quads along one side.
@@ -27,7 +27,7 @@ pub(crate) struct Ground<'a> {
     pub(crate) half: f64,
 }
 
-impl Ground<'_> {
+impl TerrainMesh<'_> {
     /// Height and unit normal.
     pub(crate) fn at(&self, x: f64, z: f64) -> (f64, DVec3) {
         let cells = f64::from(self.side);
@@ -50,16 +50,23 @@ impl Ground<'_> {
 
 /// Draws places in proportion to a density that is constant in each cell of a grid.
 #[derive(Debug)]
-pub(crate) struct Sampler {
+pub(crate) struct DensitySampler {
     side: u32,
     half: f64,
     /// Sum of the densities of all cells up to and with this one.
     sums: Vec<f64>,
 }
 
-impl Sampler {
+impl DensitySampler {
     /// `stream` tells the species' patches from others'; nothing comes within `clearing` metres of `eye`.
-    pub(crate) fn new(land: &Land, habitat: Habitat, stream: u64, side: u32, eye: DVec3, clearing: f64) -> Self {
+    pub(crate) fn new(
+        land: &IslandTerrain,
+        habitat: Habitat,
+        stream: u64,
+        side: u32,
+        eye: DVec3,
+        clearing: f64,
+    ) -> Self {
         let cell = 2.0 * land.half / f64::from(side);
         let rows = 0..side;
         let mut sums: Vec<f64> = rows
@@ -82,7 +89,7 @@ impl Sampler {
     }
 
     /// The place that `at` in [0, 1) of the density lies before, anywhere in its cell.
-    pub(crate) fn draw(&self, at: f64, random: &mut Random) -> (f64, f64) {
+    pub(crate) fn draw(&self, at: f64, random: &mut KeyedRandom) -> (f64, f64) {
         let wanted = at * self.sums.last().copied().unwrap_or(0.0);
         let index = self.sums.partition_point(|&sum| sum <= wanted).min(self.sums.len().saturating_sub(1));
         let (row, column) = (index / self.side as usize, index % self.side as usize);
@@ -95,20 +102,20 @@ impl Sampler {
 
 /// Everything that places one species.
 #[derive(Debug)]
-pub(crate) struct Scatter<'a> {
+pub(crate) struct SpeciesScatter<'a> {
     pub(crate) species: &'a Species,
-    pub(crate) ground: Ground<'a>,
-    pub(crate) sampler: Sampler,
+    pub(crate) ground: TerrainMesh<'a>,
+    pub(crate) sampler: DensitySampler,
     /// Placements in all.
     pub(crate) count: u64,
     /// Seed and species.
     pub(crate) key: [u64; 2],
 }
 
-impl Scatter<'_> {
+impl SpeciesScatter<'_> {
     /// Placement `i`.
-    pub(crate) fn place(&self, i: u64) -> Place {
-        let mut random = Random::new(&[self.key[0], self.key[1], i]);
+    pub(crate) fn place(&self, i: u64) -> PlantPlacement {
+        let mut random = KeyedRandom::new(&[self.key[0], self.key[1], i]);
         #[expect(clippy::cast_precision_loss, reason = "a fraction of the density")]
         let at = ((i * STRIDE % self.count.max(1)) as f64 + random.unit()) / self.count as f64;
         let (x, z) = self.sampler.draw(at, &mut random);
@@ -121,22 +128,22 @@ impl Scatter<'_> {
         let (height, normal) = self.ground.at(x, z);
         let up = DVec3::Y.lerp(normal, self.species.lean).normalize();
         let turn = DQuat::from_rotation_arc(DVec3::Y, up) * DQuat::from_rotation_y(random.angle());
-        Place { at: DVec3::new(x, height - self.species.sink * scale, z), turn, scale }
+        PlantPlacement { at: DVec3::new(x, height - self.species.sink * scale, z), turn, scale }
     }
 }
 
 /// Instance arrays, ready to be borrowed.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Places {
+pub(crate) struct ScatteredInstances {
     pub(crate) translations: Vec<[f32; 3]>,
     /// i, j, k, real.
     pub(crate) rotations: Vec<[f16; 4]>,
     pub(crate) scales: Vec<[f32; 3]>,
 }
 
-impl Places {
+impl ScatteredInstances {
     /// `each` instances for each of the placements `0..count`: `fill(i, put)` puts those of placement i, in order.
-    pub(crate) fn new(count: usize, each: usize, fill: impl Fn(u64, &mut dyn FnMut(Place)) + Sync) -> Self {
+    pub(crate) fn new(count: usize, each: usize, fill: impl Fn(u64, &mut dyn FnMut(PlantPlacement)) + Sync) -> Self {
         let total = count * each;
         let mut places = Self {
             translations: vec![[0.0; 3]; total],
@@ -173,11 +180,11 @@ mod tests {
 
     #[test]
     fn arrays_are_filled_in_order() {
-        let places = Places::new(TASK + 3, 2, |i, put| {
+        let places = ScatteredInstances::new(TASK + 3, 2, |i, put| {
             for part in 0..2 {
                 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
                 let at = DVec3::new(i as f64, f64::from(part), 0.0);
-                put(Place { at, turn: DQuat::IDENTITY, scale: 2.0 });
+                put(PlantPlacement { at, turn: DQuat::IDENTITY, scale: 2.0 });
             }
         });
         assert_eq!(places.translations.len(), 2 * TASK + 6, "two each");
@@ -187,8 +194,8 @@ mod tests {
 
     #[test]
     fn draws_follow_the_density() {
-        let sampler = Sampler { side: 2, half: 1.0, sums: vec![0.0, 3.0, 3.0, 4.0] };
-        let mut random = Random::new(&[5]);
+        let sampler = DensitySampler { side: 2, half: 1.0, sums: vec![0.0, 3.0, 3.0, 4.0] };
+        let mut random = KeyedRandom::new(&[5]);
         let draws: Vec<(f64, f64)> = (0..400).map(|i| sampler.draw(f64::from(i) / 400.0, &mut random)).collect();
         let dense = draws.iter().filter(|(x, z)| *x >= 0.0 && *z < 0.0).count();
         assert_eq!(dense, 300, "three quarters go to the cell of three quarters");
@@ -200,7 +207,7 @@ mod tests {
         let height = |x: f32, z: f32| 0.5 * x - 0.25 * z + 1.0;
         let line = [-2.0_f32, 0.0, 2.0];
         let points: Vec<[f32; 3]> = line.iter().flat_map(|&z| line.map(|x| [x, height(x, z), z])).collect();
-        let ground = Ground { points: &points, side: 2, half: 2.0 };
+        let ground = TerrainMesh { points: &points, side: 2, half: 2.0 };
         let (y, normal) = ground.at(1.3, -0.7);
         assert!((y - f64::from(height(1.3, -0.7))).abs() < 1e-6, "{y}");
         assert!(normal.angle_between(DVec3::new(-0.5, 1.0, 0.25)) < 1e-6, "{normal}");

@@ -5,11 +5,11 @@
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-use super::random::Random;
+use super::random::KeyedRandom;
 
 /// A mesh of quads.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Soup {
+pub(crate) struct QuadSoup {
     /// Positions.
     pub(crate) points: Vec<[f32; 3]>,
     /// Four points per quad.
@@ -20,7 +20,7 @@ pub(crate) struct Soup {
     pub(crate) normals: Vec<[f32; 3]>,
 }
 
-impl Soup {
+impl QuadSoup {
     /// A soup of one colour.
     pub(crate) fn of_color(color: DVec3) -> Self {
         Self { colors: vec![color.as_vec3().to_array()], ..Self::default() }
@@ -67,7 +67,7 @@ impl Soup {
     }
 
     /// A closed lump: a cube of `6 n^2` quads blown up to `size`, with bumps of relative height `rough`.
-    pub(crate) fn blob(&mut self, n: u32, center: DVec3, size: DVec3, rough: f64, random: &mut Random) {
+    pub(crate) fn blob(&mut self, n: u32, center: DVec3, size: DVec3, rough: f64, random: &mut KeyedRandom) {
         let waves: Vec<(DVec3, f64)> =
             (0..6).map(|k| (random.direction() * f64::from(2 + k), random.angle())).collect();
         let surface = |direction: DVec3| {
@@ -104,8 +104,15 @@ impl Soup {
 }
 
 /// A lump of at most `quads` quads, at least 24.
-pub(crate) fn lump(quads: u64, center: DVec3, size: DVec3, rough: f64, color: DVec3, random: &mut Random) -> Soup {
-    let mut soup = Soup::of_color(color);
+pub(crate) fn lump(
+    quads: u64,
+    center: DVec3,
+    size: DVec3,
+    rough: f64,
+    color: DVec3,
+    random: &mut KeyedRandom,
+) -> QuadSoup {
+    let mut soup = QuadSoup::of_color(color);
     soup.blob(side_of(quads.max(24), 6), center, size, rough, random);
     soup
 }
@@ -120,8 +127,8 @@ fn whole(quads: u64) -> u32 {
 }
 
 /// A trunk or stick: a bent tube.
-pub(crate) fn trunk(quads: u64, height: f64, radius: f64, bend: f64, color: DVec3) -> Soup {
-    let mut soup = Soup::of_color(color);
+pub(crate) fn trunk(quads: u64, height: f64, radius: f64, bend: f64, color: DVec3) -> QuadSoup {
+    let mut soup = QuadSoup::of_color(color);
     let sides = if quads >= 64 { 8 } else { 5 };
     let segments = whole(quads / u64::from(sides)).max(2);
     let thick = |t: f64| radius * (1.0 - 0.55 * t + 0.9 * (-18.0 * t).exp());
@@ -135,8 +142,8 @@ pub(crate) fn trunk_at(t: f64, height: f64, bend: f64) -> DVec3 {
 }
 
 /// A feather leaf along +x that first rises, then droops: leaflets on both sides of a spine. `length` metres.
-pub(crate) fn frond(quads: u64, length: f64, droop: f64, color: DVec3, random: &mut Random) -> Soup {
-    let mut soup = Soup::of_color(color);
+pub(crate) fn frond(quads: u64, length: f64, droop: f64, color: DVec3, random: &mut KeyedRandom) -> QuadSoup {
+    let mut soup = QuadSoup::of_color(color);
     let leaflets = whole(quads).max(6);
     let spine = |t: f64| DVec3::new(length * t * (1.0 - 0.18 * droop * t), length * t * (0.45 - droop * t), 0.0);
     for leaflet in 0..leaflets {
@@ -152,8 +159,8 @@ pub(crate) fn frond(quads: u64, length: f64, droop: f64, color: DVec3, random: &
 }
 
 /// Grass: blades of two quads each.
-pub(crate) fn tuft(quads: u64, height: f64, color: DVec3, random: &mut Random) -> Soup {
-    let mut soup = Soup::of_color(color);
+pub(crate) fn tuft(quads: u64, height: f64, color: DVec3, random: &mut KeyedRandom) -> QuadSoup {
+    let mut soup = QuadSoup::of_color(color);
     let blades = whole(quads / 2).max(3);
     let width = (0.9 * height / f64::from(blades)).clamp(0.006 * height, 0.05 * height);
     for _ in 0..blades {
@@ -174,7 +181,14 @@ pub(crate) fn tuft(quads: u64, height: f64, color: DVec3, random: &mut Random) -
 }
 
 /// Leaves in a ball of `radius` metres about `center`, each a quad; as many as it takes to look full.
-pub(crate) fn leaves(soup: &mut Soup, quads: u64, center: DVec3, radius: DVec3, fill: f64, random: &mut Random) {
+pub(crate) fn leaves(
+    soup: &mut QuadSoup,
+    quads: u64,
+    center: DVec3,
+    radius: DVec3,
+    fill: f64,
+    random: &mut KeyedRandom,
+) {
     #[expect(clippy::cast_precision_loss, reason = "a size, not a count")]
     let size = fill * (radius.element_product().cbrt()) * (2.6 / (quads.max(1) as f64).sqrt()).min(0.7);
     for _ in 0..quads {
@@ -188,8 +202,8 @@ pub(crate) fn leaves(soup: &mut Soup, quads: u64, center: DVec3, radius: DVec3, 
 }
 
 /// Petals about +y.
-pub(crate) fn flower(quads: u64, radius: f64, color: DVec3, random: &mut Random) -> Soup {
-    let mut soup = Soup::of_color(color);
+pub(crate) fn flower(quads: u64, radius: f64, color: DVec3, random: &mut KeyedRandom) -> QuadSoup {
+    let mut soup = QuadSoup::of_color(color);
     let petals = whole(quads).max(5);
     for petal in 0..petals {
         let angle = TAU * f64::from(petal % 5) / 5.0 + 0.25 * random.normal();
@@ -201,8 +215,8 @@ pub(crate) fn flower(quads: u64, radius: f64, color: DVec3, random: &mut Random)
 }
 
 /// A tree of exactly `quads` quads (at least 60), `height` metres high: trunk, boughs and a crown of leaf clouds.
-pub(crate) fn tree(quads: u64, height: f64, random: &mut Random) -> Soup {
-    let mut soup = Soup::default();
+pub(crate) fn tree(quads: u64, height: f64, random: &mut KeyedRandom) -> QuadSoup {
+    let mut soup = QuadSoup::default();
     let bark = DVec3::new(0.16, 0.11, 0.08);
     let lean = random.range(-0.12, 0.12);
     let stem = |t: f64| DVec3::new(lean * height * t * t, height * (0.72 * t - 0.04), 0.5 * lean * height * t);
@@ -246,7 +260,7 @@ mod tests {
     #[test]
     fn a_tree_has_the_quads_it_was_asked_for() {
         for quads in [60, 61, 599, 600, 12_345] {
-            let tree = tree(quads, 20.0, &mut Random::new(&[quads]));
+            let tree = tree(quads, 20.0, &mut KeyedRandom::new(&[quads]));
             assert_eq!(tree.quads.len() as u64, quads, "tree of {quads}");
             assert_eq!(tree.colors.len(), tree.quads.len(), "a colour per quad");
         }
@@ -254,8 +268,8 @@ mod tests {
 
     #[test]
     fn a_blob_is_closed_and_faces_outward() {
-        let mut soup = Soup::default();
-        soup.blob(3, DVec3::ZERO, DVec3::ONE, 0.0, &mut Random::new(&[1]));
+        let mut soup = QuadSoup::default();
+        soup.blob(3, DVec3::ZERO, DVec3::ONE, 0.0, &mut KeyedRandom::new(&[1]));
         assert_eq!(soup.quads.len(), 54, "six faces of nine");
         for quad in &soup.quads {
             let [a, b, _, d] = quad.map(|i| glam::Vec3::from(soup.points[usize::try_from(i).unwrap()]));

@@ -3,14 +3,14 @@
 
 use oocpt_core::scene::{SceneCounts, SceneDb};
 
-use super::plants::Plants;
-use super::{Parameters, Prims, build, counts};
+use super::plants::PlantCatalog;
+use super::{IslandParameters, IslandPrims, build, counts};
 
-fn parameters(instances: u64, copies: u32, flatten: bool) -> Parameters {
-    Parameters { instances, unique_quads: 20_000, copies, flatten, distinct: false, seed: 7 }
+fn parameters(instances: u64, copies: u32, flatten: bool) -> IslandParameters {
+    IslandParameters { instances, unique_quads: 20_000, copies, flatten, distinct: false, seed: 7 }
 }
 
-fn committed(parameters: &Parameters) -> SceneCounts {
+fn committed(parameters: &IslandParameters) -> SceneCounts {
     let mut db = SceneDb::new();
     build(&mut db, parameters).expect("parameters in bounds");
     let commit = db.commit();
@@ -21,9 +21,9 @@ fn committed(parameters: &Parameters) -> SceneCounts {
 #[test]
 fn distinct_islands_share_no_array() {
     let shared = parameters(20_000, 3, true);
-    let distinct = Parameters { distinct: true, ..shared };
+    let distinct = IslandParameters { distinct: true, ..shared };
     let [one, three, three_distinct] = [parameters(20_000, 1, true), shared, distinct]
-        .map(|parameters| Prims::new(&parameters).expect("parameters in bounds").array_bytes());
+        .map(|parameters| IslandPrims::new(&parameters).expect("parameters in bounds").array_bytes());
     assert!(three < one + one / 10, "shared: {three} bytes of three, {one} of one");
     assert!(three_distinct > 3 * one - one / 10, "distinct: {three_distinct} bytes of three, {one} of one");
     let [shared, distinct] = [shared, distinct].map(|parameters| committed(&parameters));
@@ -48,7 +48,7 @@ fn counts_are_exact_however_it_is_nested() {
 
 #[test]
 fn every_instance_has_its_species_for_any_number() {
-    let plants = Plants::new(1);
+    let plants = PlantCatalog::new(1);
     for instances in [10_000, 10_001, 123_457, 39_300_000] {
         let placed = plants.species.iter().zip(counts(&plants, instances)).map(|(species, count)| {
             let sizes: Vec<u64> = species.variants.iter().map(|v| plants.flat(*v).len() as u64).collect();
@@ -63,10 +63,10 @@ fn every_instance_has_its_species_for_any_number() {
 fn the_same_parameters_make_the_same_island_on_any_pool() {
     let make = |threads, seed| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        let parameters = Parameters { seed, ..parameters(10_000, 1, true) };
-        pool.install(|| Prims::new(&parameters)).expect("parameters in bounds")
+        let parameters = IslandParameters { seed, ..parameters(10_000, 1, true) };
+        pool.install(|| IslandPrims::new(&parameters)).expect("parameters in bounds")
     };
-    let same = |a: &Prims, b: &Prims| {
+    let same = |a: &IslandPrims, b: &IslandPrims| {
         let pairs = a.instancers.iter().zip(&b.instancers);
         let mut arrays = pairs.flat_map(|(a, b)| [(&a.translations, &b.translations), (&a.rotations, &b.rotations)]);
         let same = |(a, b): (&Option<_>, &Option<_>)| match (a, b) {
@@ -85,8 +85,8 @@ fn the_same_parameters_make_the_same_island_on_any_pool() {
 #[test]
 fn some_places_are_a_thousand_times_denser_and_sizes_span_three_orders() {
     let parameters = parameters(200_000, 1, true);
-    let prims = Prims::new(&parameters).expect("parameters in bounds");
-    let half = super::land::Land::new(parameters.instances, parameters.seed).half;
+    let prims = IslandPrims::new(&parameters).expect("parameters in bounds");
+    let half = super::land::IslandTerrain::new(parameters.instances, parameters.seed).half;
     let side = 32_usize;
     let mut cells = vec![0_u32; side * side];
     for instancer in &prims.instancers {

@@ -4,11 +4,11 @@
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use super::land::{Habitat, Land};
-use super::plants::Place;
-use super::random::Random;
-use super::scatter::{Ground, Sampler};
-use super::soup::{Soup, lump, side_of, tree};
+use super::land::{Habitat, IslandTerrain};
+use super::plants::PlantPlacement;
+use super::random::KeyedRandom;
+use super::scatter::{DensitySampler, TerrainMesh};
+use super::soup::{QuadSoup, lump, side_of, tree};
 use super::view;
 
 /// Quads of the ocean.
@@ -23,10 +23,10 @@ const TREE_QUADS: u64 = 2_500_000;
 
 /// A mesh that appears once on an island.
 #[derive(Debug)]
-pub(crate) struct Unique {
+pub(crate) struct UniqueMesh {
     pub(crate) name: String,
-    pub(crate) soup: Soup,
-    pub(crate) place: Place,
+    pub(crate) soup: QuadSoup,
+    pub(crate) place: PlantPlacement,
 }
 
 /// Trees of an island with so many unique quads.
@@ -40,7 +40,7 @@ pub(crate) fn count(trees: u64) -> u64 {
 }
 
 /// The terrain first, then reefs, then trees: exactly `quads` quads in all.
-pub(crate) fn make(land: &Land, quads: u64, trees: u64, seed: u64) -> Vec<Unique> {
+pub(crate) fn make(land: &IslandTerrain, quads: u64, trees: u64, seed: u64) -> Vec<UniqueMesh> {
     #[expect(
         clippy::cast_precision_loss,
         clippy::cast_possible_truncation,
@@ -49,25 +49,25 @@ pub(crate) fn make(land: &Land, quads: u64, trees: u64, seed: u64) -> Vec<Unique
     )]
     let part = |share: f64| (quads as f64 * share) as u64;
     let side = side_of(part(TERRAIN_PART), 1);
-    let identity = Place { at: DVec3::ZERO, turn: DQuat::IDENTITY, scale: 1.0 };
+    let identity = PlantPlacement { at: DVec3::ZERO, turn: DQuat::IDENTITY, scale: 1.0 };
     let terrain = terrain(land, side);
-    let mut uniques: Vec<Unique> =
+    let mut uniques: Vec<UniqueMesh> =
         (0..REEFS).into_par_iter().map(|k| reef(land, k, part(REEF_PART) / REEFS, seed)).collect();
-    uniques.insert(0, Unique { name: "Terrain".into(), soup: terrain, place: identity });
+    uniques.insert(0, UniqueMesh { name: "Terrain".into(), soup: terrain, place: identity });
     let used: u64 = uniques.iter().map(|unique| unique.soup.quads.len() as u64).sum();
     let left = quads.saturating_sub(used);
-    let ground = Ground { points: &uniques[0].soup.points, side, half: land.half };
+    let ground = TerrainMesh { points: &uniques[0].soup.points, side, half: land.half };
     let spots = tree_spots(land, ground, trees, seed);
-    let made: Vec<Unique> = spots
+    let made: Vec<UniqueMesh> = spots
         .into_par_iter()
         .enumerate()
         .with_max_len(1)
         .map(|(k, place)| {
             let k = k as u64;
-            let mut random = Random::new(&[seed, 0x7e, k]);
+            let mut random = KeyedRandom::new(&[seed, 0x7e, k]);
             let share = left * (k + 1) / trees - left * k / trees;
             let height = random.range(0.7, 1.25) * (5.0 + 0.09 * land.half).min(21.0);
-            Unique { name: format!("Tree_{k}"), soup: tree(share, height, &mut random), place }
+            UniqueMesh { name: format!("Tree_{k}"), soup: tree(share, height, &mut random), place }
         })
         .collect();
     uniques.extend(made);
@@ -75,7 +75,7 @@ pub(crate) fn make(land: &Land, quads: u64, trees: u64, seed: u64) -> Vec<Unique
 }
 
 /// The ground: a grid of `side * side` quads over the island's square.
-fn terrain(land: &Land, side: u32) -> Soup {
+fn terrain(land: &IslandTerrain, side: u32) -> QuadSoup {
     let cell = 2.0 * land.half / f64::from(side);
     let at = |k: u32| f64::from(k) * cell - land.half;
     let rows: Vec<Vec<[[f32; 3]; 3]>> = (0..=side)
@@ -91,7 +91,7 @@ fn terrain(land: &Land, side: u32) -> Soup {
         })
         .collect();
     let all = |k: usize| rows.iter().flatten().map(move |vertex| vertex[k]).collect();
-    let mut soup = Soup { points: all(0), normals: all(1), colors: all(2), ..Soup::default() };
+    let mut soup = QuadSoup { points: all(0), normals: all(1), colors: all(2), ..QuadSoup::default() };
     soup.quads.reserve(side as usize * side as usize);
     for row in 0..i64::from(side) {
         for column in 0..i64::from(side) {
@@ -105,8 +105,8 @@ fn terrain(land: &Land, side: u32) -> Soup {
 }
 
 /// A coral rock that stands out of the shallows in front of the beach.
-fn reef(land: &Land, k: u64, quads: u64, seed: u64) -> Unique {
-    let mut random = Random::new(&[seed, 0x4e, k]);
+fn reef(land: &IslandTerrain, k: u64, quads: u64, seed: u64) -> UniqueMesh {
+    let mut random = KeyedRandom::new(&[seed, 0x4e, k]);
     #[expect(clippy::cast_precision_loss, reason = "a few")]
     let angle = 1.15 + 0.55 * k as f64 + random.range(-0.1, 0.1);
     let radius = random.range(0.80, 0.86) * land.half;
@@ -115,28 +115,28 @@ fn reef(land: &Land, k: u64, quads: u64, seed: u64) -> Unique {
     let color = DVec3::new(0.27, 0.20, 0.17) * random.range(0.7, 1.2);
     let soup = lump(quads, DVec3::ZERO, extent, 0.35, color, &mut random);
     let at = DVec3::new(angle.cos() * radius, -0.1 * size, angle.sin() * radius);
-    Unique {
+    UniqueMesh {
         name: format!("Reef_{k}"),
         soup,
-        place: Place { at, turn: DQuat::from_rotation_y(random.angle()), scale: 1.0 },
+        place: PlantPlacement { at, turn: DQuat::from_rotation_y(random.angle()), scale: 1.0 },
     }
 }
 
 /// Where the trees stand.
-fn tree_spots(land: &Land, ground: Ground<'_>, trees: u64, seed: u64) -> Vec<Place> {
-    let sampler = Sampler::new(land, Habitat::Hills, 0, 96, view::eye(land), 0.12 * land.half);
+fn tree_spots(land: &IslandTerrain, ground: TerrainMesh<'_>, trees: u64, seed: u64) -> Vec<PlantPlacement> {
+    let sampler = DensitySampler::new(land, Habitat::Hills, 0, 96, view::eye(land), 0.12 * land.half);
     let spot = |k: u64| {
-        let mut random = Random::new(&[seed, 0x5b, k]);
+        let mut random = KeyedRandom::new(&[seed, 0x5b, k]);
         let (x, z) = sampler.draw(random.unit(), &mut random);
         let (height, _) = ground.at(x, z);
-        Place { at: DVec3::new(x, height - 0.1, z), turn: DQuat::from_rotation_y(random.angle()), scale: 1.0 }
+        PlantPlacement { at: DVec3::new(x, height - 0.1, z), turn: DQuat::from_rotation_y(random.angle()), scale: 1.0 }
     };
     (0..trees).map(spot).collect()
 }
 
 /// The sea, far beyond all islands: level, so that a few quads do.
-pub(crate) fn ocean(half: f64) -> Soup {
-    let mut soup = Soup::of_color(DVec3::new(0.025, 0.13, 0.17));
+pub(crate) fn ocean(half: f64) -> QuadSoup {
+    let mut soup = QuadSoup::of_color(DVec3::new(0.025, 0.13, 0.17));
     let side = 8_i32;
     for row in 0..=side {
         for column in 0..=side {

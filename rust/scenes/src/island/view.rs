@@ -5,8 +5,8 @@ use glam::{DMat4, DQuat, DVec3, DVec4};
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::{LightDesc, LightKind, PrimDesc};
 
-use super::Parameters;
-use super::land::Land;
+use super::IslandParameters;
+use super::land::IslandTerrain;
 
 /// Horizontal field of view, radians.
 const FIELD_OF_VIEW: f64 = 1.05;
@@ -25,7 +25,7 @@ pub struct StageCamera {
 }
 
 /// Over the shallows in front of the beach.
-pub(crate) fn eye(land: &Land) -> DVec3 {
+pub(crate) fn eye(land: &IslandTerrain) -> DVec3 {
     let (x, mut z) = (0.20 * land.half, 1.2 * land.half);
     // The coast is wavy: come in from the sea until it is near.
     while land.inland(x, z) < -(0.15 * land.half).min(14.0) / land.half && z > 0.0 {
@@ -35,8 +35,8 @@ pub(crate) fn eye(land: &Land) -> DVec3 {
 }
 
 /// World from view.
-fn world_from_view(parameters: &Parameters) -> DMat4 {
-    let land = Land::new(parameters.instances, parameters.seed);
+fn world_from_view(parameters: &IslandParameters) -> DMat4 {
+    let land = IslandTerrain::new(parameters.instances, parameters.seed);
     let eye = eye(&land);
     let target = DVec3::new(-0.22 * land.half, eye.y + 0.03 * land.half, 0.0);
     let back = (eye - target).normalize();
@@ -46,7 +46,7 @@ fn world_from_view(parameters: &Parameters) -> DMat4 {
 }
 
 /// The camera of the scene: over the beach, towards the hills.
-pub fn camera(parameters: &Parameters, width: u32, height: u32) -> Camera {
+pub fn camera(parameters: &IslandParameters, width: u32, height: u32) -> Camera {
     let (w, h) = (f64::from(width), f64::from(height));
     let scale = 1.0 / (0.5 * FIELD_OF_VIEW).tan();
     let [near, far] = CLIPPING;
@@ -70,7 +70,7 @@ pub fn camera(parameters: &Parameters, width: u32, height: u32) -> Camera {
 }
 
 /// The same camera for a stage.
-pub fn stage_camera(parameters: &Parameters) -> StageCamera {
+pub fn stage_camera(parameters: &IslandParameters) -> StageCamera {
     StageCamera { world_from_view: world_from_view(parameters), field_of_view: FIELD_OF_VIEW, clipping: CLIPPING }
 }
 
