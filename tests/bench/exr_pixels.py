@@ -87,3 +87,25 @@ def _unpacked(raw: bytes, size: int) -> bytes:
     made = np.empty(size, np.uint8)
     made[0::2], made[1::2] = halves[:middle], halves[middle:]
     return made.tobytes()
+
+
+def write(path: pathlib.Path, picture: np.ndarray) -> None:
+    """(height, width, 3) as f32 without compression."""
+    height, width = picture.shape[:2]
+    channels = b"".join(name + struct.pack("<IIII", 2, 0, 1, 1) for name in (b"B\0", b"G\0", b"R\0")) + b"\0"
+    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    attributes = [
+        (b"channels", b"chlist", channels), (b"compression", b"compression", b"\0"), (b"dataWindow", b"box2i", window),
+        (b"displayWindow", b"box2i", window), (b"lineOrder", b"lineOrder", b"\0"),
+        (b"pixelAspectRatio", b"float", struct.pack("<f", 1.0)),
+        (b"screenWindowCenter", b"v2f", struct.pack("<2f", 0.0, 0.0)),
+        (b"screenWindowWidth", b"float", struct.pack("<f", 1.0)),
+    ]  # fmt: skip
+    header = b"\x76\x2f\x31\x01\x02\0\0\0" + b"".join(
+        name + b"\0" + kind + b"\0" + struct.pack("<I", len(value)) + value for name, kind, value in attributes
+    )
+    first, size = len(header) + 1 + 8 * height, 12 * width
+    offsets = np.arange(height, dtype="<u8") * (8 + size) + first
+    rows = np.ascontiguousarray(picture[..., ::-1].transpose(0, 2, 1), "<f4")
+    lines = b"".join(struct.pack("<iI", number, size) + row.tobytes() for number, row in enumerate(rows))
+    pathlib.Path(path).write_bytes(header + b"\0" + offsets.tobytes() + lines)

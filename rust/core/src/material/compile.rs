@@ -4,47 +4,14 @@
 use oocpt_abi::{MaterialFlags, MaterialInput, SHARP_ROUGHNESS};
 use std::sync::Arc;
 
-use super::displacement::Displacement;
+use super::compiled::CompiledMaterial;
+use super::compiler::{MAX_NODES, NetworkCompiler};
+use super::inputs::{NEUTRAL, needs};
 use super::materialx::{self, is_materialx};
 use super::params::{NumberShape, ProblemList, connection, numbers, text};
-use super::reader::READER;
-use super::texture::is_texture;
-use super::{InputValue, Material, PTEX_SET, PrimvarSlot, TextureRef, UvSet};
-use crate::desc::{MaterialDesc, NodeDesc};
+use super::{InputValue, Material, PTEX_SET, UvSet};
+use crate::desc::MaterialDesc;
 use oocpt_materialx::program::Program;
-
-/// Most nodes of a network.
-pub const MAX_NODES: usize = 4096;
-
-/// What became of a network.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct CompiledMaterial {
-    /// The material; none where the surface cannot be understood: its meshes look as if they had none.
-    pub material: Option<Material>,
-    /// Textures by the numbers that the inputs have.
-    pub textures: Vec<TextureRef>,
-    /// How it displaces its surfaces, if it does.
-    pub displacement: Option<Arc<Displacement>>,
-    /// What was left out, one line each.
-    pub problems: Vec<String>,
-}
-
-impl CompiledMaterial {
-    /// One line about everything that was left out.
-    #[must_use]
-    pub fn problem(&self) -> Option<String> {
-        (!self.problems.is_empty()).then(|| self.problems.join("; "))
-    }
-}
-
-/// While a network is read.
-pub(super) struct NetworkCompiler<'a> {
-    pub(super) nodes: &'a [NodeDesc],
-    pub(super) problems: ProblemList,
-    pub(super) textures: Vec<TextureRef>,
-    pub(super) uv_sets: Vec<UvSet>,
-    pub(super) primvars: Vec<PrimvarSlot>,
-}
 
 /// Reads the network of `desc`.
 #[must_use]
@@ -86,31 +53,7 @@ const SURFACE: [(&str, NumberShape, [f32; 4]); 10] = [
     ("normal", NumberShape::Color, [0.0, 0.0, 1.0, 1.0]),
 ];
 
-/// Inputs that say nothing. What `UsdPreviewSurface` has no name for keeps them.
-pub(crate) const NEUTRAL: [InputValue; MaterialInput::COUNT] = {
-    let mut inputs = [const { InputValue::Constant([0.0, 0.0, 0.0, 1.0]) }; MaterialInput::COUNT];
-    inputs[MaterialInput::Opacity as usize] = InputValue::Constant([1.0; 4]);
-    inputs[MaterialInput::Ior as usize] = InputValue::Constant([1.5; 4]);
-    inputs[MaterialInput::Normal as usize] = InputValue::Constant([0.0, 0.0, 1.0, 1.0]);
-    inputs[MaterialInput::TransmissionColor as usize] = InputValue::Constant([1.0; 4]);
-    inputs[MaterialInput::CoatIor as usize] = InputValue::Constant([1.5; 4]);
-    inputs[MaterialInput::SheenRoughness as usize] = InputValue::Constant([0.5; 4]);
-    inputs[MaterialInput::Anisotropy as usize] = InputValue::Constant([1.0, 0.0, 1.0, 0.0]);
-    inputs
-};
-
-impl<'a> NetworkCompiler<'a> {
-    /// Notes that nodes of this kind are not understood. Hosts hand over no kind for nodes that they have no definition
-    /// of, such as shaders in a language of a renderer.
-    pub(super) fn unsupported(&mut self, node: &NodeDesc) {
-        let (kind, path) = (&node.kind, &node.path);
-        self.problems.add(if kind.is_empty() {
-            format!("the host has no definition of {path}")
-        } else {
-            format!("nodes of kind `{kind}` ({path}) are not supported")
-        });
-    }
-
+impl NetworkCompiler<'_> {
     fn surface(&mut self, surface: Option<usize>) -> Option<Material> {
         if self.nodes.len() > MAX_NODES {
             self.problems.add(format!("{} nodes are more than the {MAX_NODES} that are supported", self.nodes.len()));
@@ -173,54 +116,4 @@ impl<'a> NetworkCompiler<'a> {
             emission: None,
         })
     }
-
-    /// One input: what it is connected to, else what is authored, else the default.
-    pub(super) fn input(
-        &mut self,
-        node: &'a NodeDesc,
-        name: &str,
-        shape: NumberShape,
-        default: [f32; 4],
-    ) -> InputValue {
-        if let Some(source) = connection(node, name) {
-            let found = match self.nodes.get(source.node) {
-                Some(next) if is_texture(next) => self.texture(next, &source.output),
-                Some(next) if next.kind.starts_with(READER) => self.reader(next),
-                Some(next) => {
-                    self.unsupported(next);
-                    None
-                }
-                None => {
-                    self.problems.add(format!("`{name}` is connected to nothing"));
-                    None
-                }
-            };
-            if let Some(input) = found {
-                return input;
-            }
-        }
-        InputValue::Constant(numbers(node, name, shape, default, &mut self.problems))
-    }
-}
-
-/// What can be told from the inputs alone.
-pub(super) fn needs(inputs: &[InputValue; MaterialInput::COUNT]) -> MaterialFlags {
-    let differs = |name: MaterialInput, from: [f32; 3]| match &inputs[name as usize] {
-        InputValue::Constant([x, y, z, _]) => [*x, *y, *z] != from,
-        _ => true,
-    };
-    let emits = match &inputs[MaterialInput::EmissiveColor as usize] {
-        InputValue::Constant([r, g, b, _]) => *r > 0.0 || *g > 0.0 || *b > 0.0,
-        _ => true,
-    };
-    let coated = match &inputs[MaterialInput::Clearcoat as usize] {
-        InputValue::Constant([value, ..]) => *value > 0.0,
-        _ => true,
-    };
-    let mut flags = MaterialFlags::empty();
-    flags.set(MaterialFlags::EMISSIVE, emits);
-    flags.set(MaterialFlags::COAT, coated);
-    flags.set(MaterialFlags::NORMAL_MAP, differs(MaterialInput::Normal, [0.0, 0.0, 1.0]));
-    flags.set(MaterialFlags::TEXTURED, inputs.iter().any(|input| matches!(input, InputValue::Texture { .. })));
-    flags
 }

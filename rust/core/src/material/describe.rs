@@ -10,8 +10,11 @@ use oocpt_materialx::listing::{ListingNames, ProgramCost, formulas, instructions
 use oocpt_materialx::program::Program;
 use serde::{Deserialize, Serialize};
 
-use super::compile::{CompiledMaterial, MAX_NODES, NEUTRAL, compile};
+use super::compile::compile;
+use super::compiled::CompiledMaterial;
+use super::compiler::MAX_NODES;
 use super::displacement::{Displacement, PatternDisplacement, PreviewDisplacement};
+use super::inputs::NEUTRAL;
 use super::materialx::is_materialx;
 use super::{InputValue, Material, TextureRef};
 use crate::desc::{MaterialDesc, NodeDesc, ParamValue};

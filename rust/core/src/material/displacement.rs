@@ -12,7 +12,7 @@ use oocpt_materialx::program::{Instruction, Program, ProgramLookup};
 use rustc_hash::FxHasher;
 use xxhash_rust::xxh3::Xxh3;
 
-use super::compile::NetworkCompiler;
+use super::compiler::NetworkCompiler;
 use super::params::{NumberShape, connection, numbers};
 use super::{InputValue, PTEX_SET, TextureRef, UvSet};
 use crate::desc::MaterialDesc;

@@ -16,8 +16,10 @@ use oocpt_materialx::uses::{AddressMode, MaterialTexture};
 use oocpt_materialx::value::{FileRef, PortValue};
 use oocpt_materialx::{DisplacementOffset, InputSource, TranslatedNetwork, translate, translate_displacement};
 
-use super::compile::{CompiledMaterial, MAX_NODES, needs};
+use super::compiled::CompiledMaterial;
+use super::compiler::MAX_NODES;
 use super::displacement::{Displacement, PatternDisplacement};
+use super::inputs::needs;
 use super::params::ProblemList;
 use super::spaces::{linear_from_srgb, named};
 use super::{ColorSpace, InputValue, Material, PrimvarSlot, TextureRef, UvSet, Wrap};

@@ -5,16 +5,21 @@
 //! of a [`Material`] is finite. Colours are linear Rec. 709.
 //!
 //! What leads to nodes of `MaterialX` (`ND_...`) goes through the crate `oocpt-materialx` (`materialx`). Of the rest
-//! `compile` reads the surface node and follows its connections (`texture`, `reader`, `spaces`), `displacement` what
-//! displaces it; `params` reads authored values. Rules and defaults: the specification of `UsdPreviewSurface` 2.5.
+//! `compile` reads the surface node, `source` follows its connections (`texture`, `reader`, `spaces`), `displacement`
+//! says what displaces it; `params` reads authored values. Rules and defaults: the specification of
+//! `UsdPreviewSurface` 2.5.
 
 mod compile;
+mod compiled;
+mod compiler;
 mod cutout;
 mod describe;
 mod displacement;
+mod inputs;
 mod materialx;
 mod params;
 mod reader;
+mod source;
 mod spaces;
 mod texture;
 
@@ -26,11 +31,13 @@ use oocpt_materialx::program::{Program, ProgramLookup};
 
 use crate::desc::AssetRef;
 
-pub(crate) use compile::NEUTRAL;
-pub use compile::{CompiledMaterial, MAX_NODES, compile};
+pub use compile::compile;
+pub use compiled::CompiledMaterial;
+pub use compiler::MAX_NODES;
 pub use cutout::{Cutout, CutoutImage};
 pub use describe::{LONGEST_TEXT, MaterialText, NodeText, ProgramText, describe};
 pub use displacement::{Displacement, PatternDisplacement, PreviewDisplacement};
+pub(crate) use inputs::NEUTRAL;
 pub use spaces::linear_from_srgb;
 pub use texture::is_ptex_name;
 

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::compile::NetworkCompiler;
+use super::compiler::NetworkCompiler;
 use super::params::{NumberShape, numbers, text};
 use super::{InputValue, MAX_PRIMVARS, MAX_UV_SETS, PrimvarSlot, UvSet};
 use crate::desc::NodeDesc;

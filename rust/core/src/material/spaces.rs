@@ -10,7 +10,7 @@
 //! ignores, counts only where the scene leaves the question open.
 
 use super::ColorSpace;
-use super::compile::NetworkCompiler;
+use super::compiler::NetworkCompiler;
 use super::params::text;
 use crate::desc::NodeDesc;
 

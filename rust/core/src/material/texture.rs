@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! `UsdUVTexture`, `HwPtexTexture_1` and `UsdTransform2d`. Pure.
 
-use super::compile::NetworkCompiler;
+use super::compiler::NetworkCompiler;
 use super::params::{NumberShape, asset, connection, numbers, param, text};
 use super::reader::READER;
 use super::{InputValue, MAX_UV_SETS, PTEX_SET, TextureRef, UvSet, Wrap};

@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use super::MeshAsset;
 use super::host_memory::HeldMemory;
-use super::kept_mesh::{MeshRecipe, MeshStorage};
 use super::payload;
+use super::recipe::{MeshRecipe, MeshStorage};
 use super::store::{PayloadError, PayloadSource};
 use super::summary::MeshSummary;
 use crate::again::again;

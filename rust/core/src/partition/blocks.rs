@@ -6,14 +6,11 @@
 //! say does not: maxima of numbers that follow from each record alone.
 
 use super::lattice::MortonLattice;
+use super::peaks::RecordPeaks;
 use crate::instancing::item::PlacementItem;
 
 /// Records of a new block.
 pub(crate) const BLOCK: u32 = 256;
-
-/// Outermost numbers of some records: lower corner (negative), upper corner, largest spread, 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct RecordPeaks(pub(crate) [f32; 8]);
 
 /// Consecutive records of a chunk.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,17 +22,6 @@ pub(crate) struct RecordBlock {
     pub(crate) len: u32,
     /// Records that reach each peak.
     ties: [u16; 7],
-}
-
-impl RecordPeaks {
-    /// Of no record.
-    pub(crate) const NONE: Self = Self([f32::NEG_INFINITY; 8]);
-
-    /// Of both.
-    #[inline]
-    pub(crate) fn max(self, other: Self) -> Self {
-        Self(std::array::from_fn(|k| if other.0[k] > self.0[k] { other.0[k] } else { self.0[k] }))
-    }
 }
 
 impl RecordBlock {

@@ -10,10 +10,11 @@ use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
-use super::blocks::{RecordBlock, RecordPeaks};
+use super::blocks::RecordBlock;
 use super::chunk::{AssemblyMembers, Chunk, MemberReaders, SCATTERED};
 use super::cost::CutRule;
 use super::lattice::MortonLattice;
+use super::peaks::RecordPeaks;
 use crate::instancing::assembly::InstanceTarget;
 use crate::instancing::item::PlacementItem;
 

@@ -9,8 +9,9 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 use glam::DVec3;
 
-use super::blocks::{RecordBlock, RecordPeaks};
+use super::blocks::RecordBlock;
 use super::lattice::MortonLattice;
+use super::peaks::RecordPeaks;
 use super::which::IndexSet;
 use crate::instancing::assembly::{AssemblyMember, InstanceRecord, InstanceTarget, RecordVisitor};
 use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};

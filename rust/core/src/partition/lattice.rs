@@ -8,7 +8,7 @@
 
 use glam::DVec3;
 
-use super::blocks::RecordPeaks;
+use super::peaks::RecordPeaks;
 use crate::instancing::item::PlacementItem;
 use crate::instancing::placement::nearest;
 use crate::mesh::Aabb;

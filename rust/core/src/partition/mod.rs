@@ -20,8 +20,10 @@ mod gather;
 mod lattice;
 mod part;
 mod patch;
+mod peaks;
 mod place;
 mod placed;
+mod placement;
 mod store;
 mod stretches;
 mod validate;
@@ -33,8 +35,9 @@ use glam::DVec3;
 
 pub(crate) use buckets::OrderBuckets;
 pub use chunk::Chunk;
+pub(crate) use placed::PlacedReader;
 pub use placed::PlacedValues;
-pub(crate) use placed::{PlacedReader, PlacedValue};
+pub(crate) use placement::PlacedValue;
 pub(crate) use store::{PartitionSource, PartitionStore};
 pub use validate::WorldError;
 

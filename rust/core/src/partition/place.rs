@@ -2,11 +2,11 @@
 //! Where chunks go: the placements of opened assemblies composed in f64, and conservative boxes for what single
 //! precision makes of them. Pure.
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::chunk::Chunk;
-use super::placed::PlacedValue;
+use super::placement::OpenedPlacement;
 use super::{ChunkInstance, PartitionedWorld};
 use crate::instancing::placement::{MATRIX_ERROR, nearest, round_down, round_up};
 use crate::mesh::{Aabb, Bvh2, BvhNode, build_box_bvh};
@@ -15,19 +15,6 @@ use crate::mesh::{Aabb, Bvh2, BvhNode, build_box_bvh};
 const MAX_MAGNITUDE: f32 = 1e18;
 /// Rounding of an origin held as two floats, and of f64 arithmetic on the way to it.
 const ORIGIN_ERROR: f64 = 1.0 / (1_u64 << 44) as f64;
-
-/// A placement of an opened assembly.
-#[derive(Clone, Debug)]
-pub(crate) struct OpenedPlacement {
-    /// World frame from the assembly's frame.
-    pub(crate) frame: DAffine3,
-    /// Instance id so far.
-    pub(crate) id: u32,
-    /// Values of primvars so far, those of inner instancers in place of outer ones.
-    pub(crate) values: Vec<PlacedValue>,
-    /// Its row in [`PartitionedWorld::placed`], or `NO_ROW`.
-    pub(crate) row: u32,
-}
 
 /// Chunks `first ..` of the world, placed at each of `placements`. Gives what is out of range as `None`.
 pub(crate) fn place_chunks(

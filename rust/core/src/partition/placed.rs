@@ -2,32 +2,10 @@
 //! Values of instance-rate primvars at the placements of opened assemblies. Records of these are in no chunk, so their
 //! values are in a table of the world, one row for each placement that has any. Pure.
 
-use super::place::OpenedPlacement;
+use super::placement::{OpenedPlacement, PlacedValue};
 use crate::instancing::assembly::AssemblyMember;
 use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn};
 use oocpt_abi::{NO_ROW, NO_VALUE};
-
-/// A value of a placement.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct PlacedValue {
-    column: InstanceColumn,
-    value: [f32; 4],
-}
-
-impl PlacedValue {
-    /// The number of its name, and all four components as materials see them: one is in all, else what is missing is 0,
-    /// and alpha 1.
-    pub(crate) fn expanded(&self) -> (u32, [f32; 4]) {
-        let [x, y, z, w] = self.value;
-        let value = match self.column.width {
-            1 => [x; 4],
-            2 => [x, y, 0.0, 1.0],
-            3 => [x, y, z, 1.0],
-            _ => [x, y, z, w],
-        };
-        (self.column.id, value)
-    }
-}
 
 /// The table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -47,14 +47,14 @@ pub use resolve::MAX_NESTING;
 pub use snapshot::{
     Aabb, Assembly, Attribute, Bvh2, BvhError, BvhNode, DomeTexture, IesError, IesProfile, InstanceFlags,
     InstanceRecord, InstanceTarget, Light, LightEmitter, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape,
-    MeshAsset, SceneCounts, SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Triangle, blackbody,
+    MeshAsset, PrimRecord, SceneCounts, SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Triangle,
+    blackbody,
 };
 
 pub use mesh_lights::MESH_LIGHT;
 pub use mesh_placements::{MeshPlacement, MeshPlacements};
 pub use placement_motion::PlacementMotion;
 pub use summary::summary;
-pub use surfaces::PrimRecord;
 
 use crate::instancing::GroupId;
 use crate::mesh::{BuildDemand, DicingRate, HostMemory, MeshFiles};

@@ -7,7 +7,6 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::surfaces::PrimRecord;
 use crate::desc::DroppedData;
 use crate::material::{Material, TextureRef};
 use crate::partition::PartitionedWorld;
@@ -35,6 +34,19 @@ pub struct SceneCounts {
     pub meshes: u64,
     /// Assemblies.
     pub assemblies: u64,
+}
+
+/// What a prim looks like: an entry of [`SurfaceTables::prims`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PrimRecord {
+    /// First of its slots: the mesh's own material, then those of its subsets.
+    pub first_slot: u32,
+    /// Number of slots; 0 = no prim has this id, or it has no materials at all.
+    pub slot_count: u32,
+    /// Which categories it is in: index into [`SurfaceTables::category_sets`].
+    pub category_set: u32,
+    /// Of a prim that is another one below instances that are in collections of their own: the prim id of that.
+    pub shown_as: Option<i32>,
 }
 
 /// What surfaces look like: materials, and which prim has which. Empty where no mesh has a material and none is in a

@@ -12,7 +12,7 @@ use super::entries::{InstancerEntry, MeshEntry, SlotCutouts};
 use super::linking::LinkedPrims;
 use super::mesh_lights::{MESH_LIGHT, MeshLight};
 use super::report::CommitReports;
-use super::snapshot::SurfaceTables;
+use super::snapshot::{PrimRecord, SurfaceTables};
 use crate::desc::{LightDesc, MaterialDesc, MeshDesc, PrimShape};
 use crate::instancing::instance_primvars::{InstancePrimvar, MemberPrimvar};
 use crate::material::{
@@ -20,19 +20,6 @@ use crate::material::{
 };
 use crate::mesh::{SlotDisplacements, WantedPrimvar};
 use oocpt_materialx::program::{ProgramLookup, REGISTERS};
-
-/// What a prim looks like: an entry of [`SurfaceTables::prims`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PrimRecord {
-    /// First of its slots: the mesh's own material, then those of its subsets.
-    pub first_slot: u32,
-    /// Number of slots; 0 = no prim has this id, or it has no materials at all.
-    pub slot_count: u32,
-    /// Which categories it is in: index into [`SurfaceTables::category_sets`].
-    pub category_set: u32,
-    /// Of a prim that is another one below instances that are in collections of their own: the prim id of that.
-    pub shown_as: Option<i32>,
-}
 
 /// The meshes that tables are made for.
 #[derive(Clone, Copy)]

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Writes an asset's bytes into staging memory piece by piece and records the copies. Runs on the loader's threads.
 
+use super::copied::CopiedAssets;
 use super::level::EncodedPiece;
-use super::load::CopiedAssets;
 use super::source::MeshLayout;
 use super::surfaces::attributes;
 use crate::error::RenderError;

@@ -3,10 +3,11 @@
 //! memory, copy on the transfer queue. What is kept encoded is only written and copied. A load belongs to an
 //! [`LoadInbox`]; what was asked for by an inbox that is gone is skipped.
 
+use super::copied::CopiedAssets;
 use super::encode::AssetCopier;
 use super::kept::EncodedAssets;
 use super::level::{self, EncodedAsset, EncodedPiece, EncodedStretch};
-use super::source::{AssetKey, AssetSource};
+use super::source::AssetSource;
 use crate::error::RenderError;
 use crate::loader::Loader;
 use crate::reading::ReadingLimit;
@@ -14,7 +15,7 @@ use crate::sync::lock;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use oocpt_abi::Bvh4Node;
 use oocpt_core::residency::AssetId;
-use oocpt_gpu::{Gpu, HeapRange, StagingRing, Submission};
+use oocpt_gpu::{Gpu, HeapRange, StagingRing};
 use rustc_hash::FxHashMap;
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -72,18 +73,6 @@ enum LoadPart {
 struct LoadJob {
     load: Arc<AssetLoad>,
     part: LoadPart,
-}
-
-/// Copies to the device.
-#[derive(Debug, Default)]
-pub(crate) struct CopiedAssets {
-    /// What to wait for.
-    pub(crate) submissions: Vec<Submission>,
-    pub(crate) bytes: u64,
-    /// The assets, and the stack entries that a walk of the tree of each needs.
-    pub(crate) assets: Vec<(AssetId, u32)>,
-    /// Of these, what cannot be had and is left out of the picture, and why.
-    pub(crate) left_out: Vec<(AssetKey, String)>,
 }
 
 /// What became of a load.

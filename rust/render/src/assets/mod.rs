@@ -8,6 +8,7 @@
 
 mod cache;
 mod catalog;
+mod copied;
 mod demand;
 mod encode;
 mod host_heap;

@@ -2,8 +2,9 @@
 //! One memory in which assets may lie, the device's or the host's: what is there, and what the loader is bringing.
 //! Render thread only.
 
+use super::copied::CopiedAssets;
 use super::kept::EncodedAssets;
-use super::load::{CopiedAssets, LoadInbox, WantedAsset};
+use super::load::{LoadInbox, WantedAsset};
 use super::source::{AssetKey, AssetSource};
 use crate::device::Device;
 use crate::error::RenderError;

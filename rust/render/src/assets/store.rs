@@ -6,8 +6,9 @@
 //! is done by the loader's threads and the device.
 
 use super::catalog::SceneAssets;
+use super::copied::CopiedAssets;
 use super::kept::EncodedAssets;
-use super::load::{CopiedAssets, LoadResult};
+use super::load::LoadResult;
 use super::place::{AssetMemory, ResidentAsset};
 use super::source::{AssetKey, AssetSource};
 use super::values::ALIGN;

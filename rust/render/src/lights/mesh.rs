@@ -9,9 +9,9 @@
 
 use super::emission::halves;
 use super::emission::{EmissionMaps, EmittedPower, PlacedEmission, PrimEmission};
-use super::emitter::{MeshEmitter, cross, dot};
-use super::local::finite_power;
+use super::emitter::MeshEmitter;
 use super::mesh_motion::{MAX_KEYS, MotionTables, has_usable_size, swept};
+use super::placed_bounds::in_world;
 use super::tree::{self, LightBounds, NOTHING};
 use super::{EVEN_SHARE, count, narrow};
 use crate::textures::TextureCache;
@@ -23,7 +23,6 @@ use oocpt_core::mesh::{LeafKind, SceneMesh};
 use oocpt_core::partition::PartitionedWorld;
 use oocpt_core::scene::{MeshPlacement, MeshPlacements, Snapshot};
 use rustc_hash::FxHashMap;
-use std::f64::consts::PI;
 use std::sync::{Arc, Weak};
 
 /// Most placements: 54 MB on the device with their tree.
@@ -313,50 +312,6 @@ impl MeshLightBuilder {
         }
         lights.nodes = nodes;
         Some(lights)
-    }
-}
-
-/// Bounds of a placement in the world.
-pub(super) fn in_world(
-    inside: &LightBounds,
-    columns: [[f64; 3]; 3],
-    at: [f64; 3],
-    error: f64,
-    scale: f64,
-) -> LightBounds {
-    let center = [0, 1, 2].map(|k| 0.5 * (inside.min[k] + inside.max[k]));
-    let half = [0, 1, 2].map(|k| 0.5 * (inside.max[k] - inside.min[k]));
-    let map = |v: [f64; 3]| [0, 1, 2].map(|k| (0..3).map(|c| columns[c][k] * v[c]).sum::<f64>());
-    let middle = map(center);
-    let reach = [0, 1, 2].map(|k| (0..3).map(|c| columns[c][k].abs() * half[c]).sum::<f64>() * (1.0 + 1e-6) + error);
-    // Areas grow by cofactors; normals are covectors.
-    let [x, y, z] = columns;
-    let cofactors = [cross(y, z), cross(z, x), cross(x, y)];
-    let grown = |n: [f64; 3]| [0, 1, 2].map(|k| (0..3).map(|c| cofactors[c][k] * n[c]).sum::<f64>());
-    let length = |v: [f64; 3]| dot(v, v).sqrt();
-    let axis = grown(inside.axis);
-    let along = length(axis);
-    let growth = if inside.spread < 1e-3 { along } else { cofactors.iter().map(|c| length(*c)).sum::<f64>() / 3.0 };
-    let sizes = columns.map(length);
-    let largest = sizes.iter().copied().fold(0.0, f64::max);
-    let is_even = sizes.iter().all(|size| *size > 0.999 * largest)
-        && [dot(x, y), dot(y, z), dot(z, x)].iter().all(|d| d.abs() < 1e-3 * largest * largest);
-    // A mirroring map turns cofactors, and not the outside.
-    let turn = if dot(x, cross(y, z)) < 0.0 { -1.0 } else { 1.0 };
-    let is_direction = along > 0.0 && along.is_finite();
-    let spread = match (is_direction, inside.spread < 1e-3, is_even) {
-        (true, true, _) => inside.spread,
-        (true, false, true) => (inside.spread + 1e-2).min(PI),
-        _ => PI,
-    };
-    LightBounds {
-        min: [0, 1, 2].map(|k| at[k] + middle[k] - reach[k]),
-        max: [0, 1, 2].map(|k| at[k] + middle[k] + reach[k]),
-        axis: if is_direction { axis.map(|v| turn * v / along) } else { [0.0, 0.0, 1.0] },
-        spread,
-        emission: inside.emission,
-        back: inside.back,
-        power: finite_power(scale * inside.power * growth),
     }
 }
 

@@ -3,7 +3,7 @@
 //! hold them while the shutter is open. Pure.
 
 use super::local::{finite_power, light_key};
-use super::mesh::in_world;
+use super::placed_bounds::in_world;
 use super::tree::{LightBounds, NOTHING};
 use super::{count, narrow};
 use oocpt_abi::GpuLightKey;

@@ -17,6 +17,7 @@ mod local;
 mod mesh;
 mod mesh_motion;
 mod picture;
+mod placed_bounds;
 mod program;
 mod read;
 mod table;

@@ -162,7 +162,7 @@ pub(super) mod probe {
     use oocpt_abi::{Features, FrameConstants, PushConstants, Ray, groups};
     use oocpt_core::{LightDesc, LightKind, PrimDesc, SceneDb};
     use oocpt_gpu::{Buffer, BufferUsage};
-    use oocpt_shaders::passes;
+    use oocpt_shaders::checks;
     use std::time::Duration;
 
     const RECEIVERS: u32 = 4096;
@@ -264,7 +264,7 @@ pub(super) mod probe {
         }
         frame.write(0, bytemuck::bytes_of(&block)).expect("mapped");
         let special = PassSpecialisation { max_levels: 1, stack_size: 64, features, fault: 0 };
-        let pipeline = device.pipeline(&passes::LIGHT_PROBE, special).expect("it compiles");
+        let pipeline = device.pipeline(&checks::CHECK_LIGHT, special).expect("it compiles");
         modes.map(|mode| {
             let push = PushConstants::wave(frame.address(), 0, RECEIVERS, RECEIVERS).with(0, mode);
             let mut commands = device.gpu.commands("probe").expect("a list");

@@ -5,7 +5,7 @@
 use super::convert::make_finite;
 use super::disk::DiskCache;
 use super::image::{ImageLibrary, SourceImage};
-use super::set::open;
+use super::open::open;
 use super::texels::StoredTexels;
 use super::tiles::{ImageStores, TextureImage};
 use crate::sync::lock;

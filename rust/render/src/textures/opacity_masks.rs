@@ -7,6 +7,7 @@
 //! [`LONGEST_SIDES`] allows. Render thread; reads on all cores.
 
 use super::heights::{has_curve_of_device, read_channel_by_bands};
+use super::mask_key::{MadeMasks, MaskKey};
 use super::set::TextureCache;
 use super::tiles::TextureImage;
 use oocpt_abi as abi;
@@ -39,12 +40,6 @@ const LEAST_MASKED: usize = 4;
 const UNIT: usize = 4;
 /// Words of the record of a set of files.
 const SET_WORDS: usize = (2 + abi::UDIM_PARTS as usize).next_multiple_of(UNIT);
-
-/// Image, channel, wrap modes, the longest side, and the bits of scale, bias, threshold and what is around the image.
-type MaskKey = (u64, u8, [u32; 3], [u32; 4]);
-
-/// Masks that were made; `None`: there is none.
-pub(super) type MadeMasks = FxHashMap<MaskKey, Option<Arc<OpacityMask>>>;
 
 /// See the module.
 #[derive(Debug, Default)]

@@ -6,13 +6,13 @@
 //! snapshot.
 
 use super::disk::DiskCache;
-use super::image::{ImageError, ImageLibrary};
-use super::opacity_masks::MadeMasks;
-use super::tiles::{ImageStores, TextureImage, WantedImage};
+use super::image::ImageLibrary;
+use super::mask_key::MadeMasks;
+use super::open::{OpenedMember, named, open};
+use super::tiles::{ImageStores, TextureImage};
 use crate::host_memory;
 use oocpt_abi as abi;
 use oocpt_abi::GpuTexture;
-use oocpt_core::scene::AssetRef;
 use oocpt_core::settings::Settings;
 use oocpt_core::texture::{FaceLayout, TexelFormat, TextureRef, Wrap};
 use rayon::prelude::*;
@@ -96,9 +96,6 @@ pub(crate) struct TextureCache {
     pub(super) masks: MadeMasks,
 }
 
-/// `None`: a member of a set that does not exist.
-type OpenedMember = Result<Option<Arc<TextureImage>>, ImageError>;
-
 impl TextureCache {
     /// Keeps decoded images where the settings say, from now on.
     pub(crate) fn keep_in(&mut self, settings: &Settings) {
@@ -158,34 +155,6 @@ fn members(texture: &TextureRef) -> std::ops::Range<u32> {
 
 fn image_key(texture: &TextureRef, member: u32) -> ImageKey {
     (Arc::clone(&texture.asset.resolved), member, texture.color_space.clone(), texture.is_ptex)
-}
-
-pub(super) fn open(
-    library: Option<&Arc<dyn ImageLibrary>>,
-    texture: &TextureRef,
-    member: u32,
-    stores: &ImageStores,
-) -> OpenedMember {
-    let Some(library) = library else { return Err(ImageError("nobody here can open images".into())) };
-    let asset = &texture.asset;
-    if asset.resolved.is_empty() {
-        return Err(ImageError("the file was not found".into()));
-    }
-    let name = |text: &str| text.replace("<UDIM>", &member.to_string()).into();
-    let file = match member {
-        0 => asset.clone(),
-        _ => AssetRef { authored: name(&asset.authored), resolved: name(&asset.resolved) },
-    };
-    let wanted = WantedImage {
-        name: &named(texture),
-        library,
-        asset,
-        member,
-        file: &file,
-        color_space: &texture.color_space,
-        is_ptex: texture.is_ptex,
-    };
-    Ok(TextureImage::open(&wanted, stores)?.map(Arc::new))
 }
 
 struct SetBuilder<'a> {
@@ -300,10 +269,6 @@ impl SetBuilder<'_> {
 }
 
 /// The prim that asks and the file, for messages.
-fn named(texture: &TextureRef) -> Arc<str> {
-    format!("{}: texture {}", texture.prim, texture.asset.authored).into()
-}
-
 fn border(texture: &TextureRef) -> u32 {
     if texture.has_border { abi::TEXTURE_BORDER } else { 0 }
 }

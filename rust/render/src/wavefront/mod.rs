@@ -8,9 +8,11 @@ mod native;
 mod passes;
 mod paths;
 mod record;
+mod traced;
 
 pub(crate) use ahead::{BackgroundCompile, PendingCompiles};
 pub(crate) use native::{NativeTraversal, TraversalBackend};
 pub(crate) use passes::WavefrontPasses;
 pub(crate) use paths::{PathBuffers, PathNeeds};
-pub(crate) use record::{PathKind, TracedRays, WavefrontRecorder};
+pub(crate) use record::{PathKind, WavefrontRecorder};
+pub(crate) use traced::TracedRays;

@@ -5,7 +5,7 @@
 //! after the other; a step of streaming has some, between waking rays and counting demand (`streaming/record.rs`).
 //! Passes that a frame has not are left out.
 
-use super::{NativeTraversal, WavefrontPasses};
+use super::{NativeTraversal, TracedRays, WavefrontPasses};
 use crate::film::{Film, error_groups};
 use crate::wave::Wave;
 use oocpt_abi::{
@@ -22,17 +22,6 @@ pub(crate) enum PathKind {
     Aovs,
     /// Samples of the colour.
     Samples,
-}
-
-/// The rays of a round that are traced.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum TracedRays {
-    /// Those that continue paths.
-    Closest,
-    /// Those that look for light from the surfaces shaded last.
-    Shadow,
-    /// Both.
-    All,
 }
 
 /// See the module.

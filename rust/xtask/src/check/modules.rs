@@ -36,7 +36,6 @@ const KNOWN: &[(&str, &str, &[&str])] = &[
             "scan",
         ],
     ),
-    ("core", "material", &["compile", "displacement", "materialx", "reader", "spaces", "texture"]),
     (
         "core",
         "mesh",
@@ -45,16 +44,7 @@ const KNOWN: &[(&str, &str, &[&str])] = &[
             "split", "summary",
         ],
     ),
-    ("core", "mesh", &["kept_mesh", "scene_mesh"]),
-    ("core", "mesh/leaf", &["point", "round"]),
-    ("core", "partition", &["blocks", "lattice"]),
-    ("core", "partition", &["place", "placed"]),
     ("core", "scene", &["dicing", "entries", "linking", "resolve"]),
-    ("core", "scene", &["snapshot", "surfaces"]),
-    ("render", "assets", &["encode", "load"]),
-    ("render", "lights", &["mesh", "mesh_motion"]),
-    ("render", "textures", &["heights", "opacity_masks", "set"]),
-    ("render", "wavefront", &["native", "passes", "record"]),
 ];
 
 pub(super) fn check(places: &RootFolders) -> Result<()> {

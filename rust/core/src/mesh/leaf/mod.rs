@@ -114,7 +114,7 @@ pub(super) fn read_items(
 
 /// A usable point in single precision.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
-fn point(view: &ArrayView<'_>, at: usize) -> Option<[f32; 3]> {
+fn point_at(view: &ArrayView<'_>, at: usize) -> Option<[f32; 3]> {
     let point = view.vec3(at)?;
     (point.abs().max_element() <= MAX_COORDINATE && point.is_finite()).then(|| point.to_array().map(|v| v as f32))
 }

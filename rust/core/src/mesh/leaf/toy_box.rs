@@ -2,7 +2,7 @@
 //! The kind of leaf that `rust/book/src/extending.md` adds, for tests alone: boxes along the axes, each between two
 //! points that follow each other. Pure.
 
-use super::{ItemVertices, LeafItems, LeafKind, point};
+use super::{ItemVertices, LeafItems, LeafKind, point_at};
 use crate::desc::{DroppedData, MeshDesc};
 use crate::mesh::Aabb;
 use crate::mesh::deform::PointsPose;
@@ -24,10 +24,10 @@ pub(super) fn read(desc: &MeshDesc, poses: &[PointsPose], dropped: &mut DroppedD
     dropped.wrong_array_types += u64::from(!is_usable);
     dropped.oversized_meshes += u64::from(view.len() > MAX_CORNERS / 4);
     if is_usable && view.len() <= MAX_CORNERS / 4 {
-        topology.points = (0..view.len()).map(|at| point(&view, at).unwrap_or_default()).collect();
+        topology.points = (0..view.len()).map(|at| point_at(&view, at).unwrap_or_default()).collect();
         dropped.points += (view.len() % 2) as u64;
         for (index, at) in (0_u32..).zip((0..view.len() - view.len() % 2).step_by(2)) {
-            let ends = [at, at + 1].map(|at| point(&view, at));
+            let ends = [at, at + 1].map(|at| point_at(&view, at));
             let has_extent = |[a, b]: [[f32; 3]; 2]| a.iter().zip(&b).all(|(a, b)| a != b);
             if !matches!(ends, [Some(a), Some(b)] if has_extent([a, b])) {
                 dropped.points += 1;

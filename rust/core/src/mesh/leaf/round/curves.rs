@@ -10,7 +10,7 @@ use glam::{DVec3, DVec4};
 
 use super::basis::{CurveSegment, segments, varying_count};
 use super::lines::{LineWidths, usable_widths};
-use super::{is_width, point};
+use super::{is_width, point_at};
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{CurvesDesc, DroppedData, Interpolation, MeshDesc, Primvar};
 use crate::mesh::dicing::DicingRate;
@@ -133,7 +133,7 @@ impl CutCurves {
                     Some(indices) => indices.index(vertex).and_then(|index| u32::try_from(index).ok()),
                     None => u32::try_from(vertex).ok(),
                 }?;
-                point(&points, index as usize).map(|_| index)
+                point_at(&points, index as usize).map(|_| index)
             }));
             first += count;
             let segments = segments(curves.basis, curves.wrap, count);

@@ -14,7 +14,7 @@ mod values;
 
 use glam::Vec3;
 
-use super::{ItemVertices, LeafItems, LeafKind, point};
+use super::{ItemVertices, LeafItems, LeafKind, point_at};
 use crate::array::ArrayView;
 use crate::desc::{CurvesDesc, DroppedData, Interpolation, MeshDesc, NamedPrimvar, Primvar};
 use crate::material::ACROSS_NAME;
@@ -105,7 +105,7 @@ pub(super) fn read_points(
     let poses: Vec<PointsPose> = poses.iter().map(|pose| widened(desc, pose, view.len())).collect();
     let (mut topology, mut radii) = (MeshTopology { face_count: view.len(), ..MeshTopology::default() }, Vec::new());
     for (at, index) in (0..view.len()).zip(0_u32..) {
-        let place = point(&view, at);
+        let place = point_at(&view, at);
         let width = widths.at(at, place.unwrap_or_default());
         radii.push((0.5 * width) as f32);
         topology.points.push(place.unwrap_or_default());
