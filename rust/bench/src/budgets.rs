@@ -9,14 +9,14 @@ use serde::Serialize;
 
 /// A row that did not render.
 #[derive(Debug, Serialize)]
-pub(crate) struct Failed {
+pub(crate) struct FailedBudget {
     budget_percent: f64,
     policy: String,
     message: String,
 }
 
 /// Rows as they came, and those that did not.
-pub(crate) type Rows<Row> = (Vec<Row>, Vec<Failed>);
+pub(crate) type BudgetRows<Row> = (Vec<Row>, Vec<FailedBudget>);
 
 /// Asserts what the benches take: numbers above 0, in core first.
 pub(crate) fn check(budgets: &[f64]) -> Result<()> {
@@ -52,7 +52,7 @@ pub(crate) fn each<Row>(
     policies: &[String],
     mut measure: impl FnMut(f64, &str, Option<&Row>) -> Result<Row>,
     print: impl Fn(&Row),
-) -> Rows<Row> {
+) -> BudgetRows<Row> {
     let (mut rows, mut failed) = (Vec::new(), Vec::new());
     for (budget_percent, policy) in budget_rows(budgets, policies) {
         match measure(budget_percent, &policy, rows.first()) {
@@ -63,7 +63,7 @@ pub(crate) fn each<Row>(
             Err(error) => {
                 let message = format!("{error:#}");
                 println!("{budget_percent:>7} {policy}: {message}");
-                failed.push(Failed { budget_percent, policy, message });
+                failed.push(FailedBudget { budget_percent, policy, message });
             }
         }
     }
@@ -71,7 +71,7 @@ pub(crate) fn each<Row>(
 }
 
 /// The end of a bench: an error if pictures differ or rows failed.
-pub(crate) fn verdict(all_identical: bool, rendered: usize, failed: &[Failed]) -> Result<()> {
+pub(crate) fn verdict(all_identical: bool, rendered: usize, failed: &[FailedBudget]) -> Result<()> {
     if !all_identical {
         bail!("the picture depends on the budget");
     }

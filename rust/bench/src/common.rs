@@ -15,7 +15,7 @@ const TIMEOUT: Duration = Duration::from_secs(3 * 3600);
 
 /// Options of every bench that writes a report: its device, and where the report goes.
 #[derive(clap::Args)]
-pub(crate) struct Reported {
+pub(crate) struct ReportOptions {
     /// Device: an index or a part of its name.
     #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
     pub(crate) device: String,
@@ -27,10 +27,10 @@ pub(crate) struct Reported {
     pub(crate) json: Option<PathBuf>,
 }
 
-impl Reported {
+impl ReportOptions {
     /// The machine that `session` rendered on.
-    pub(crate) fn machine(&self, session: Option<&Session>) -> Machine {
-        Machine::new(session, self.date.as_deref())
+    pub(crate) fn machine(&self, session: Option<&Session>) -> BenchMachine {
+        BenchMachine::new(session, self.date.as_deref())
     }
 
     /// Writes the report to its file, or prints it.
@@ -41,7 +41,7 @@ impl Reported {
 
 /// The machine and program that a report is of.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct Machine {
+pub(crate) struct BenchMachine {
     version: &'static str,
     /// Empty when nothing was rendered.
     device: String,
@@ -52,7 +52,7 @@ pub(crate) struct Machine {
     date: Option<String>,
 }
 
-impl Machine {
+impl BenchMachine {
     /// The device is the one that `session` rendered with.
     pub(crate) fn new(session: Option<&Session>, date: Option<&str>) -> Self {
         let device = session.and_then(Session::device_report);
@@ -66,14 +66,14 @@ impl Machine {
     }
 }
 
-impl Machine {
+impl BenchMachine {
     /// The device that another process rendered with.
     pub(crate) fn set_device(&mut self, device: &str) {
         device.clone_into(&mut self.device);
     }
 }
 
-impl std::fmt::Display for Machine {
+impl std::fmt::Display for BenchMachine {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { version, device, driver, cores, date } = self;
         write!(f, "OocPT {version}, {cores} cores")?;
@@ -156,7 +156,7 @@ pub(crate) fn finish(session: &Session) -> Result<()> {
 }
 
 /// Several runs of one render.
-pub(crate) struct Runs {
+pub(crate) struct RenderRuns {
     pub(crate) trace_secs: Vec<f64>,
     /// Of the run with the median time.
     pub(crate) timings: RenderTimings,
@@ -173,7 +173,7 @@ pub(crate) fn measure(
     count: u32,
     is_cold: bool,
     reference: &mut Vec<u8>,
-) -> Result<Runs> {
+) -> Result<RenderRuns> {
     finish(session).context("warm-up render")?;
     let mut runs: Vec<(RenderTimings, RenderStats)> = Vec::new();
     let mut different_pixels = 0;
@@ -188,7 +188,7 @@ pub(crate) fn measure(
     let trace_secs = runs.iter().map(|(timings, _)| timings.trace_secs).collect();
     runs.sort_by(|a, b| a.0.trace_secs.total_cmp(&b.0.trace_secs));
     let (timings, stats) = runs.swap_remove(runs.len() / 2);
-    Ok(Runs { trace_secs, timings, stats, different_pixels })
+    Ok(RenderRuns { trace_secs, timings, stats, different_pixels })
 }
 
 /// One pass of a profiled run.

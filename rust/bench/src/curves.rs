@@ -8,7 +8,7 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use super::common::{self, Machine, Reported, Runs, write_picture};
+use super::common::{self, BenchMachine, RenderRuns, ReportOptions, write_picture};
 use oocpt_scenes::fur::{self, FurSubject};
 
 /// Options of `oocpt bench curves`.
@@ -39,7 +39,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 3)]
     runs: u32,
     #[command(flatten)]
-    reported: Reported,
+    reported: ReportOptions,
     /// Also write the pictures as PNG (sRGB) to this folder.
     #[arg(long)]
     pictures: Option<PathBuf>,
@@ -62,9 +62,9 @@ struct Row {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct CurvesReport {
     bench: &'static str,
-    machine: Machine,
+    machine: BenchMachine,
     width: u32,
     height: u32,
     samples: u32,
@@ -76,7 +76,7 @@ struct Report {
 /// Runs the bench.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut rows = Vec::new();
-    let mut machine = Machine::new(None, None);
+    let mut machine = BenchMachine::new(None, None);
     println!(
         "{:<15}{:>9} {:>9} {:>9} {:>12} {:>11} {:>11} {:>9}",
         "scene", "commit s", "trace s", "Mrays/s", "items", "device MiB", "host MiB", "B/count"
@@ -103,7 +103,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     println!("on {machine}");
     let Arguments { width, height, samples, bounces, count, .. } = *arguments;
-    arguments.reported.write(&Report { bench: "curves", machine, width, height, samples, bounces, count, rows })
+    arguments.reported.write(&CurvesReport { bench: "curves", machine, width, height, samples, bounces, count, rows })
 }
 
 fn measure(arguments: &Arguments, subject: FurSubject) -> Result<(Row, Session)> {
@@ -116,7 +116,7 @@ fn measure(arguments: &Arguments, subject: FurSubject) -> Result<(Row, Session)>
     let started = Instant::now();
     session.render(common::color_request(size[0], size[1], fur::camera(size[0], size[1])));
     let commit_secs = started.elapsed().as_secs_f64();
-    let Runs { trace_secs, timings, stats, .. } =
+    let RenderRuns { trace_secs, timings, stats, .. } =
         common::measure(&session, size, arguments.runs, false, &mut Vec::new()).context(subject.name())?;
     let rays = timings.closest_rays + timings.shadow_rays;
     let scene_bytes = stats.streaming.scene_bytes;

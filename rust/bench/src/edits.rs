@@ -8,9 +8,9 @@ use oocpt_core::scene::InstancerDesc;
 use oocpt_render::{RenderRequest, Session};
 use serde::Serialize;
 
-use super::common::{Machine, finish};
-use super::live::{self, Edit, Live};
-use super::observe::Observe;
+use super::common::{BenchMachine, finish};
+use super::live::{self, EditCost, LiveOptions};
+use super::observe::ObserveOptions;
 use oocpt_scenes::island::{self, IslandParameters};
 
 /// Options of `oocpt bench edits`.
@@ -29,9 +29,9 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 3)]
     runs: u32,
     #[command(flatten)]
-    live: Live,
+    live: LiveOptions,
     #[command(flatten)]
-    observe: Observe,
+    observe: ObserveOptions,
 }
 
 /// Edits of one size in one island; seconds and counts of the median edit.
@@ -51,9 +51,9 @@ struct Row {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct EditsReport {
     bench: &'static str,
-    machine: Machine,
+    machine: BenchMachine,
     width: u32,
     height: u32,
     rows: Vec<Row>,
@@ -96,15 +96,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     report.map_or(Ok(()), |report| arguments.live.reported.write(&report))
 }
 
-fn head(arguments: &Arguments, session: &Session) -> Report {
+fn head(arguments: &Arguments, session: &Session) -> EditsReport {
     let machine = arguments.live.reported.machine(Some(session));
     println!("edits on {machine}");
     println!(
         "{:>12} {:>9} {:>10} {:>9} {:>14} {:>9} {:>9} {:>10}",
         "instances", "moved", "commit s", "image s", "uploaded B", "chunks", "touched", "records"
     );
-    let Live { width, height, .. } = arguments.live;
-    Report { bench: "edits", machine, width, height, rows: Vec::new() }
+    let LiveOptions { width, height, .. } = arguments.live;
+    EditsReport { bench: "edits", machine, width, height, rows: Vec::new() }
 }
 
 fn request(arguments: &Arguments, island: &IslandParameters) -> RenderRequest {
@@ -121,7 +121,7 @@ fn edit(
     run: u64,
 ) -> Result<Row> {
     instancer.translations = instancer.translations.as_ref().map(|old| shifted(old, moved, run)).transpose()?;
-    let Edit { commit_secs, image_secs, made, after } =
+    let EditCost { commit_secs, image_secs, made, after } =
         live::edit(session, instancer.clone(), request(arguments, island))?;
     Ok(Row {
         instances: session.stats().instances,

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use super::common::{
     PassRow, color_request, finish, median, passes_of, plain_settings, print_passes, write_json, write_picture,
 };
-use super::observe::Observe;
+use super::observe::ObserveOptions;
 use oocpt_scenes::forest;
 
 /// Options of `oocpt bench forest`.
@@ -50,12 +50,12 @@ pub(crate) struct Arguments {
     #[arg(long)]
     picture: Option<PathBuf>,
     #[command(flatten)]
-    observe: Observe,
+    observe: ObserveOptions,
 }
 
 /// Everything a bench says.
 #[derive(Serialize)]
-struct Report {
+struct ForestReport {
     scene: &'static str,
     device: String,
     driver: String,
@@ -130,14 +130,14 @@ fn report(
     first: &RenderTimings,
     runs: &[RenderTimings],
     commit_secs: f64,
-) -> Report {
+) -> ForestReport {
     let (stats, profiled) = (session.stats(), session.timings());
     let trace_secs: Vec<f64> = runs.iter().map(|run| run.trace_secs).collect();
     let median_secs = median(trace_secs.clone());
     let pass_secs = |name: &str| profiled.passes.iter().find(|pass| pass.name == name).map_or(f64::NAN, |p| p.secs);
     let rays = (profiled.closest_rays + profiled.shadow_rays) as f64;
     let device = session.device_report();
-    Report {
+    ForestReport {
         scene: "forest",
         device: device.as_ref().map(|d| d.name.clone()).unwrap_or_default(),
         driver: device.map(|d| d.driver).unwrap_or_default(),
@@ -177,7 +177,7 @@ fn path_bytes(inventory: &RenderInventory) -> u64 {
     inventory.buffers.iter().filter(|buffer| is_of_paths(&buffer.name)).map(|buffer| buffer.bytes).sum()
 }
 
-fn print_table(report: &Report) {
+fn print_table(report: &ForestReport) {
     println!("{} on {} ({})", report.scene, report.device, report.driver);
     println!(
         "{} x {} px, {} samples, {} bounces; {} instances, {} unique and {} instanced triangles; {} MiB on the GPU",

@@ -15,17 +15,17 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use super::budgets::{self, Failed};
-use super::common::{self, Machine, PassRow, Reported, Runs, finish, write_picture};
-use super::observe::Observe;
-use super::view::{Made, Seen, View};
+use super::budgets::{self, FailedBudget};
+use super::common::{self, BenchMachine, PassRow, RenderRuns, ReportOptions, finish, write_picture};
+use super::observe::ObserveOptions;
+use super::view::{MadeScene, SeenView, ViewOptions};
 use oocpt_scenes::island::IslandParameters;
 
 /// Options of `oocpt bench island`.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    view: View<IslandParameters>,
+    view: ViewOptions<IslandParameters>,
     /// Geometry budgets in per cent of the scene's geometry; 100 = in core, and has to be the first.
     #[arg(long, value_delimiter = ',', default_value = "100,29,10,5")]
     budgets: Vec<f64>,
@@ -48,7 +48,7 @@ pub(crate) struct Arguments {
     #[arg(long)]
     profile: bool,
     #[command(flatten)]
-    reported: Reported,
+    reported: ReportOptions,
     /// Also write the picture to this file: PNG (sRGB), or EXR with how it was made.
     #[arg(long)]
     picture: Option<PathBuf>,
@@ -57,7 +57,7 @@ pub(crate) struct Arguments {
     #[arg(long)]
     chunk_report: Option<PathBuf>,
     #[command(flatten)]
-    observe: Observe,
+    observe: ObserveOptions,
 }
 
 /// One budget under one policy.
@@ -83,11 +83,11 @@ struct Row {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct IslandReport {
     bench: &'static str,
-    machine: Machine,
+    machine: BenchMachine,
     #[serde(flatten)]
-    seen: Seen<IslandParameters>,
+    seen: SeenView<IslandParameters>,
     instanced_triangles: u64,
     meshes: u64,
     /// Making the arrays, which a host would do.
@@ -100,7 +100,7 @@ struct Report {
     chunk_instances: u64,
     all_identical: bool,
     rows: Vec<Row>,
-    failed: Vec<Failed>,
+    failed: Vec<FailedBudget>,
 }
 
 /// Runs the bench.
@@ -156,7 +156,7 @@ fn measure(
     let budget = budgets::set(session, percent, bytes, policy)?;
     session.render(arguments.view.request());
     let size = arguments.view.size();
-    let Runs { trace_secs, timings, stats, different_pixels } =
+    let RenderRuns { trace_secs, timings, stats, different_pixels } =
         common::measure(session, size, arguments.runs, arguments.cold, reference)?;
     arguments.observe.write(session, &arguments.view.request(), &format!("{percent} {policy}"))?;
     let median_trace_secs = timings.trace_secs;
@@ -179,9 +179,9 @@ fn measure(
     })
 }
 
-fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_secs: f64) -> Report {
+fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_secs: f64) -> IslandReport {
     let stats = session.stats();
-    Report {
+    IslandReport {
         bench: "island",
         machine: arguments.reported.machine(Some(session)),
         seen: arguments.view.seen(&stats),

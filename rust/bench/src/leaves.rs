@@ -11,8 +11,8 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::common::{self, Machine, PassRow, Reported, Runs, print_passes, write_picture};
-use super::observe::Observe;
+use super::common::{self, BenchMachine, PassRow, RenderRuns, ReportOptions, print_passes, write_picture};
+use super::observe::ObserveOptions;
 use oocpt_scenes::leaves::{self, LeafModel};
 use oocpt_scenes::pictures::GeneratedPictures;
 
@@ -47,12 +47,12 @@ pub(crate) struct Arguments {
     #[arg(long)]
     profile: bool,
     #[command(flatten)]
-    reported: Reported,
+    reported: ReportOptions,
     /// Also write the picture of the cut leaves as PNG (sRGB) to this file.
     #[arg(long)]
     picture: Option<PathBuf>,
     #[command(flatten)]
-    observe: Observe,
+    observe: ObserveOptions,
 }
 
 /// One scene.
@@ -75,9 +75,9 @@ struct Row {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct LeavesReport {
     bench: &'static str,
-    machine: Machine,
+    machine: BenchMachine,
     width: u32,
     height: u32,
     samples: u32,
@@ -97,14 +97,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         drop(last.take());
         let session = session(arguments, kind)?;
         if rows.is_empty() {
-            print_head(arguments, &Machine::new(None, None));
+            print_head(arguments, &BenchMachine::new(None, None));
         }
         let row = measure(arguments, &session, kind, rows.first(), &mut reference)?;
         print_row(&row);
         rows.push(row);
         last = Some(session);
     }
-    let report = Report {
+    let report = LeavesReport {
         bench: "leaves",
         machine: arguments.reported.machine(last.as_ref()),
         width: arguments.width,
@@ -144,7 +144,7 @@ fn measure(
     let size = [arguments.width, arguments.height];
     let request = common::color_request(size[0], size[1], leaves::camera(size[0], size[1]));
     session.render(request.clone());
-    let Runs { trace_secs, timings, different_pixels, .. } =
+    let RenderRuns { trace_secs, timings, different_pixels, .. } =
         common::measure(session, size, arguments.runs, false, reference).context(kind.name())?;
     let passes = if arguments.profile { common::profile(session)? } else { Vec::new() };
     arguments.observe.write(session, &request, kind.name())?;
@@ -165,7 +165,7 @@ fn measure(
     })
 }
 
-fn print_head(arguments: &Arguments, machine: &Machine) {
+fn print_head(arguments: &Arguments, machine: &BenchMachine) {
     println!("{} leaves, {machine}", arguments.leaves);
     println!(
         "{} x {} px, {} samples, {} bounces",

@@ -10,11 +10,11 @@ use oocpt_render::{RenderRequest, Session, SessionOptions};
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::common::{self, Reported, finish};
+use super::common::{self, ReportOptions, finish};
 
 /// Options of a live session.
 #[derive(clap::Args)]
-pub(crate) struct Live {
+pub(crate) struct LiveOptions {
     /// Image width, pixels; one sample each, so that tracing does not hide the edit.
     #[arg(long, default_value_t = 256)]
     pub(crate) width: u32,
@@ -25,22 +25,22 @@ pub(crate) struct Live {
     #[arg(long, default_value_t = 0)]
     geometry_budget: u32,
     #[command(flatten)]
-    pub(crate) reported: Reported,
+    pub(crate) reported: ReportOptions,
 }
 
 /// What an edit took.
 #[derive(Debug)]
-pub(crate) struct Edit {
+pub(crate) struct EditCost {
     pub(crate) commit_secs: f64,
     /// From the edit to its first whole image, commit included.
     pub(crate) image_secs: f64,
-    pub(crate) made: Made,
+    pub(crate) made: CommitCounts,
     pub(crate) after: Arc<Snapshot>,
 }
 
 /// What a commit made anew.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub(crate) struct Made {
+pub(crate) struct CommitCounts {
     /// Chunks that the commit before did not have.
     pub(crate) chunks: usize,
     /// All of theirs.
@@ -51,7 +51,7 @@ pub(crate) struct Made {
     pub(crate) meshes: usize,
 }
 
-impl Live {
+impl LiveOptions {
     /// A session without a scene.
     pub(crate) fn session(&self) -> Result<Session> {
         let settings = common::plain_settings(1, 1, &self.reported.device);
@@ -67,7 +67,7 @@ impl Live {
 }
 
 /// Replaces an instancer, which must differ, and waits for the image.
-pub(crate) fn edit(session: &Session, edited: InstancerDesc, request: RenderRequest) -> Result<Edit> {
+pub(crate) fn edit(session: &Session, edited: InstancerDesc, request: RenderRequest) -> Result<EditCost> {
     let before = session.with_scene(|db| Arc::clone(db.snapshot()));
     let started = Instant::now();
     let after = session.with_scene(|db| {
@@ -79,15 +79,15 @@ pub(crate) fn edit(session: &Session, edited: InstancerDesc, request: RenderRequ
     session.render(request);
     finish(session).context("render after an edit")?;
     let image_secs = started.elapsed().as_secs_f64();
-    Ok(Edit { commit_secs, image_secs, made: made(&before, &after), after })
+    Ok(EditCost { commit_secs, image_secs, made: made(&before, &after), after })
 }
 
 /// What `after` has and `before` did not have.
-pub(crate) fn made(before: &Snapshot, after: &Snapshot) -> Made {
+pub(crate) fn made(before: &Snapshot, after: &Snapshot) -> CommitCounts {
     let mut known: Vec<u64> = before.world.chunks.iter().map(|chunk| chunk.key()).collect();
     known.sort_unstable();
     let new = after.world.chunks.iter().filter(|chunk| known.binary_search(&chunk.key()).is_err());
-    let mut made = new.fold(Made::default(), |made, chunk| Made {
+    let mut made = new.fold(CommitCounts::default(), |made, chunk| CommitCounts {
         chunks: made.chunks + 1,
         records: made.records + chunk.len(),
         nodes: made.nodes + level_node_count(chunk.len()),

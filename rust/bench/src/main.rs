@@ -38,13 +38,13 @@ use oocpt_scenes::{island as island_scene, woods};
 #[command(args_conflicts_with_subcommands = true)]
 struct Arguments {
     #[command(subcommand)]
-    command: Option<Command>,
+    command: Option<BenchCommand>,
     #[command(flatten)]
     forest: forest::Arguments,
 }
 
 #[derive(Subcommand)]
-enum Command {
+enum BenchCommand {
     /// The forest: 16 meshes, a terrain, everything in core.
     Forest(forest::Arguments),
     /// The island in core and under shrinking geometry budgets; the pictures have to be the same bits.
@@ -90,19 +90,19 @@ fn main() -> Result<()> {
 fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.command {
         None => forest::run(&arguments.forest),
-        Some(Command::Forest(arguments)) => forest::run(arguments),
-        Some(Command::Island(arguments)) => island::run(arguments),
-        Some(Command::Memory(arguments)) => memory::run(arguments),
-        Some(Command::WoodsMemory(arguments)) => memory::run(arguments),
-        Some(Command::Stragglers(arguments)) => stragglers::run(arguments),
-        Some(Command::Textures(arguments)) => textures::run(arguments),
-        Some(Command::TextureFiles(arguments)) => texture_files::run(arguments),
-        Some(Command::Leaves(arguments)) => leaves::run(arguments),
-        Some(Command::Materials(arguments)) => materials::run(arguments),
-        Some(Command::Curves(arguments)) => curves::run(arguments),
-        Some(Command::Specialise(arguments)) => specialise::run(arguments),
-        Some(Command::Partition(arguments)) => partition::run(arguments),
-        Some(Command::Edits(arguments)) => edits::run(arguments),
-        Some(Command::Moving(arguments)) => moving::run(arguments),
+        Some(BenchCommand::Forest(arguments)) => forest::run(arguments),
+        Some(BenchCommand::Island(arguments)) => island::run(arguments),
+        Some(BenchCommand::Memory(arguments)) => memory::run(arguments),
+        Some(BenchCommand::WoodsMemory(arguments)) => memory::run(arguments),
+        Some(BenchCommand::Stragglers(arguments)) => stragglers::run(arguments),
+        Some(BenchCommand::Textures(arguments)) => textures::run(arguments),
+        Some(BenchCommand::TextureFiles(arguments)) => texture_files::run(arguments),
+        Some(BenchCommand::Leaves(arguments)) => leaves::run(arguments),
+        Some(BenchCommand::Materials(arguments)) => materials::run(arguments),
+        Some(BenchCommand::Curves(arguments)) => curves::run(arguments),
+        Some(BenchCommand::Specialise(arguments)) => specialise::run(arguments),
+        Some(BenchCommand::Partition(arguments)) => partition::run(arguments),
+        Some(BenchCommand::Edits(arguments)) => edits::run(arguments),
+        Some(BenchCommand::Moving(arguments)) => moving::run(arguments),
     }
 }

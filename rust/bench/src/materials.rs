@@ -14,7 +14,7 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::common::{self, Machine, PassRow, Reported, finish, median, print_passes, write_picture};
+use super::common::{self, BenchMachine, PassRow, ReportOptions, finish, median, print_passes, write_picture};
 use oocpt_scenes::materials::{self, WallPattern};
 use oocpt_scenes::pictures::GeneratedPictures;
 
@@ -40,7 +40,7 @@ pub(crate) struct Arguments {
     #[arg(long)]
     profile: bool,
     #[command(flatten)]
-    reported: Reported,
+    reported: ReportOptions,
     /// Also write the picture of the last material to this file: PNG (sRGB) or EXR.
     #[arg(long)]
     picture: Option<PathBuf>,
@@ -71,9 +71,9 @@ struct Row {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct MaterialsReport {
     bench: &'static str,
-    machine: Machine,
+    machine: BenchMachine,
     width: u32,
     height: u32,
     samples: u32,
@@ -82,7 +82,7 @@ struct Report {
 }
 
 /// A session that is rendered in turn with the others.
-struct Subject {
+struct MaterialSubject {
     pattern: WallPattern,
     text: MaterialText,
     session: Session,
@@ -92,7 +92,7 @@ struct Subject {
 /// Runs the bench.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let Arguments { width, height, samples, texture_size, .. } = *arguments;
-    let mut subjects: Vec<Subject> =
+    let mut subjects: Vec<MaterialSubject> =
         WallPattern::ALL.iter().map(|pattern| subject(arguments, *pattern)).collect::<Result<_>>()?;
     for _ in 0..arguments.runs.max(1) {
         for subject in &mut subjects {
@@ -113,7 +113,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let last = subjects.last().map(|subject| &subject.session);
     let machine = arguments.reported.machine(last);
     println!("on {machine}");
-    arguments.reported.write(&Report { bench: "materials", machine, width, height, samples, texture_size, rows })?;
+    arguments.reported.write(&MaterialsReport {
+        bench: "materials",
+        machine,
+        width,
+        height,
+        samples,
+        texture_size,
+        rows,
+    })?;
     if let (Some(path), Some(session)) = (&arguments.picture, last) {
         write_picture(session, [width, height], path)?;
     }
@@ -121,18 +129,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// A session with its material, rendered once to warm up.
-fn subject(arguments: &Arguments, pattern: WallPattern) -> Result<Subject> {
+fn subject(arguments: &Arguments, pattern: WallPattern) -> Result<MaterialSubject> {
     let settings = common::plain_settings(arguments.samples, 0, &arguments.reported.device);
     let session = Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(GeneratedPictures));
     let text = session.with_scene(|db| materials::build(db, pattern, arguments.texture_size))?;
     let [width, height] = [arguments.width, arguments.height];
     session.render(common::color_request(width, height, materials::camera(width, height)));
     finish(&session).with_context(|| format!("warm-up of {}", pattern.name()))?;
-    Ok(Subject { pattern, text, session, trace_secs: Vec::new() })
+    Ok(MaterialSubject { pattern, text, session, trace_secs: Vec::new() })
 }
 
-fn row(arguments: &Arguments, subject: &Subject, base: &[f64]) -> Result<Row> {
-    let Subject { pattern, text, session, trace_secs } = subject;
+fn row(arguments: &Arguments, subject: &MaterialSubject, base: &[f64]) -> Result<Row> {
+    let MaterialSubject { pattern, text, session, trace_secs } = subject;
     let timings = session.timings();
     if timings.paths == 0 {
         bail!("{}: no path was traced", pattern.name());

@@ -14,14 +14,14 @@ use oocpt_render::{RenderTimings, Session, host_peak_bytes};
 use serde::Serialize;
 use std::time::Instant;
 
-use super::common::{self, Machine, PassRow, Reported, finish};
-use super::view::{Made, Seen, View};
+use super::common::{self, BenchMachine, PassRow, ReportOptions, finish};
+use super::view::{MadeScene, SeenView, ViewOptions};
 
 /// Options of `oocpt bench memory`.
 #[derive(clap::Args)]
-pub(crate) struct Arguments<S: Made> {
+pub(crate) struct Arguments<S: MadeScene> {
     #[command(flatten)]
-    view: View<S>,
+    view: ViewOptions<S>,
     /// Device memory in all of the rows after the first, in per cent of what that row took at most.
     #[arg(long, value_delimiter = ',', default_value = "100,90,75,55,40,27,20,14,10")]
     percents: Vec<f64>,
@@ -35,12 +35,12 @@ pub(crate) struct Arguments<S: Made> {
     #[arg(long)]
     profile: bool,
     #[command(flatten)]
-    reported: Reported,
+    reported: ReportOptions,
 }
 
 /// What one render took.
 #[derive(Clone, Debug, Serialize)]
-struct Run {
+struct MemoryRun {
     /// Uploads, trees, tracing.
     secs: f64,
     /// Of these: what had to be there before the first wave.
@@ -49,7 +49,7 @@ struct Run {
     streaming: StreamingStats,
 }
 
-impl Run {
+impl MemoryRun {
     fn new(timings: &RenderTimings, stats: RenderStats) -> Self {
         let upload_secs = timings.upload_secs + timings.build_secs;
         let RenderStats { gpu_peak_bytes, streaming, .. } = stats;
@@ -64,12 +64,12 @@ struct Row {
     budget_mib: u32,
     /// Of the first row's peak.
     percent: f64,
-    cold: Run,
+    cold: MemoryRun,
     /// The picture that brought the rest of a scene that fits and was rendered while it came.
     #[serde(skip_serializing_if = "Option::is_none")]
-    rest: Option<Run>,
+    rest: Option<MemoryRun>,
     /// With the median time.
-    warm: Run,
+    warm: MemoryRun,
     /// Seconds to the first row's.
     ratio_cold: f64,
     ratio_warm: f64,
@@ -82,26 +82,26 @@ struct Row {
 
 /// A row that did not render.
 #[derive(Debug, Serialize)]
-struct Failed {
+struct FailedRun {
     budget_mib: u32,
     message: String,
 }
 
 #[derive(Debug, Serialize)]
-struct Report<S> {
+struct MemoryReport<S> {
     bench: &'static str,
-    machine: Machine,
+    machine: BenchMachine,
     #[serde(flatten)]
-    seen: Seen<S>,
+    seen: SeenView<S>,
     commit_secs: f64,
     /// The most memory that the process held until then.
     commit_host_peak_bytes: u64,
     rows: Vec<Row>,
-    failed: Vec<Failed>,
+    failed: Vec<FailedRun>,
 }
 
 /// Runs the bench.
-pub(crate) fn run<S: Made>(arguments: &Arguments<S>) -> Result<()> {
+pub(crate) fn run<S: MadeScene>(arguments: &Arguments<S>) -> Result<()> {
     ensure!(arguments.percents.iter().all(|&p| p > 0.0), "--percents: only numbers above 0");
     let session = arguments.view.session(&arguments.reported.device);
     session.with_scene(|db| arguments.view.scene.build(db))?;
@@ -111,7 +111,7 @@ pub(crate) fn run<S: Made>(arguments: &Arguments<S>) -> Result<()> {
     let commit_host_peak_bytes = host_peak_bytes();
     let mut reference = Vec::new();
     let first = measure(arguments, &session, 0, None, &mut reference).context("all the memory there is")?;
-    let mut report = Report {
+    let mut report = MemoryReport {
         bench: "memory",
         machine: arguments.reported.machine(Some(&session)),
         seen: arguments.view.seen(&session.stats()),
@@ -134,7 +134,7 @@ pub(crate) fn run<S: Made>(arguments: &Arguments<S>) -> Result<()> {
             }
             Err(error) => {
                 println!("{budget:>8}  failed: {error:#}");
-                report.failed.push(Failed { budget_mib: budget, message: format!("{error:#}") });
+                report.failed.push(FailedRun { budget_mib: budget, message: format!("{error:#}") });
             }
         }
     }
@@ -153,7 +153,7 @@ fn mib_of(percent: f64, bytes: u64) -> u32 {
 }
 
 /// Renders one row. The first row leaves its picture in `reference`.
-fn measure<S: Made>(
+fn measure<S: MadeScene>(
     arguments: &Arguments<S>,
     session: &Session,
     budget_mib: u32,
@@ -165,15 +165,15 @@ fn measure<S: Made>(
     session.render(arguments.view.request());
     let size = arguments.view.size();
     let mut different_pixels = 0;
-    let mut runs: Vec<Run> = Vec::new();
-    let mut rest: Option<Run> = None;
+    let mut runs: Vec<MemoryRun> = Vec::new();
+    let mut rest: Option<MemoryRun> = None;
     while runs.len() <= arguments.runs as usize {
         if !runs.is_empty() {
             session.restart();
         }
         finish(session)?;
         different_pixels = different_pixels.max(common::compare(session, size, reference)?);
-        let run = Run::new(&session.timings(), session.stats());
+        let run = MemoryRun::new(&session.timings(), session.stats());
         let is_first_in_core = run.streaming.in_core && runs.last().is_some_and(|last| !last.streaming.in_core);
         if is_first_in_core && rest.is_none() {
             rest = Some(run);
@@ -208,9 +208,9 @@ fn mib(bytes: u64) -> f64 {
     bytes as f64 / f64::from(1 << 20)
 }
 
-fn print_head<S: Made>(report: &Report<S>) {
+fn print_head<S: MadeScene>(report: &MemoryReport<S>) {
     println!("memory, {} on {}", S::NAME, report.machine);
-    let Report { seen, commit_secs, commit_host_peak_bytes, .. } = report;
+    let MemoryReport { seen, commit_secs, commit_host_peak_bytes, .. } = report;
     println!("{seen}, committed in {commit_secs:.2} s with {:.0} MiB of host memory", mib(*commit_host_peak_bytes));
     println!(
         "{:>8} {:>6} {:>8} {:>8} {:>7} {:>7} {:>6} {:>6} {:>8} {:>10} {:>10} {:>8} {:>5}",
@@ -231,7 +231,7 @@ fn print_head<S: Made>(report: &Report<S>) {
 }
 
 fn print_row(row: &Row) {
-    let Run { streaming, .. } = &row.warm;
+    let MemoryRun { streaming, .. } = &row.warm;
     println!(
         "{:>8} {:>6.1} {:>8.0} {:>8.0} {:>7.3} {:>7.3} {:>6.2} {:>6.2} {:>8} {:>10.0} {:>10} {:>8.0} {:>5}",
         row.budget_mib,

@@ -11,8 +11,8 @@ use oocpt_render::Session;
 use serde::Serialize;
 use std::time::Instant;
 
-use super::common::{Machine, finish};
-use super::live::{self, Edit, Live};
+use super::common::{BenchMachine, finish};
+use super::live::{self, EditCost, LiveOptions};
 use oocpt_scenes::forest;
 
 /// Radius of the circle that an instance goes around, units; its meshes are about one wide.
@@ -36,7 +36,7 @@ pub(crate) struct Arguments {
     #[arg(long)]
     blurred: bool,
     #[command(flatten)]
-    live: Live,
+    live: LiveOptions,
 }
 
 /// Frames of one size: means over them.
@@ -66,9 +66,9 @@ struct Row {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct MovingReport {
     bench: &'static str,
-    machine: Machine,
+    machine: BenchMachine,
     width: u32,
     height: u32,
     frames: u32,
@@ -94,7 +94,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     report.map_or(Ok(()), |report| arguments.live.reported.write(&report))
 }
 
-fn head(arguments: &Arguments, session: &Session) -> Report {
+fn head(arguments: &Arguments, session: &Session) -> MovingReport {
     let machine = arguments.live.reported.machine(Some(session));
     println!("moving instances on {machine}");
     println!(
@@ -112,9 +112,9 @@ fn head(arguments: &Arguments, session: &Session) -> Report {
         "records",
         "nodes"
     );
-    let Live { width, height, .. } = arguments.live;
+    let LiveOptions { width, height, .. } = arguments.live;
     let frames = arguments.frames;
-    Report { bench: "moving", machine, width, height, frames, rows: Vec::new() }
+    MovingReport { bench: "moving", machine, width, height, frames, rows: Vec::new() }
 }
 
 /// Frames in which `percent` of the instances move.
@@ -129,7 +129,7 @@ fn animate(arguments: &Arguments, session: &Session, rest: &InstancerDesc, perce
         let started = Instant::now();
         let edited = placed(rest, places, moved, frame, arguments.blurred);
         let edit_secs = started.elapsed().as_secs_f64();
-        let Edit { commit_secs, image_secs, made, after } =
+        let EditCost { commit_secs, image_secs, made, after } =
             live::edit(session, edited, arguments.live.request(forest::camera))?;
         // The first frame makes what is asked for the first time.
         if frame > 0 {
@@ -214,7 +214,7 @@ fn print_row(row: &Row) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::live::{Made, made};
+    use super::super::live::{CommitCounts, made};
     use super::*;
     use oocpt_core::scene::SceneDb;
 
@@ -238,6 +238,6 @@ mod tests {
         let all = made(&first, &second);
         assert!(all.records >= 1000 && all.nodes >= 333 && all.meshes == 0, "{all:?}");
         db.upsert_instancer(placed(&rest, &places, 1000, 0, false));
-        assert_eq!(made(&second, &db.commit().snapshot), Made::default(), "the same again");
+        assert_eq!(made(&second, &db.commit().snapshot), CommitCounts::default(), "the same again");
     }
 }

@@ -10,7 +10,7 @@ use super::common::finish;
 
 /// Options of every bench that renders.
 #[derive(Clone, Debug, Default, clap::Args)]
-pub(crate) struct Observe {
+pub(crate) struct ObserveOptions {
     /// Renders once more with a report of error against time to this file (`oocpt report plot` draws it); of a bench
     /// with several rows, one file for each, with the row's name before the extension.
     #[arg(long)]
@@ -20,7 +20,7 @@ pub(crate) struct Observe {
     pub(crate) reference: Option<PathBuf>,
 }
 
-impl Observe {
+impl ObserveOptions {
     /// Renders `request` once more with the report of `row`, if one is wanted.
     pub(crate) fn write(&self, session: &Session, request: &RenderRequest, row: &str) -> Result<()> {
         let Some(report) = &self.report else { return Ok(()) };

@@ -8,7 +8,7 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use super::common::{Machine, median, reset_peak, resident_bytes, write_json};
+use super::common::{BenchMachine, median, reset_peak, resident_bytes, write_json};
 use oocpt_scenes::island::{IslandParameters, IslandPrims};
 
 /// Options of `oocpt bench partition`.
@@ -68,9 +68,9 @@ struct Row {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct PartitionReport {
     bench: &'static str,
-    machine: Machine,
+    machine: BenchMachine,
     copies: u32,
     unique_quads: u64,
     chunk_bytes: u64,
@@ -79,7 +79,7 @@ struct Report {
 
 /// Runs the bench.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let machine = Machine::new(None, arguments.date.as_deref());
+    let machine = BenchMachine::new(None, arguments.date.as_deref());
     println!("{machine}");
     println!(
         "{:>14} {:>8} {:>11} {:>14} {:>9} {:>11} {:>8} {:>14} {:>13} {:>13}",
@@ -115,7 +115,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         }
     }
     let Arguments { copies, unique_quads, chunk_size, .. } = *arguments;
-    let report = Report { bench: "partition", machine, copies, unique_quads, chunk_bytes: chunk_size << 10, rows };
+    let report =
+        PartitionReport { bench: "partition", machine, copies, unique_quads, chunk_bytes: chunk_size << 10, rows };
     write_json(&report, arguments.json.as_deref())
 }
 

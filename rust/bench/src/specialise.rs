@@ -18,9 +18,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::common::{
-    Machine, Reported, all_images, compare, finish, median, only_color, plain_settings, write_picture,
+    BenchMachine, ReportOptions, all_images, compare, finish, median, only_color, plain_settings, write_picture,
 };
-use super::observe::Observe;
+use super::observe::ObserveOptions;
 use oocpt_scenes::generated::GeneratedScene;
 use oocpt_scenes::pictures::GeneratedPictures;
 
@@ -55,12 +55,12 @@ pub(crate) struct Arguments {
     #[arg(long)]
     streaming: bool,
     #[command(flatten)]
-    reported: Reported,
+    reported: ReportOptions,
     /// Also write the picture of the last scene to this file: PNG (sRGB) or EXR.
     #[arg(long)]
     picture: Option<PathBuf>,
     #[command(flatten)]
-    observe: Observe,
+    observe: ObserveOptions,
 }
 
 const NONE: ForcedFeatures = ForcedFeatures::NONE;
@@ -93,9 +93,9 @@ struct Row {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct SpecialiseReport {
     bench: &'static str,
-    machine: Machine,
+    machine: BenchMachine,
     scale: u32,
     width: u32,
     height: u32,
@@ -105,7 +105,7 @@ struct Report {
 }
 
 /// A build that is rendered in turn with the others.
-struct Build {
+struct BuildSubject {
     name: String,
     session: Session,
     trace_secs: Vec<f64>,
@@ -138,7 +138,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let Arguments { scale, width, height, samples, bounces, .. } = *arguments;
     let machine = machine.context("no scene was named")?;
     println!("on {machine}");
-    let report = Report { bench: "specialise", machine, scale, width, height, samples, bounces, rows };
+    let report = SpecialiseReport { bench: "specialise", machine, scale, width, height, samples, bounces, rows };
     arguments.reported.write(&report)?;
     let wrong = report.rows.iter().find(|row| row.different_pixels > 0);
     ensure!(wrong.is_none(), "what was carried changed the picture: {:?}", wrong.map(|row| (row.scene, &row.build)));
@@ -146,7 +146,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// Renders all builds of a scene in turn.
-fn measure(arguments: &Arguments, scene: GeneratedScene) -> Result<Vec<Build>> {
+fn measure(arguments: &Arguments, scene: GeneratedScene) -> Result<Vec<BuildSubject>> {
     let mut builds = vec![
         build(arguments, scene, "own", NONE, false)?,
         build(arguments, scene, "features", ForcedFeatures { features: Features::all(), levels: false }, false)?,
@@ -183,7 +183,7 @@ fn build(
     name: &str,
     forced_features: ForcedFeatures,
     streams: bool,
-) -> Result<Build> {
+) -> Result<BuildSubject> {
     let settings = plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
     let options = SessionOptions { force_streaming: streams, forced_features, ..SessionOptions::default() };
     let session = Session::with_options(settings, options).with_images(Arc::new(GeneratedPictures));
@@ -195,7 +195,7 @@ fn build(
     let compile_secs = inventory.passes.iter().map(|pass| pass.compile_secs).sum();
     let first_trace_secs = session.timings().trace_secs;
     let name = name.to_owned();
-    Ok(Build { name, session, trace_secs: Vec::new(), different_pixels: 0, compile_secs, first_trace_secs })
+    Ok(BuildSubject { name, session, trace_secs: Vec::new(), different_pixels: 0, compile_secs, first_trace_secs })
 }
 
 fn request(arguments: &Arguments, scene: GeneratedScene, images: bool) -> RenderRequest {
@@ -204,7 +204,7 @@ fn request(arguments: &Arguments, scene: GeneratedScene, images: bool) -> Render
     RenderRequest { width, height, camera: scene.camera(scale, width, height), aovs }
 }
 
-fn row(scene: GeneratedScene, build: &Build, own: &[f64]) -> Row {
+fn row(scene: GeneratedScene, build: &BuildSubject, own: &[f64]) -> Row {
     let stats = build.session.stats();
     let inventory = stats.inventory;
     let ratios = build.trace_secs.iter().zip(own).map(|(secs, own)| secs / own).collect();

@@ -17,8 +17,8 @@ use serde::Serialize;
 use std::path::PathBuf;
 
 use super::budgets;
-use super::common::{Machine, Reported, finish, median, write_picture};
-use super::view::{Made, Seen, View};
+use super::common::{BenchMachine, ReportOptions, finish, median, write_picture};
+use super::view::{MadeScene, SeenView, ViewOptions};
 use oocpt_scenes::island::IslandParameters;
 
 /// Seed of the reference: none of those of the runs.
@@ -32,7 +32,7 @@ const SHARES: [f64; 6] = [50.0, 10.0, 1.0, 0.1, 0.01, 0.0];
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    view: View<IslandParameters>,
+    view: ViewOptions<IslandParameters>,
     /// Samples per pixel of the picture to compare with, rendered in core.
     #[arg(long, default_value_t = 1024)]
     reference_samples: u32,
@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 3)]
     runs: u32,
     #[command(flatten)]
-    reported: Reported,
+    reported: ReportOptions,
     /// Also write the last picture as PNG (sRGB) to this file.
     #[arg(long)]
     picture: Option<PathBuf>,
@@ -57,7 +57,7 @@ pub(crate) struct Arguments {
 
 /// When so many of the paths were left.
 #[derive(Clone, Copy, Debug, Serialize)]
-struct Left {
+struct LeftPaths {
     /// At most, per cent.
     percent: f64,
     seconds: f64,
@@ -77,15 +77,15 @@ struct Row {
     /// 1 / (`rel_mse` x `median_trace_secs`).
     efficiency: f64,
     streaming: StreamingStats,
-    left: Vec<Left>,
+    left: Vec<LeftPaths>,
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct StragglersReport {
     bench: &'static str,
-    machine: Machine,
+    machine: BenchMachine,
     #[serde(flatten)]
-    seen: Seen<IslandParameters>,
+    seen: SeenView<IslandParameters>,
     reference_samples: u32,
     rows: Vec<Row>,
     /// Budgets too small for the largest chunk, and what was said.
@@ -174,11 +174,11 @@ fn measure(
 }
 
 /// The first moment with at most `percent` of the paths left.
-fn left_at(moments: &[LeftMoment], paths: u64, percent: f64) -> Option<Left> {
+fn left_at(moments: &[LeftMoment], paths: u64, percent: f64) -> Option<LeftPaths> {
     #[expect(clippy::cast_precision_loss, reason = "a share")]
     let share = |moment: &&LeftMoment| 100.0 * moment.paths_left as f64 <= percent * paths as f64;
     let &LeftMoment { seconds, loads, bytes_paged, .. } = moments.iter().find(share)?;
-    Some(Left { percent, seconds, loads, bytes_paged })
+    Some(LeftPaths { percent, seconds, loads, bytes_paged })
 }
 
 /// Mean of `(x - r)^2 / (r^2 + 0.01)` over pixels and channels; contains the reference's own error.
@@ -193,8 +193,8 @@ fn rel_mse(picture: &[[f32; 4]], reference: &[[f32; 4]]) -> f64 {
     sum / count
 }
 
-fn report(arguments: &Arguments, session: &Session) -> Report {
-    Report {
+fn report(arguments: &Arguments, session: &Session) -> StragglersReport {
+    StragglersReport {
         bench: "stragglers",
         machine: arguments.reported.machine(Some(session)),
         seen: arguments.view.seen(&session.stats()),

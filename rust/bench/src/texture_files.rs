@@ -21,10 +21,10 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use self::files::{Files, Kind, Tool};
-use self::process::Used;
-use self::record::{Host, Picture, Run};
-use super::common::{Machine, Reported};
+use self::files::{FileKind, ImageTool, TextureFiles};
+use self::process::ProcessUsage;
+use self::record::{RecordHost, RecordedPicture, RecordedRun};
+use super::common::{BenchMachine, ReportOptions};
 
 /// Texels along a side of the first row's file.
 const TINY: u32 = 64;
@@ -42,7 +42,7 @@ pub(crate) struct Arguments {
     sizes: Vec<u32>,
     /// Kinds of file.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "jpeg,png,tiff,exr")]
-    formats: Vec<Kind>,
+    formats: Vec<FileKind>,
     /// Files of a UDIM set on as many quads; 1 = a single file.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(scene::MOST_MEMBERS)))]
     udim: u32,
@@ -71,7 +71,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 900)]
     timeout: u64,
     #[command(flatten)]
-    reported: Reported,
+    reported: ReportOptions,
 }
 
 /// Files of one size and kind, with an empty cache or a filled one.
@@ -105,21 +105,21 @@ struct Row {
 
 /// Files that were not rendered.
 #[derive(Debug, Serialize)]
-struct Failed {
+struct FailedFiles {
     size: u32,
     kind: &'static str,
     message: String,
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct TextureFilesReport {
     bench: &'static str,
-    machine: Machine,
+    machine: BenchMachine,
     width: u32,
     samples: u32,
     udim: u32,
     rows: Vec<Row>,
-    failed: Vec<Failed>,
+    failed: Vec<FailedFiles>,
 }
 
 /// Runs the bench.
@@ -128,8 +128,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     std::fs::create_dir_all(&work).with_context(|| format!("cannot make {}", work.display()))?;
     let work = std::fs::canonicalize(&work).with_context(|| format!("cannot open {}", work.display()))?;
     let timeout = Duration::from_secs(arguments.timeout);
-    let tool = Tool::new(arguments.texture_file.as_ref(), timeout);
-    let mut host = Host {
+    let tool = ImageTool::new(arguments.texture_file.as_ref(), timeout);
+    let mut host = RecordHost {
         usdrecord: oocpt_command::host::usdrecord(arguments.usdrecord.as_ref()),
         width: arguments.width,
         samples: arguments.samples,
@@ -139,7 +139,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         cache: "0".into(),
     };
     std::fs::create_dir_all(&host.folder).with_context(|| format!("cannot make {}", host.folder.display()))?;
-    let mut report = Report {
+    let mut report = TextureFilesReport {
         bench: "texture-files",
         machine: arguments.reported.machine(None),
         width: arguments.width,
@@ -151,7 +151,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     warm_up(&tool, &host, &work).context("a scene with a tiny texture")?;
     table::print_head(arguments);
     let sizes = || arguments.sizes.iter().flat_map(|size| arguments.formats.iter().map(move |kind| (*size, *kind)));
-    for (size, kind) in std::iter::once((TINY, Kind::Png)).chain(sizes()) {
+    for (size, kind) in std::iter::once((TINY, FileKind::Png)).chain(sizes()) {
         let members = if size == TINY { 1 } else { arguments.udim };
         let measured = tool
             .files(&work, kind, size, members)
@@ -164,7 +164,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             Err(error) => {
                 let message = format!("{error:#}");
                 println!("{size:>6} {:<5} {message}", kind.name());
-                report.failed.push(Failed { size, kind: kind.name(), message });
+                report.failed.push(FailedFiles { size, kind: kind.name(), message });
             }
         }
     }
@@ -175,12 +175,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// Brings programs and libraries into the system's page cache, and driver caches to life; not counted.
-fn warm_up(tool: &Tool, host: &Host, work: &Path) -> Result<()> {
-    let files = tool.files(work, Kind::Png, TINY, 1)?;
+fn warm_up(tool: &ImageTool, host: &RecordHost, work: &Path) -> Result<()> {
+    let files = tool.files(work, FileKind::Png, TINY, 1)?;
     host.record(&write_scene(work, &files, "warm-up", 1)?).map(drop)
 }
 
-fn write_scene(work: &Path, files: &Files, name: &str, members: u32) -> Result<PathBuf> {
+fn write_scene(work: &Path, files: &TextureFiles, name: &str, members: u32) -> Result<PathBuf> {
     let path = work.join(format!("{name}.usda"));
     std::fs::write(&path, scene::usda(&format!("./{}", files.pattern), members))
         .with_context(|| format!("cannot write {}", path.display()))?;
@@ -190,11 +190,11 @@ fn write_scene(work: &Path, files: &Files, name: &str, members: u32) -> Result<P
 /// Both rows of the files, printed as they come, and the device's name.
 fn measure(
     arguments: &Arguments,
-    tool: &Tool,
-    host: &mut Host,
+    tool: &ImageTool,
+    host: &mut RecordHost,
     work: &Path,
-    files: &Files,
-    (size, kind, members): (u32, Kind, u32),
+    files: &TextureFiles,
+    (size, kind, members): (u32, FileKind, u32),
 ) -> Result<(Vec<Row>, String)> {
     let scene = write_scene(work, files, &format!("{size}-{}-{members}", kind.name()), members)?;
     let cache = work.join("cache").join(format!("{size}-{}-{members}", kind.name()));
@@ -235,11 +235,11 @@ fn bound(state: &str, members: u32, decode_secs: f64) -> f64 {
 }
 
 fn row(
-    run: Run,
+    run: RecordedRun,
     run_secs: Vec<f64>,
-    files: &Files,
-    decode: Used,
-    (size, kind, cache, bound_secs): (u32, Kind, &'static str, f64),
+    files: &TextureFiles,
+    decode: ProcessUsage,
+    (size, kind, cache, bound_secs): (u32, FileKind, &'static str, f64),
     cache_bytes: u64,
 ) -> Row {
     Row {
@@ -265,14 +265,14 @@ fn row(
 }
 
 /// The run with the median time; of an even count, the upper one of the two.
-fn median(mut runs: Vec<Run>) -> Option<Run> {
+fn median(mut runs: Vec<RecordedRun>) -> Option<RecordedRun> {
     runs.sort_by(|a, b| a.used.secs.total_cmp(&b.used.secs));
     let middle = runs.len() / 2;
     runs.into_iter().nth(middle)
 }
 
 /// The first picture becomes the reference, others have to be it.
-fn same(reference: &mut Option<Picture>, picture: &Picture) -> Result<()> {
+fn same(reference: &mut Option<RecordedPicture>, picture: &RecordedPicture) -> Result<()> {
     match reference {
         Some(reference) if reference != picture => bail!("two runs of the same files gave different pictures"),
         Some(_) => {}

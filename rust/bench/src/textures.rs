@@ -16,9 +16,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::budgets::{self, Failed};
-use super::common::{self, Machine, PassRow, Reported, Runs, finish, write_picture};
-use super::observe::Observe;
+use super::budgets::{self, FailedBudget};
+use super::common::{self, BenchMachine, PassRow, RenderRuns, ReportOptions, finish, write_picture};
+use super::observe::ObserveOptions;
 use oocpt_scenes::pictures::GeneratedPictures;
 use oocpt_scenes::woods::{self, WoodsParameters};
 
@@ -62,12 +62,12 @@ pub(crate) struct Arguments {
     #[arg(long)]
     profile: bool,
     #[command(flatten)]
-    reported: Reported,
+    reported: ReportOptions,
     /// Also write the picture to this file: PNG (sRGB), or EXR with how it was made.
     #[arg(long)]
     picture: Option<PathBuf>,
     #[command(flatten)]
-    observe: Observe,
+    observe: ObserveOptions,
 }
 
 /// One budget under one policy.
@@ -100,9 +100,9 @@ struct Row {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct TexturesReport {
     bench: &'static str,
-    machine: Machine,
+    machine: BenchMachine,
     width: u32,
     height: u32,
     samples: u32,
@@ -121,10 +121,10 @@ struct Report {
     texture_bytes: u64,
     all_identical: bool,
     rows: Vec<Row>,
-    failed: Vec<Failed>,
+    failed: Vec<FailedBudget>,
 }
 
-impl Report {
+impl TexturesReport {
     /// What budgets of a percentage are parts of.
     #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bytes")]
     fn whole_bytes(&self, percent: f64, of_textures: bool) -> u64 {
@@ -187,7 +187,7 @@ fn measure(
     finish(session)?;
     let cold_trace_secs = session.timings().trace_secs;
     let size = [arguments.width, arguments.height];
-    let Runs { trace_secs, timings, stats, different_pixels } =
+    let RenderRuns { trace_secs, timings, stats, different_pixels } =
         common::measure(session, size, arguments.runs, false, reference)?;
     let passes = if arguments.profile { common::profile(session)? } else { Vec::new() };
     arguments.observe.write(session, &request(arguments), &format!("{percent} {policy}"))?;
@@ -219,9 +219,9 @@ fn measure(
     })
 }
 
-fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_secs: f64) -> Report {
+fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_secs: f64) -> TexturesReport {
     let stats = session.stats();
-    Report {
+    TexturesReport {
         bench: "textures",
         machine: arguments.reported.machine(Some(session)),
         width: arguments.width,

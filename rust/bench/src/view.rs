@@ -12,7 +12,7 @@ use serde::Serialize;
 use std::sync::Arc;
 
 /// A scene that is made from a few numbers, which are options of a bench.
-pub(crate) trait Made: clap::Args + Copy + Serialize {
+pub(crate) trait MadeScene: clap::Args + Copy + Serialize {
     /// What reports call it.
     const NAME: &'static str;
 
@@ -23,7 +23,7 @@ pub(crate) trait Made: clap::Args + Copy + Serialize {
     fn camera(&self, width: u32, height: u32) -> Camera;
 }
 
-impl Made for island::IslandParameters {
+impl MadeScene for island::IslandParameters {
     const NAME: &'static str = "island";
 
     fn build(&self, db: &mut SceneDb) -> Result<()> {
@@ -35,7 +35,7 @@ impl Made for island::IslandParameters {
     }
 }
 
-impl Made for woods::WoodsParameters {
+impl MadeScene for woods::WoodsParameters {
     const NAME: &'static str = "woods";
 
     fn build(&self, db: &mut SceneDb) -> Result<()> {
@@ -49,7 +49,7 @@ impl Made for woods::WoodsParameters {
 
 /// Options of a bench.
 #[derive(clap::Args)]
-pub(crate) struct View<S: Made> {
+pub(crate) struct ViewOptions<S: MadeScene> {
     #[command(flatten)]
     pub(crate) scene: S,
     /// Image width, pixels.
@@ -74,7 +74,7 @@ pub(crate) struct View<S: Made> {
 
 /// What a report says of it.
 #[derive(Debug, Serialize)]
-pub(crate) struct Seen<S> {
+pub(crate) struct SeenView<S> {
     width: u32,
     height: u32,
     samples: u32,
@@ -86,7 +86,7 @@ pub(crate) struct Seen<S> {
     pub(crate) scene_bytes: u64,
 }
 
-impl<S: Made> View<S> {
+impl<S: MadeScene> ViewOptions<S> {
     /// A session without a scene, on a device: an index or a part of its name.
     pub(crate) fn session(&self, device: &str) -> Session {
         let mut settings = common::plain_settings(self.samples, self.bounces, device);
@@ -104,9 +104,9 @@ impl<S: Made> View<S> {
     }
 
     /// After the scene was rendered.
-    pub(crate) fn seen(&self, stats: &RenderStats) -> Seen<S> {
+    pub(crate) fn seen(&self, stats: &RenderStats) -> SeenView<S> {
         let Self { width, height, samples, bounces, scene, .. } = *self;
-        Seen {
+        SeenView {
             width,
             height,
             samples,
@@ -120,7 +120,7 @@ impl<S: Made> View<S> {
     }
 }
 
-impl<S> std::fmt::Display for Seen<S> {
+impl<S> std::fmt::Display for SeenView<S> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { width, height, samples, bounces, instances, instanced_triangles, chunks, scene_bytes, .. } = self;
         #[expect(clippy::cast_precision_loss, reason = "a size")]

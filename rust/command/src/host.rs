@@ -5,7 +5,7 @@
 //! Scenes and output may come from strangers. A file is passed as an absolute path, in the user's environment; the host
 //! is ended after a time limit; a bounded part of its output is read.
 
-use crate::stop::{self, Folder};
+use crate::stop::{self, TemporaryFolder};
 use anyhow::{Context as _, Result, bail};
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -82,14 +82,14 @@ pub fn usdrecord(named: Option<&OsString>) -> OsString {
 }
 
 /// A folder of its own for what a host is asked for.
-pub fn temporary(name: &str) -> Result<Folder> {
+pub fn temporary(name: &str) -> Result<TemporaryFolder> {
     let number = FOLDERS.fetch_add(1, Ordering::Relaxed);
-    Folder::create(std::env::temp_dir().join(format!("oocpt-{name}-{}-{number}", std::process::id())))
+    TemporaryFolder::create(std::env::temp_dir().join(format!("oocpt-{name}-{}-{number}", std::process::id())))
 }
 
 /// A picture of a file that a host renders.
 #[derive(Debug)]
-pub struct Picture<'a> {
+pub struct HostPicture<'a> {
     /// An absolute path.
     pub file: &'a Path,
     /// The host: a path, or a name that is looked for in `PATH`.
@@ -104,7 +104,7 @@ pub struct Picture<'a> {
     pub timeout: Duration,
 }
 
-impl Picture<'_> {
+impl HostPicture<'_> {
     /// Has it rendered; what is left of it is in `folder`. Gives what the host said on standard error: prims with bad
     /// data, files that are not there.
     pub fn render(&self, folder: &Path) -> Result<Vec<String>> {

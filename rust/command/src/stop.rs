@@ -23,7 +23,7 @@ const PATIENCE: Duration = Duration::from_millis(500);
 
 /// The programs and folders to clean up.
 #[derive(Debug)]
-struct State {
+struct StopState {
     is_stopping: bool,
     /// True if the command has returned.
     is_done: bool,
@@ -31,21 +31,21 @@ struct State {
     folders: Vec<PathBuf>,
 }
 
-static STATE: Mutex<State> =
-    Mutex::new(State { is_stopping: false, is_done: false, programs: Vec::new(), folders: Vec::new() });
+static STATE: Mutex<StopState> =
+    Mutex::new(StopState { is_stopping: false, is_done: false, programs: Vec::new(), folders: Vec::new() });
 static CHANGED: Condvar = Condvar::new();
 
-fn state() -> MutexGuard<'static, State> {
+fn state() -> MutexGuard<'static, StopState> {
     STATE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A program that was started, as long as nobody has waited for it.
 #[derive(Debug)]
-pub struct Started {
+pub struct StartedProgram {
     id: Pid,
 }
 
-impl Drop for Started {
+impl Drop for StartedProgram {
     fn drop(&mut self) {
         state().programs.retain(|id| *id != self.id);
         CHANGED.notify_all();
@@ -54,7 +54,7 @@ impl Drop for Started {
 
 /// Starts a program that ends when this process is interrupted; none is started any more then. The second value goes
 /// when the program was waited for.
-pub fn start(command: &mut Command) -> std::io::Result<(Child, Started)> {
+pub fn start(command: &mut Command) -> std::io::Result<(Child, StartedProgram)> {
     let mut state = state();
     if state.is_stopping {
         return Err(std::io::ErrorKind::Interrupted.into());
@@ -62,14 +62,14 @@ pub fn start(command: &mut Command) -> std::io::Result<(Child, Started)> {
     let child = command.spawn()?;
     let id = Pid::from_child(&child);
     state.programs.push(id);
-    Ok((child, Started { id }))
+    Ok((child, StartedProgram { id }))
 }
 
 /// A temporary folder that is removed with everything in it, also when this process is interrupted.
 #[derive(Debug)]
-pub struct Folder(PathBuf);
+pub struct TemporaryFolder(PathBuf);
 
-impl Folder {
+impl TemporaryFolder {
     /// Makes the folder, which must not be there.
     pub fn create(path: PathBuf) -> Result<Self> {
         let mut state = state();
@@ -84,7 +84,7 @@ impl Folder {
     }
 }
 
-impl Drop for Folder {
+impl Drop for TemporaryFolder {
     fn drop(&mut self) {
         if let Err(error) = std::fs::remove_dir_all(&self.0) {
             tracing::warn!(folder = %self.0.display(), %error, "a temporary folder is left");
@@ -162,7 +162,11 @@ fn tell(programs: &[Pid], signal: Signal) {
     }
 }
 
-fn wait<'a>(state: MutexGuard<'a, State>, most: Duration, is_so: fn(&State) -> bool) -> MutexGuard<'a, State> {
+fn wait<'a>(
+    state: MutexGuard<'a, StopState>,
+    most: Duration,
+    is_so: fn(&StopState) -> bool,
+) -> MutexGuard<'a, StopState> {
     let end = Instant::now() + most;
     let mut state = state;
     while !is_so(&state) {
@@ -193,10 +197,10 @@ mod tests {
     #[test]
     fn a_folder_is_known_until_it_is_removed() {
         let path = std::env::temp_dir().join(format!("oocpt-stop-{}", std::process::id()));
-        let folder = Folder::create(path.clone()).expect("a temporary folder");
+        let folder = TemporaryFolder::create(path.clone()).expect("a temporary folder");
         std::fs::write(folder.path().join("file"), "x").expect("a file");
         assert!(state().folders.contains(&path), "it would be removed");
-        assert!(Folder::create(path.clone()).is_err(), "it is ours alone");
+        assert!(TemporaryFolder::create(path.clone()).is_err(), "it is ours alone");
         drop(folder);
         assert!(!path.exists() && !state().folders.contains(&path), "it is gone");
     }

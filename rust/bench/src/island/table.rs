@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The table of `bench island`: a head, then a line for each row as it comes.
 
-use super::{Report, Row};
+use super::{IslandReport, Row};
 
-pub(super) fn print_head(report: &Report) {
+pub(super) fn print_head(report: &IslandReport) {
     println!("island on {}", report.machine);
     println!("{}", report.seen);
     println!(
@@ -34,7 +34,7 @@ pub(super) fn print_head(report: &Report) {
 
 /// The most host memory, which is known at the end.
 #[expect(clippy::cast_precision_loss, reason = "sizes are shown, not computed with")]
-pub(super) fn print_host_peak(report: &Report) {
+pub(super) fn print_host_peak(report: &IslandReport) {
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     println!(
         "host memory at most: {:.0} MiB until the commit was done, {:.0} MiB until the end",

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The tables of `bench stragglers`: a line for each row as it comes, then when how many of the paths were left.
 
-use super::{Report, Row};
+use super::{Row, StragglersReport};
 
 #[expect(clippy::cast_precision_loss, reason = "sizes are shown, not computed with")]
 fn mib(bytes: u64) -> f64 {
@@ -16,7 +16,7 @@ fn name(row: &Row) -> &'static str {
     }
 }
 
-pub(super) fn print_head(report: &Report) {
+pub(super) fn print_head(report: &StragglersReport) {
     println!("stragglers on {}", report.machine);
     println!("{}; against {} samples", report.seen, report.reference_samples);
     println!(

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use super::process::{self, Used};
+use super::process::{self, ProcessUsage};
 use super::scene::numbers;
 
 /// Part of every name: raised when the noise or the way of writing changes, so that old files are not reused.
@@ -18,7 +18,7 @@ const VERSION: &str = "noise1";
 
 /// A kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(super) enum Kind {
+pub(super) enum FileKind {
     /// Quality 92, 8 bits.
     Jpeg,
     /// 8 bits, packed fast.
@@ -29,7 +29,7 @@ pub(super) enum Kind {
     Exr,
 }
 
-impl Kind {
+impl FileKind {
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Jpeg => "jpeg",
@@ -51,14 +51,14 @@ impl Kind {
 
 /// The program that writes and reads.
 #[derive(Debug)]
-pub(super) struct Tool {
+pub(super) struct ImageTool {
     program: OsString,
     timeout: Duration,
 }
 
 /// Files of one size and kind: one, or the members of a UDIM set.
 #[derive(Debug)]
-pub(super) struct Files {
+pub(super) struct TextureFiles {
     /// With `<UDIM>` where there are several.
     pub(super) pattern: String,
     pub(super) paths: Vec<PathBuf>,
@@ -71,17 +71,17 @@ struct VarianceEstimate {
     seconds: f64,
 }
 
-impl Tool {
+impl ImageTool {
     pub(super) fn new(program: Option<&OsString>, timeout: Duration) -> Self {
         let program = program.filter(|name| !name.is_empty()).cloned().unwrap_or_else(|| "oocpt-texture-file".into());
         Self { program, timeout }
     }
 
     /// The files in `folder`, those that are not there yet written: each appears whole or not at all.
-    pub(super) fn files(&self, folder: &Path, kind: Kind, size: u32, members: u32) -> Result<Files> {
+    pub(super) fn files(&self, folder: &Path, kind: FileKind, size: u32, members: u32) -> Result<TextureFiles> {
         let name = |number: &str| format!("{VERSION}-{size}.{number}.{}", kind.extension());
         let numbers = numbers(members);
-        let mut files = Files { pattern: name("<UDIM>"), paths: Vec::new(), bytes: 0 };
+        let mut files = TextureFiles { pattern: name("<UDIM>"), paths: Vec::new(), bytes: 0 };
         for number in &numbers {
             let path = folder.join(name(&number.to_string()));
             if !path.exists() {
@@ -103,14 +103,18 @@ impl Tool {
     /// Decodes all of the files once, on all cores: of one file `OpenImageIO`'s own threads, of several one thread a
     /// file. The seconds are those
     /// from the first file's opening to the last one's end, without those of the program's start.
-    pub(super) fn decode(&self, folder: &Path, files: &Files) -> Result<Used> {
+    pub(super) fn decode(&self, folder: &Path, files: &TextureFiles) -> Result<ProcessUsage> {
         let words = ["read", "0"].map(OsStr::new);
         let (said, used) =
             self.call(folder, words.into_iter().chain(files.paths.iter().map(|path| path.as_os_str())))?;
-        Ok(Used { secs: said.seconds, ..used })
+        Ok(ProcessUsage { secs: said.seconds, ..used })
     }
 
-    fn call<'a>(&self, folder: &Path, words: impl Iterator<Item = &'a OsStr>) -> Result<(VarianceEstimate, Used)> {
+    fn call<'a>(
+        &self,
+        folder: &Path,
+        words: impl Iterator<Item = &'a OsStr>,
+    ) -> Result<(VarianceEstimate, ProcessUsage)> {
         let [output, errors] = ["tool-output", "tool-errors"].map(|name| folder.join(name));
         let keep = |path: &Path| File::create(path).with_context(|| format!("cannot write {}", path.display()));
         let mut command = Command::new(&self.program);
@@ -134,14 +138,14 @@ mod tests {
     use super::*;
 
     /// A folder with a program in place of `oocpt-texture-file`.
-    fn tool(name: &str, script: &str) -> (PathBuf, Tool) {
+    fn tool(name: &str, script: &str) -> (PathBuf, ImageTool) {
         let folder = std::env::temp_dir().join(format!("oocpt-texture-files-{name}-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a temporary folder");
         let program = folder.join("tool");
         std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).expect("a temporary file");
         let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
         std::fs::set_permissions(&program, mode).expect("it is ours");
-        let tool = Tool::new(Some(&program.into_os_string()), Duration::from_secs(60));
+        let tool = ImageTool::new(Some(&program.into_os_string()), Duration::from_secs(60));
         (folder, tool)
     }
 
@@ -152,7 +156,7 @@ mod tests {
                       1}'";
         let (folder, tool) = tool("reuse", script);
         for _ in 0..2 {
-            let files = tool.files(&folder, Kind::Tiff, 16, 2).expect("written");
+            let files = tool.files(&folder, FileKind::Tiff, 16, 2).expect("written");
             assert_eq!(files.pattern, "noise1-16.<UDIM>.tif", "a set");
             assert_eq!(files.bytes, 14, "of both, as the program wrote them: size and number");
             let second = std::fs::read_to_string(&files.paths[1]).expect("it is there");
@@ -163,19 +167,23 @@ mod tests {
         let log = std::fs::read_to_string(folder.join("log")).expect("it is there");
         assert_eq!(log.lines().count(), 2, "each file once: {log}");
         assert!(log.contains("part-noise1-16.1001.tif"), "under another name until it is whole: {log}");
-        assert_eq!(tool.files(&folder, Kind::Tiff, 16, 1).expect("there").pattern, "noise1-16.1001.tif", "one file");
+        assert_eq!(
+            tool.files(&folder, FileKind::Tiff, 16, 1).expect("there").pattern,
+            "noise1-16.1001.tif",
+            "one file"
+        );
         std::fs::remove_dir_all(folder).expect("it is ours");
     }
 
     #[test]
     fn a_failed_write_gives_one_message_and_leaves_no_file() {
         let (folder, failing) = tool("fails", "printf x > \"$4\"; echo 'disk is full' >&2; exit 1");
-        let error = format!("{:#}", failing.files(&folder, Kind::Png, 8, 1).expect_err("it fails"));
+        let error = format!("{:#}", failing.files(&folder, FileKind::Png, 8, 1).expect_err("it fails"));
         assert!(error.contains("failed: disk is full"), "{error}");
         assert!(!folder.join("noise1-8.1001.png").exists(), "half a file is none");
         std::fs::remove_dir_all(folder).expect("it is ours");
         let (folder, silent) = tool("silent", "exit 0");
-        let error = format!("{:#}", silent.files(&folder, Kind::Png, 8, 1).expect_err("it says nothing"));
+        let error = format!("{:#}", silent.files(&folder, FileKind::Png, 8, 1).expect_err("it says nothing"));
         assert!(error.contains("said \"\""), "{error}");
         std::fs::remove_dir_all(folder).expect("it is ours");
     }

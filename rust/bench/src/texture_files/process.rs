@@ -13,7 +13,7 @@ use wait4::Wait4 as _;
 
 /// What a program used.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Used {
+pub(super) struct ProcessUsage {
     pub(super) is_success: bool,
     /// From start to end.
     pub(super) secs: f64,
@@ -24,7 +24,7 @@ pub(super) struct Used {
 }
 
 /// Runs a program to its end; one that takes longer than `timeout` is ended, and that is an error.
-pub(super) fn run(command: &mut Command, timeout: Duration) -> Result<Used> {
+pub(super) fn run(command: &mut Command, timeout: Duration) -> Result<ProcessUsage> {
     let started = Instant::now();
     let (mut child, running) =
         stop::start(command).with_context(|| format!("cannot start {}", command.get_program().display()))?;
@@ -46,7 +46,7 @@ pub(super) fn run(command: &mut Command, timeout: Duration) -> Result<Used> {
     if is_late {
         bail!("it took longer than {} s and was ended (--timeout)", timeout.as_secs_f64());
     }
-    Ok(Used {
+    Ok(ProcessUsage {
         is_success: used.status.success(),
         secs,
         cpu_secs: (used.rusage.utime + used.rusage.stime).as_secs_f64(),
@@ -58,7 +58,7 @@ pub(super) fn run(command: &mut Command, timeout: Duration) -> Result<Used> {
 mod tests {
     use super::*;
 
-    fn shell(script: &str, timeout: f64) -> Result<Used> {
+    fn shell(script: &str, timeout: f64) -> Result<ProcessUsage> {
         run(Command::new("sh").args(["-c", script]), Duration::from_secs_f64(timeout))
     }
 

@@ -11,12 +11,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use super::process::{self, Used};
+use super::process::{self, ProcessUsage};
 use oocpt_command::host::{tail, warnings};
 
 /// How to run.
 #[derive(Debug)]
-pub(super) struct Host {
+pub(super) struct RecordHost {
     pub(super) usdrecord: OsString,
     pub(super) width: u32,
     pub(super) samples: u32,
@@ -30,19 +30,19 @@ pub(super) struct Host {
 
 /// What a run gave.
 #[derive(Debug)]
-pub(super) struct Run {
-    pub(super) used: Used,
+pub(super) struct RecordedRun {
+    pub(super) used: ProcessUsage,
     pub(super) usage: RenderUsage,
     pub(super) device: String,
     pub(super) warnings: Vec<String>,
-    pub(super) picture: Picture,
+    pub(super) picture: RecordedPicture,
 }
 
 /// All channels of a picture.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Picture(Vec<FlatSamples>);
+pub(super) struct RecordedPicture(Vec<FlatSamples>);
 
-impl Picture {
+impl RecordedPicture {
     fn read(path: &Path) -> Result<Self> {
         let image = exr::prelude::read()
             .no_deep_data()
@@ -64,9 +64,9 @@ impl Picture {
     }
 }
 
-impl Host {
+impl RecordHost {
     /// Renders the scene once.
-    pub(super) fn record(&self, scene: &Path) -> Result<Run> {
+    pub(super) fn record(&self, scene: &Path) -> Result<RecordedRun> {
         let [report, output, errors, picture] =
             ["report.jsonl", "output", "errors", "picture.exr"].map(|name| self.folder.join(name));
         for old in [&report, &picture] {
@@ -101,9 +101,9 @@ impl Host {
         let usage =
             last.usage.context("the report does not say what was used: the host's OocPT is older than this program")?;
         let warnings = warnings(&errors);
-        let picture = Picture::read(&picture)?;
+        let picture = RecordedPicture::read(&picture)?;
         ensure!(!picture.is_plain(), "the picture shows no texture; the host said: {}", tail(&[&errors]));
-        Ok(Run { used, usage, device: last.header.device, warnings, picture })
+        Ok(RecordedRun { used, usage, device: last.header.device, warnings, picture })
     }
 }
 
@@ -113,7 +113,7 @@ mod tests {
     use oocpt_render::picture::write;
 
     /// What a host does that runs this script, with two pictures beside it: one with something on it, one plain.
-    fn run(name: &str, script: &str) -> (PathBuf, Result<Run>) {
+    fn run(name: &str, script: &str) -> (PathBuf, Result<RecordedRun>) {
         let folder = std::env::temp_dir().join(format!("oocpt-record-{name}-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a temporary folder");
         let texture = [0.1, 0.2, 0.3, 1.0, 0.5, 0.2, 0.3, 1.0];
@@ -124,7 +124,7 @@ mod tests {
         std::fs::write(&program, text).expect("a temporary file");
         let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
         std::fs::set_permissions(&program, mode).expect("it is ours");
-        let host = Host {
+        let host = RecordHost {
             usdrecord: program.into_os_string(),
             width: 2,
             samples: 3,
@@ -155,8 +155,16 @@ mod tests {
             "the report's"
         );
         assert_eq!(run.warnings, ["bad file"], "what the host said");
-        assert_eq!(run.picture, Picture::read(&folder.join("texture.exr")).expect("it is there"), "the same pixels");
-        assert_ne!(run.picture, Picture::read(&folder.join("plain.exr")).expect("it is there"), "not any pixels");
+        assert_eq!(
+            run.picture,
+            RecordedPicture::read(&folder.join("texture.exr")).expect("it is there"),
+            "the same pixels"
+        );
+        assert_ne!(
+            run.picture,
+            RecordedPicture::read(&folder.join("plain.exr")).expect("it is there"),
+            "not any pixels"
+        );
         std::fs::remove_dir_all(folder).expect("it is ours");
     }
 

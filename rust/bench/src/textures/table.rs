@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The table of `bench textures`: a head, then a line for each row as it comes.
 
-use super::{Report, Row};
+use super::{Row, TexturesReport};
 use crate::common::print_passes;
 
 #[expect(clippy::cast_precision_loss, reason = "sizes are shown, not computed with")]
@@ -9,7 +9,7 @@ fn mib(bytes: u64) -> f64 {
     bytes as f64 / f64::from(1 << 20)
 }
 
-pub(super) fn print_head(report: &Report) {
+pub(super) fn print_head(report: &TexturesReport) {
     println!("textured woods on {}", report.machine);
     println!(
         "{} x {} px, {} samples, {} bounces; {} instances, {} instanced triangles, {} meshes",

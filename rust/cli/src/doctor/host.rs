@@ -4,7 +4,7 @@
 //! in every host.
 
 use anyhow::{Context, Result};
-use oocpt_command::host::{Picture, temporary};
+use oocpt_command::host::{HostPicture, temporary};
 use oocpt_render::error_report::ErrorReport;
 use std::ffi::OsStr;
 use std::path::Path;
@@ -46,7 +46,7 @@ pub(super) fn ask(question: &HostQuery<'_>) -> Result<HostAnswer> {
         variables.push(("OOCPT_DEVICE", question.device.into()));
     }
     let HostQuery { usdrecord, camera, width, timeout, .. } = *question;
-    let picture = Picture { file: &file, usdrecord, camera, width, variables, timeout };
+    let picture = HostPicture { file: &file, usdrecord, camera, width, variables, timeout };
     let warnings = picture.render(folder.path())?;
     let mut renders = ErrorReport::read_all(&report).with_context(|| {
         "the host rendered without a report: its OocPT is older than this program, or the file's render settings name \

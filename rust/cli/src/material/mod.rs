@@ -16,7 +16,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use oocpt_command::host::{Picture, temporary, usdrecord};
+use oocpt_command::host::{HostPicture, temporary, usdrecord};
 
 /// Side of the picture, pixels.
 const WIDTH: u32 = 4;
@@ -109,7 +109,7 @@ fn ask(show: &ShowArguments) -> Result<(MaterialReport, Vec<String>)> {
         }
     };
     let usdrecord = usdrecord(show.usdrecord.as_ref());
-    let picture = Picture {
+    let picture = HostPicture {
         file: &file,
         usdrecord: &usdrecord,
         camera: None,

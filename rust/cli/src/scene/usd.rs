@@ -4,7 +4,7 @@
 
 use anyhow::{Context, Result, bail};
 use glam::DMat4;
-use oocpt_command::stop::{self, Folder};
+use oocpt_command::stop::{self, TemporaryFolder};
 use oocpt_core::array::{ElementType, TypedArray};
 use oocpt_core::scene::{InstancerDesc, Interpolation, LightDesc, LightKind, MeshDesc};
 use oocpt_scenes::island::{IslandPrims, StageCamera};
@@ -33,7 +33,7 @@ pub(crate) fn write(
     python: &Path,
     out: &Path,
 ) -> Result<()> {
-    let folder = Folder::create(std::env::temp_dir().join(format!("oocpt-island-{}", std::process::id())))?;
+    let folder = TemporaryFolder::create(std::env::temp_dir().join(format!("oocpt-island-{}", std::process::id())))?;
     let place = folder.path();
     let contents = write_parts(prims, camera, report, place);
     contents.with_context(|| format!("cannot write into {} (TMPDIR names another place)", place.display()))?;

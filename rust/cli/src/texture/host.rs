@@ -66,7 +66,7 @@ pub(super) struct TextureHost {
     child: Child,
     name: OsString,
     /// Goes after the child was waited for.
-    _started: stop::Started,
+    _started: stop::StartedProgram,
 }
 
 impl Drop for TextureHost {

@@ -3,8 +3,8 @@
 //! flattened, 261 M unique quads): few large unique meshes, many small plants in nested clumps, a beach full of
 //! pebbles, sizes over three orders of magnitude and density over more.
 //!
-//! A pure function of [`IslandParameters`], made on the rayon pool. The result is a list of prims ([`IslandPrims`]), which goes
-//! into a [`SceneDb`] or to a USD file.
+//! A pure function of [`IslandParameters`], made on the rayon pool. The result is a list of prims ([`IslandPrims`]),
+//! which goes into a [`SceneDb`] or to a USD file.
 
 mod land;
 mod plants;
