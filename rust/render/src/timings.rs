@@ -44,9 +44,8 @@ pub struct RenderTimings {
     pub retraced_waves: u64,
     /// Compiling the passes for this scene, seconds; zero when they were compiled before.
     pub compile_secs: f64,
-    /// Pipelines that the driver was made to translate before the first wave: on a software renderer, those that were
-    /// never used.
-    pub translated: u64,
+    /// Pipelines warmed up before the first wave: with a software driver, those that no submission had used.
+    pub warmed_up_pipelines: u64,
     /// From the first wave's submission to the last wave's end, seconds.
     pub trace_secs: f64,
     /// Bytes uploaded.
