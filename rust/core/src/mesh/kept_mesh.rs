@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How meshes are built and put away: in memory as far as it goes, else in files; those that files have from before are
-//! found there.
+//! Builds meshes and stores them: in host memory while there is room, else in files. A mesh that an earlier process has
+//! left in persistent files is loaded instead of built.
 //!
-//! A mesh is an entry with one payload. One in clusters is an entry for each cluster, written as soon as that is made,
-//! and an entry without payloads that sums them up.
+//! In files a whole mesh is one entry with one payload. A mesh in clusters has one entry for each cluster, written as
+//! soon as the cluster is built, and a last entry without payload whose head describes all of them.
 
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, OnceLock};
@@ -25,9 +25,9 @@ use super::{MeshAsset, WantedPrimvar};
 use crate::desc::{DroppedData, MeshDesc};
 use crate::texture::{HeightCache, HeightFiles};
 
-/// Raised whenever a description is built to other bits than before, or they are stored otherwise: entries of other
-/// versions are not found.
-const VERSION: u32 = 6;
+/// Part of the keys of entries. Raise it when a mesh is built to other bits or stored in another way: entries of older
+/// versions are then not found.
+const FORMAT_VERSION: u32 = 6;
 
 /// What a mesh is built from.
 #[derive(Debug)]
@@ -38,11 +38,11 @@ pub(crate) struct MeshRecipe {
     pub(crate) displacements: SlotDisplacements,
     pub(crate) covers: SlotCovers,
     pub(crate) height_files: Option<Arc<dyn HeightFiles>>,
-    /// [`super::mesh_key_with`] of all that.
+    /// [`super::mesh_key_with`] of the fields above.
     pub(crate) key: u128,
-    /// A larger mesh is split.
+    /// A mesh of more bytes on the device is split into clusters.
     pub(crate) limit_bytes: u64,
-    /// Into clusters of so many bytes.
+    /// Bytes of a cluster on the device.
     pub(crate) cluster_bytes: u64,
 }
 
@@ -52,56 +52,56 @@ impl MeshRecipe {
         BuildDemand { wanted, dicing: Some(dicing), displacements, covers, heights: None }
     }
 
-    /// The mesh, and its clusters to `put`, of which `at_once` are made side by side.
+    /// Builds the mesh. One that is split gives its clusters to `put`, `at_once` of them built in parallel.
     pub(super) fn build(&self, heights: &HeightCache, at_once: usize, put: &mut dyn FnMut(MeshAsset)) -> BuiltAsset {
         let demand = BuildDemand { heights: Some(heights), ..self.demand() };
-        let cuts = ClusterLimits { limit_bytes: self.limit_bytes, cluster_bytes: self.cluster_bytes, at_once };
-        build_mesh_into(&self.desc, &demand, self.key, cuts, put)
+        let limits = ClusterLimits { limit_bytes: self.limit_bytes, cluster_bytes: self.cluster_bytes, at_once };
+        build_mesh_into(&self.desc, &demand, self.key, limits, put)
     }
 
-    /// What building takes.
+    /// The host memory that building takes.
     pub(crate) fn footprint(&self) -> BuildFootprint {
         BuildFootprint::of(&self.desc, &self.demand(), self.limit_bytes, self.cluster_bytes)
     }
 
-    /// What tells its entry in files; none where it depends on more than the description: the textures of displacements
-    /// may have changed when another process reads it.
+    /// Key of its entry in files; none for a displaced mesh: the key covers the description alone, and the textures may
+    /// have changed when another process reads the entry.
     fn entry_key(&self) -> Option<u128> {
-        let words = [VERSION.into(), self.key, self.limit_bytes.into(), self.cluster_bytes.into()];
+        let words = [FORMAT_VERSION.into(), self.key, self.limit_bytes.into(), self.cluster_bytes.into()];
         (!self.demand().displaces(&self.desc)).then(|| xxh3_128(bytemuck::cast_slice::<u128, u8>(&words)))
     }
 }
 
-/// What tells the entry of a cluster of the mesh with this key.
-fn cluster_key(key: u128, number: usize) -> u128 {
-    xxh3_128(bytemuck::cast_slice::<u128, u8>(&[key, number as u128]))
+/// Key of the entry of a cluster of the mesh with this key.
+fn cluster_key(key: u128, index: usize) -> u128 {
+    xxh3_128(bytemuck::cast_slice::<u128, u8>(&[key, index as u128]))
 }
 
-/// The files that a mesh is found in again, and what tells its entry there; none where it is not.
-fn lasting<'a>(recipe: &MeshRecipe, shelf: &'a MeshStorage) -> Option<(&'a Arc<dyn MeshFiles>, u128)> {
-    let files = shelf.files.as_ref().filter(|files| files.lasts())?;
+/// The files in which a later process finds the mesh, and its key there; none if the files or the key do not last.
+fn persistent_entry<'a>(recipe: &MeshRecipe, storage: &'a MeshStorage) -> Option<(&'a Arc<dyn MeshFiles>, u128)> {
+    let files = storage.files.as_ref().filter(|files| files.is_persistent())?;
     Some((files, recipe.entry_key()?))
 }
 
-/// Where assets are put.
+/// Where assets are stored.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MeshStorage {
     pub(crate) memory: Arc<HostMemory>,
     pub(crate) files: Option<Arc<dyn MeshFiles>>,
-    /// The last read failed, all tries of it.
+    /// The last read failed with all its retries, so that the next one fails without waiting.
     pub(crate) is_unreadable: Arc<AtomicBool>,
 }
 
-/// What a build may take.
+/// The resources that a build may take.
 #[derive(Debug)]
 pub(crate) struct BuildGrant {
-    /// Host memory; none where there is no budget.
+    /// Host memory; none without a budget.
     pub(crate) reserved: Option<ReservedMemory>,
-    /// Clusters that it may make side by side.
+    /// Clusters that it may build in parallel.
     pub(crate) at_once: usize,
 }
 
-/// The head of an entry.
+/// The head of an entry, which is read with it; the payload is read when the mesh is needed.
 #[derive(Debug, Serialize, Deserialize)]
 struct EntryHead {
     is_split: bool,
@@ -110,23 +110,24 @@ struct EntryHead {
     notes: Vec<String>,
 }
 
-/// A built mesh whose assets are put away.
+/// A built mesh whose assets are stored.
 #[derive(Debug)]
 pub(crate) struct KeptMesh {
+    /// The whole mesh; none if it is in clusters or left out.
     pub(crate) asset: Option<Arc<SceneMesh>>,
     pub(crate) clusters: Vec<Arc<SceneMesh>>,
     pub(crate) dropped: DroppedData,
     pub(crate) notes: Vec<String>,
-    /// It was not built, for want of host memory.
+    /// The mesh was not built because it needs more than the host budget.
     pub(crate) is_left_out: bool,
 }
 
 impl KeptMesh {
-    /// The mesh as files have it from before.
-    pub(crate) fn find(recipe: &Arc<MeshRecipe>, shelf: &MeshStorage) -> Option<Self> {
-        let (files, key) = lasting(recipe, shelf)?;
-        match Self::found(&**files, recipe, shelf, key) {
-            Ok(found) => found,
+    /// Loads the mesh from persistent files, if they have it. A damaged entry is reported and counts as absent.
+    pub(crate) fn find(recipe: &Arc<MeshRecipe>, storage: &MeshStorage) -> Option<Self> {
+        let (files, key) = persistent_entry(recipe, storage)?;
+        match Self::load(&**files, recipe, storage, key) {
+            Ok(mesh) => mesh,
             Err(error) => {
                 files.damaged(Some(key), &error);
                 None
@@ -134,23 +135,23 @@ impl KeptMesh {
         }
     }
 
-    /// Builds a mesh and puts it away.
-    pub(crate) fn make(
+    /// Builds a mesh and stores it.
+    pub(crate) fn build(
         recipe: &Arc<MeshRecipe>,
         heights: &HeightCache,
-        shelf: &MeshStorage,
+        storage: &MeshStorage,
         grant: BuildGrant,
     ) -> Self {
-        let lasting = lasting(recipe, shelf);
-        let key = lasting.map(|(_, key)| key);
+        let entry = persistent_entry(recipe, storage);
+        let key = entry.map(|(_, key)| key);
         let BuildGrant { mut reserved, at_once } = grant;
-        let putting = AssetWriter { recipe, shelf };
+        let writer = AssetWriter { recipe, storage };
         let mut clusters = Vec::new();
         let mut put = |cluster: MeshAsset| {
-            let number = clusters.len();
-            let key = key.map(|key| cluster_key(key, number));
-            let held = shelf.memory.try_hold(cluster.host_bytes());
-            clusters.push(putting.put(cluster, number, key, &[], held));
+            let index = clusters.len();
+            let key = key.map(|key| cluster_key(key, index));
+            let held = storage.memory.try_hold(cluster.host_bytes());
+            clusters.push(writer.put(cluster, index, key, &[], held));
         };
         let BuiltAsset { asset, dropped, notes } = recipe.build(heights, at_once, &mut put);
         let is_split = asset.is_none();
@@ -162,26 +163,27 @@ impl KeptMesh {
         let head = key.and_then(|_| head().ok()).unwrap_or_default();
         let asset = asset.map(|asset| {
             let bytes = asset.host_bytes();
-            let held = reserved.as_mut().map_or_else(|| shelf.memory.try_hold(bytes), |reserved| reserved.keep(bytes));
-            putting.put(asset, 0, key, &head, held)
+            let held =
+                reserved.as_mut().map_or_else(|| storage.memory.try_hold(bytes), |reserved| reserved.keep(bytes));
+            writer.put(asset, 0, key, &head, held)
         });
-        if let Some((files, key)) = lasting.filter(|_| is_split) {
+        if let Some((files, key)) = entry.filter(|_| is_split) {
             files.add(Some(key), &head, &[]);
         }
         Self { asset, clusters, dropped, notes, is_left_out: false }
     }
 
-    /// A mesh that is not built, and why.
-    pub(crate) fn left_out(why: String) -> Self {
-        let notes = vec![why];
+    /// Stands for a mesh that is not built; `reason` is shown to the user.
+    pub(crate) fn left_out(reason: String) -> Self {
+        let notes = vec![reason];
         Self { asset: None, clusters: Vec::new(), dropped: DroppedData::default(), notes, is_left_out: true }
     }
 
-    /// The mesh that files have of a recipe, if they do. An error where an entry makes no sense.
-    fn found(
+    /// The mesh under `key` in the files, if it is complete. Fails if its entry contradicts itself.
+    fn load(
         files: &dyn MeshFiles,
         recipe: &Arc<MeshRecipe>,
-        shelf: &MeshStorage,
+        storage: &MeshStorage,
         key: u128,
     ) -> Result<Option<Self>, PayloadError> {
         let Some(entry) = files.find(key) else { return Ok(None) };
@@ -189,21 +191,23 @@ impl KeptMesh {
         let EntryHead { is_split, meshes, dropped, notes } = head;
         let mut payloads = entry.payloads;
         if is_split {
-            for number in 0..meshes.len() {
-                // They may have gone to another file than this entry, one that did not last.
-                let Some(cluster) = files.find(cluster_key(key, number)) else { return Ok(None) };
+            for index in 0..meshes.len() {
+                // The cluster may have gone to another file than this entry, one that was deleted.
+                let Some(cluster) = files.find(cluster_key(key, index)) else { return Ok(None) };
                 payloads.extend(cluster.payloads);
             }
         }
-        let fits =
+        let has_size =
             |(mesh, payload): (&MeshSummary, &Arc<dyn PayloadSource>)| payload_bytes(mesh) == Some(payload.size());
-        if meshes.len() != payloads.len() || (!is_split && meshes.len() != 1) || !meshes.iter().zip(&payloads).all(fits)
+        if meshes.len() != payloads.len()
+            || (!is_split && meshes.len() != 1)
+            || !meshes.iter().zip(&payloads).all(has_size)
         {
             return Err(PayloadError::Damaged);
         }
-        let mesh = |(number, (summary, payload)): (usize, (MeshSummary, Arc<dyn PayloadSource>))| {
-            let key = if is_split { cluster_key(key, number) } else { key };
-            let stored = Some(StoredAsset::new(payload, number, Some(key), recipe, shelf));
+        let mesh = |(index, (summary, payload)): (usize, (MeshSummary, Arc<dyn PayloadSource>))| {
+            let key = if is_split { cluster_key(key, index) } else { key };
+            let stored = Some(StoredAsset::new(payload, index, Some(key), recipe, storage));
             Arc::new(SceneMesh { summary, host: OnceLock::new(), stored })
         };
         let mut meshes: Vec<_> = meshes.into_iter().zip(payloads).enumerate().map(mesh).collect();
@@ -212,34 +216,34 @@ impl KeptMesh {
     }
 }
 
-/// Puts assets of a recipe away.
+/// Stores the assets of a recipe.
 struct AssetWriter<'a> {
     recipe: &'a Arc<MeshRecipe>,
-    shelf: &'a MeshStorage,
+    storage: &'a MeshStorage,
 }
 
 impl AssetWriter<'_> {
-    /// Keeps an asset in memory if there is some for it, else in a file; without a file it stays in memory. With a key
-    /// it goes to a file in any case.
+    /// Stores an asset. It stays in host memory if memory is `held` for it or no file takes it. It is written to a file
+    /// if no memory is held, and in any case to persistent files.
     fn put(
         &self,
         asset: MeshAsset,
-        number: usize,
+        index: usize,
         key: Option<u128>,
         head: &[u8],
         held: Option<HeldMemory>,
     ) -> Arc<SceneMesh> {
-        let Self { recipe, shelf } = *self;
+        let Self { recipe, storage } = *self;
         let summary = MeshSummary::of(&asset);
-        let files = shelf.files.as_ref().filter(|files| files.lasts() || held.is_none());
+        let files = storage.files.as_ref().filter(|files| files.is_persistent() || held.is_none());
         let stored = files.and_then(|files| {
             let ptex = ptex_words(&asset);
             let mut payloads = files.add(key, head, &[parts(&asset, &ptex)])?;
-            payloads.pop().map(|payload| StoredAsset::new(payload, number, key, recipe, shelf))
+            payloads.pop().map(|payload| StoredAsset::new(payload, index, key, recipe, storage))
         });
         let host = OnceLock::new();
         if held.is_some() || stored.is_none() {
-            let held = held.unwrap_or_else(|| shelf.memory.hold(asset.host_bytes()));
+            let held = held.unwrap_or_else(|| storage.memory.hold(asset.host_bytes()));
             host.get_or_init(|| (Arc::new(asset), held));
         }
         Arc::new(SceneMesh { summary, host, stored })

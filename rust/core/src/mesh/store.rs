@@ -11,7 +11,7 @@ use std::time::Duration;
 pub trait MeshFiles: Send + Sync + Debug {
     /// True where an entry can be found again by another process: then all meshes are added, not only those for which
     /// there is no host memory.
-    fn lasts(&self) -> bool;
+    fn is_persistent(&self) -> bool;
 
     /// The entry of a key, of this process or an earlier one.
     fn find(&self, key: u128) -> Option<StoredEntry>;

@@ -32,7 +32,7 @@ const ENDING: &str = "oocptgeo";
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct GeometrySetting {
     folder: PathBuf,
-    lasts: bool,
+    is_persistent: bool,
     /// Most bytes of all files that last.
     limit: u64,
 }
@@ -43,8 +43,8 @@ impl GeometrySetting {
         let limit = u64::from(settings.geometry_cache_mib) << 20;
         match settings.geometry_cache.as_str() {
             "0" => None,
-            "" => Some(Self { folder: cache_folder("geometry")?, lasts: false, limit }),
-            path => Some(Self { folder: PathBuf::from(path), lasts: true, limit }),
+            "" => Some(Self { folder: cache_folder("geometry")?, is_persistent: false, limit }),
+            path => Some(Self { folder: PathBuf::from(path), is_persistent: true, limit }),
         }
     }
 }
@@ -65,7 +65,7 @@ pub(crate) struct GeometryFiles {
 struct PackFiles {
     /// Those of other processes, once they were looked for.
     others: Option<Vec<Arc<PackFile>>>,
-    /// What this process writes that lasts.
+    /// The persistent pack that this process writes.
     own: Option<Arc<PackFile>>,
     /// What does not.
     scratch: Option<Arc<PackFile>>,
@@ -99,26 +99,26 @@ impl GeometryFiles {
     }
 
     /// The file that `bytes` more go to, and whether they last there.
-    fn pack_for(&self, lasts: bool, bytes: u64) -> io::Result<(Arc<PackFile>, bool)> {
+    fn pack_for(&self, is_persistent: bool, bytes: u64) -> io::Result<(Arc<PackFile>, bool)> {
         let mut packs = lock(&self.packs);
-        let lasts = lasts && self.make_room(&mut packs, bytes);
-        let slot = if lasts { &mut packs.own } else { &mut packs.scratch };
+        let is_persistent = is_persistent && self.make_room(&mut packs, bytes);
+        let slot = if is_persistent { &mut packs.own } else { &mut packs.scratch };
         let pack = match slot {
             Some(pack) => pack.clone(),
-            none => none.insert(Arc::new(self.begin(lasts)?)).clone(),
+            none => none.insert(Arc::new(self.begin(is_persistent)?)).clone(),
         };
-        Ok((pack, lasts))
+        Ok((pack, is_persistent))
     }
 
     /// A new file.
-    fn begin(&self, lasts: bool) -> io::Result<PackFile> {
+    fn begin(&self, is_persistent: bool) -> io::Result<PackFile> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
         fs::create_dir_all(&self.setting.folder)?;
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos();
         let (process, number) = (std::process::id(), NUMBER.fetch_add(1, Ordering::Relaxed));
         let path = self.setting.folder.join(format!("{now:024x}-{process}-{number}.{ENDING}"));
         let file = File::options().read(true).write(true).create_new(true).open(&path)?;
-        if lasts {
+        if is_persistent {
             return Ok(PackFile::new(file, Some(path)));
         }
         fs::remove_file(&path)?;
@@ -184,8 +184,8 @@ impl MeshFiles for GeometryFiles {
         std::thread::sleep(pause);
     }
 
-    fn lasts(&self) -> bool {
-        self.setting.lasts
+    fn is_persistent(&self) -> bool {
+        self.setting.is_persistent
     }
 
     fn find(&self, key: u128) -> Option<StoredEntry> {
@@ -210,9 +210,9 @@ impl MeshFiles for GeometryFiles {
             return None;
         }
         let bytes = payloads.iter().flatten().map(|part| part.len() as u64).sum();
-        let lasts = self.setting.lasts && key.is_some();
-        let added = self.pack_for(lasts, bytes).and_then(|(pack, lasts)| {
-            let key = key.filter(|_| lasts).unwrap_or(0);
+        let is_persistent = self.setting.is_persistent && key.is_some();
+        let added = self.pack_for(is_persistent, bytes).and_then(|(pack, is_persistent)| {
+            let key = key.filter(|_| is_persistent).unwrap_or(0);
             pack.append(key, head, payloads)
         });
         match added {
