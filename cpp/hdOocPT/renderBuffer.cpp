@@ -13,7 +13,7 @@ PXR_NAMESPACE_OPEN_SCOPE
 namespace {
 
 // Beyond any film format in use, and far from overflow of width * height * 16 bytes.
-constexpr int _maxSide = 1 << 16;
+constexpr int _maxDimension = 1 << 16;
 constexpr uint64_t _maxBytes = uint64_t(1) << 33;
 
 } // namespace
@@ -29,16 +29,17 @@ HdOocPTRenderBuffer::~HdOocPTRenderBuffer() = default;
 void HdOocPTRenderBuffer::Bind(HdOocPTAov const* aov, VtValue const& clearValue)
 {
     std::lock_guard<std::mutex> const lock(_mutex);
-    // Bound at every execution; hosts read few of the images that they bind, so the others stay as they were filled.
-    bool const isFilled = _isFilled && _clearValue == clearValue;
-    if (_isBound && _aov == aov && (_holdsImage || isFilled)) {
+    // The render pass binds every buffer at every execution. A buffer that nobody has read since still holds the clear
+    // value, and is not cleared again.
+    bool const isCleared = _isCleared && _clearValue == clearValue;
+    if (_isBound && _aov == aov && (_holdsImage || isCleared)) {
         return;
     }
     _isBound = true;
     _aov = aov;
     _holdsImage = false;
-    _isFilled = _mapCount == 0;
-    if (_isFilled) {
+    _isCleared = _mapCount == 0;
+    if (_isCleared) {
         _clearValue = clearValue;
         HdOocPTFillPixels(clearValue, _pixels.data(), _format, _PixelCount());
     }
@@ -48,8 +49,8 @@ bool HdOocPTRenderBuffer::Allocate(GfVec3i const& dimensions, HdFormat format, b
 {
     return HdOocPTGuard("allocating a render buffer", false, [&] {
         _Deallocate();
-        bool const isInRange = dimensions[0] >= 0 && dimensions[0] <= _maxSide && dimensions[1] >= 0
-            && dimensions[1] <= _maxSide && dimensions[2] == 1;
+        bool const isInRange = dimensions[0] >= 0 && dimensions[0] <= _maxDimension && dimensions[1] >= 0
+            && dimensions[1] <= _maxDimension && dimensions[2] == 1;
         if (!isInRange || !HdOocPTIsStorable(format)) {
             TF_RUNTIME_ERROR("OocPT: render buffer <%s> cannot be %d x %d x %d pixels of format %d", GetId().GetText(),
                 dimensions[0], dimensions[1], dimensions[2], static_cast<int>(format));
@@ -78,9 +79,9 @@ void HdOocPTRenderBuffer::_Deallocate()
     _height = 0;
     _format = HdFormatInvalid;
     _holdsImage = false;
-    _isFilled = false;
+    _isCleared = false;
     std::vector<unsigned char>().swap(_pixels);
-    std::vector<unsigned char>().swap(_unconverted);
+    std::vector<unsigned char>().swap(_aovPixels);
 }
 
 unsigned int HdOocPTRenderBuffer::GetWidth() const
@@ -135,7 +136,8 @@ void HdOocPTRenderBuffer::Resolve()
 bool HdOocPTRenderBuffer::IsConverged() const
 {
     return HdOocPTGuard("asking a render buffer for convergence", true, [this] {
-        // The session is asked before its messages are: a fatal one is queued before the session says converged.
+        // IsConverged comes before DrainMessages: after a fatal error the session queues the message first, then says
+        // converged.
         bool const isFinal = _session->IsConverged();
         bool const isUpToDate = isFinal && _CopyLatest();
         _session->DrainMessages();
@@ -155,26 +157,26 @@ bool HdOocPTRenderBuffer::_CopyLatest() const
     if (_mapCount > 0) {
         return false;
     }
-    if (_aov && !_pixels.empty() && _ReadFrom(*_aov)) {
+    if (_aov && !_pixels.empty() && _ReadAov(*_aov)) {
         _holdsImage = true;
     }
     return true;
 }
 
-bool HdOocPTRenderBuffer::_ReadFrom(HdOocPTAov const& aov) const
+bool HdOocPTRenderBuffer::_ReadAov(HdOocPTAov const& aov) const
 {
-    // Hosts resolve at every execution, whether there is another image or not.
-    uint64_t const known = _holdsImage ? _version : 0;
-    bool const isConverted = aov.format != _format;
-    if (isConverted) {
-        _unconverted.resize(_PixelCount() * HdDataSizeOfFormat(aov.format));
+    // Hosts resolve at every execution; the session copies nothing if this buffer has the newest image already.
+    uint64_t const heldVersion = _holdsImage ? _version : 0;
+    bool const needsConversion = aov.format != _format;
+    if (needsConversion) {
+        _aovPixels.resize(_PixelCount() * HdDataSizeOfFormat(aov.format));
     }
-    std::vector<unsigned char>& pixels = isConverted ? _unconverted : _pixels;
-    _version = _session->ReadAov(aov.name, known, pixels.data(), pixels.size());
-    if (_version == 0 || _version == known || !isConverted) {
+    std::vector<unsigned char>& pixels = needsConversion ? _aovPixels : _pixels;
+    _version = _session->ReadAov(aov.name, heldVersion, pixels.data(), pixels.size());
+    if (_version == 0 || _version == heldVersion || !needsConversion) {
         return _version != 0;
     }
-    return HdOocPTConvertPixels(_unconverted.data(), aov.format, _pixels.data(), _format, _PixelCount());
+    return HdOocPTConvertPixels(_aovPixels.data(), aov.format, _pixels.data(), _format, _PixelCount());
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

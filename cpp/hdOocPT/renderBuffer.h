@@ -60,22 +60,24 @@ protected:
     void _Deallocate() override;
 
 private:
-    /// Copies the newest image unless the buffer is mapped. True when the buffer then holds the newest state.
+    /// Copies the newest image unless the buffer is mapped. False if it is mapped.
     bool _CopyLatest() const;
     bool _IsBound() const;
-    bool _ReadFrom(HdOocPTAov const& aov) const;
+    /// Reads the newest image of `aov` and converts it to the buffer's format. False if there is none.
+    bool _ReadAov(HdOocPTAov const& aov) const;
     size_t _PixelCount() const { return static_cast<size_t>(_width) * _height; }
 
     std::shared_ptr<HdOocPTSession> const _session;
 
     mutable std::mutex _mutex;
     mutable std::vector<unsigned char> _pixels;
-    mutable std::vector<unsigned char> _unconverted;
+    /// The image in the renderer's format, before its conversion.
+    mutable std::vector<unsigned char> _aovPixels;
     mutable bool _holdsImage = false;
-    /// It was filled with _clearValue since it was allocated; an image may have come since.
-    bool _isFilled = false;
+    /// _clearValue was written since the last allocation; an image may have replaced it.
+    bool _isCleared = false;
     VtValue _clearValue;
-    /// Of the image that it holds.
+    /// Version of the image that the buffer holds.
     mutable uint64_t _version = 0;
     HdOocPTAov const* _aov = nullptr;
     bool _isBound = false;

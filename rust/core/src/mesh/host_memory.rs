@@ -38,8 +38,8 @@ impl HostMemory {
         self.limit.store(bytes, Ordering::Relaxed);
     }
 
-    /// Sets the limit of kept assets and builds under way together, and resets the peak; called before a commit. A build
-    /// that needs more runs alone.
+    /// Sets the limit of kept assets and builds under way together, and resets the peak; called before a commit. A
+    /// build that needs more runs alone.
     pub fn set_room(&self, bytes: u64) {
         self.room.store(bytes, Ordering::Relaxed);
         self.most_taken.store(self.taken.load(Ordering::Relaxed), Ordering::Relaxed);

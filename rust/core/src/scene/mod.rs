@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The scene database: edits in, one commit, an immutable snapshot out.
 //!
-//! One thread owns a [`SceneDb`]; any thread may read its snapshots. The way of a mesh: [`SceneDb::upsert_mesh`] notes it
-//! (`entries`), [`SceneDb::commit`] has [`crate::mesh`] build it and `resolve` sort it into a group, and a run of an
+//! One thread owns a [`SceneDb`]; any thread may read its snapshots. The way of a mesh: [`SceneDb::upsert_mesh`] notes
+//! it (`entries`), [`SceneDb::commit`] has [`crate::mesh`] build it and `resolve` sort it into a group, and a run of an
 //! [`Assembly`] places it (`instancing`).
 
 mod admission;
@@ -294,9 +294,9 @@ impl SceneDb {
         self.mesh_store.storage.files = files;
     }
 
-    /// Sets the budget of host memory in bytes, from the next commit on. A mesh whose build needs more is left out, with
-    /// a warning; all others are built in parallel as far as there is room ([`HostMemory::set_room`]). Unlimited before
-    /// the first call. Changes nothing else of the result.
+    /// Sets the budget of host memory in bytes, from the next commit on. A mesh whose build needs more is left out,
+    /// with a warning; all others are built in parallel as far as there is room ([`HostMemory::set_room`]). Unlimited
+    /// before the first call. Changes nothing else of the result.
     pub fn set_host_budget(&mut self, bytes: u64) {
         let memory = &self.mesh_store.storage.memory;
         if memory.budget() != Some(bytes).filter(|bytes| *bytes < u64::MAX) {

@@ -33,7 +33,7 @@ const ENDING: &str = "oocptgeo";
 pub(crate) struct GeometrySetting {
     folder: PathBuf,
     is_persistent: bool,
-    /// Most bytes of all files that last.
+    /// Limit of all persistent files, bytes.
     limit: u64,
 }
 
@@ -67,7 +67,7 @@ struct PackFiles {
     others: Option<Vec<Arc<PackFile>>>,
     /// The persistent pack that this process writes.
     own: Option<Arc<PackFile>>,
-    /// What does not.
+    /// The pack that is deleted with this process.
     scratch: Option<Arc<PackFile>>,
     /// Bytes of those of others, when they were last looked at.
     others_bytes: Option<u64>,
