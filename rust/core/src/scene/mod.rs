@@ -269,7 +269,7 @@ impl SceneDb {
     pub fn set_dicing(&mut self, camera: DicingCamera) {
         if self.dicing != camera {
             let previous = std::mem::replace(&mut self.dicing, camera);
-            // Only meshes that the finer of both cameras dices may change.
+            // A mesh may change only if it is diced for one of both cameras; 0 pixels dice nothing.
             let rate =
                 DicingRate { pixels: f64::max(previous.pixels(), self.dicing.pixels()), ..DicingRate::default() };
             let is_diced =
