@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/// oocpt-texture-file: the part of `oocpt bench texture-files` that needs OpenImageIO, which the `oocpt` program does
-/// not link: it writes a texture file of noise, row by row, and reads files whole, for comparison. It is a program of
-/// its own so that its peak memory is its own.
+/// oocpt-texture-file: the part of `oocpt bench texture-files` that needs OpenImageIO. It writes a texture file of
+/// noise row by row, and reads whole files as a baseline. It is a program of its own so that its peak of memory is its
+/// own.
 ///
 ///     oocpt-texture-file write SIZE SEED FILE      the extension selects the format: .jpg .png .tif .exr
 ///     oocpt-texture-file read THREADS FILE...      each file once, a file per thread; 0 = as many threads as cores
@@ -27,9 +27,9 @@
 namespace {
 
 constexpr int maxSize = 65536;
-/// Rows that are written at once, so that writers may compress on several threads.
-constexpr int band = 64;
-/// Most bytes of one decoded image.
+/// Rows that are written in one call, so that OpenImageIO may compress on several threads.
+constexpr int rowsPerWrite = 64;
+/// Limit of one decoded image.
 constexpr std::size_t maxBytes = std::size_t { 16 } << 30;
 
 using Clock = std::chrono::steady_clock;
@@ -39,13 +39,13 @@ double SecondsSince(Clock::time_point start)
     return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-bool EndsWith(const std::string& name, const std::string& end)
+bool EndsWith(const std::string& name, const std::string& suffix)
 {
-    return name.size() >= end.size() && name.compare(name.size() - end.size(), end.size(), end) == 0;
+    return name.size() >= suffix.size() && name.compare(name.size() - suffix.size(), suffix.size(), suffix) == 0;
 }
 
-/// The options with which artists' programs save: JPEG at quality 92, TIFF with deflate, half EXR with zip. PNG is
-/// compressed as fast as zlib can, which hardly changes how long it takes to unpack.
+/// The format that artists' programs save: JPEG at quality 92, TIFF with deflate, half-float EXR with zip. PNG uses
+/// zlib's fastest level, which hardly changes the time to decode.
 OIIO::ImageSpec SpecOf(const std::string& file, int size)
 {
     OIIO::ImageSpec spec(size, size, 3, OIIO::TypeDesc::UINT8);
@@ -78,8 +78,8 @@ void Write(int size, std::uint32_t seed, const std::string& file)
     Noise noise(size, seed);
     std::vector<float> row;
     std::vector<float> rows;
-    for (int top = 0; top < size; top += band) {
-        const int end = std::min(top + band, size);
+    for (int top = 0; top < size; top += rowsPerWrite) {
+        const int end = std::min(top + rowsPerWrite, size);
         rows.clear();
         for (int y = top; y < end; ++y) {
             noise.GetRow(y, &row);
@@ -98,8 +98,8 @@ void Write(int size, std::uint32_t seed, const std::string& file)
     std::printf("{\"seconds\": %.6f}\n", SecondsSince(start));
 }
 
-/// Reads a file whole, in its own format, with OpenImageIO's defaults.
-void ReadOne(const std::string& file)
+/// Reads a whole file in its own pixel format.
+void ReadFile(const std::string& file)
 {
     const std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(file);
     if (!input) {
@@ -110,7 +110,7 @@ void ReadOne(const std::string& file)
     if (bytes == 0 || bytes > maxBytes) {
         throw std::runtime_error(file + ": it is too large");
     }
-    // The memory is not zeroed: that pass over it would not be part of decoding.
+    // Not zeroed: the time of that is not the decoder's.
     const std::unique_ptr<char[]> pixels(new char[bytes]);
     if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::UNKNOWN, pixels.get())) {
         throw std::runtime_error(file + ": " + input->geterror());
@@ -122,54 +122,55 @@ void Read(unsigned threads, const std::vector<std::string>& files)
     const Clock::time_point start = Clock::now();
     std::atomic<std::size_t> next { 0 };
     std::mutex mutex;
-    std::string reason;
+    std::string message;
     const auto work = [&] {
         try {
             for (std::size_t i = next++; i < files.size(); i = next++) {
-                ReadOne(files[i]);
+                ReadFile(files[i]);
             }
         } catch (const std::exception& error) {
             const std::lock_guard<std::mutex> lock(mutex);
-            reason = error.what();
+            message = error.what();
         }
     };
-    const std::size_t cores = threads > 0 ? threads : std::max(std::thread::hardware_concurrency(), 1U);
-    std::vector<std::thread> others;
-    for (std::size_t i = 1; i < std::min(cores, files.size()); ++i) {
-        others.emplace_back(work);
+    const std::size_t threadCount = threads > 0 ? threads : std::max(std::thread::hardware_concurrency(), 1U);
+    // This thread is one of them.
+    std::vector<std::thread> workers;
+    for (std::size_t i = 1; i < std::min(threadCount, files.size()); ++i) {
+        workers.emplace_back(work);
     }
     work();
-    for (std::thread& other : others) {
-        other.join();
+    for (std::thread& worker : workers) {
+        worker.join();
     }
-    if (!reason.empty()) {
-        throw std::runtime_error(reason);
+    if (!message.empty()) {
+        throw std::runtime_error(message);
     }
     std::printf("{\"seconds\": %.6f}\n", SecondsSince(start));
 }
 
-/// A whole number of at most `most`, or -1.
-long Number(const char* text, long most)
+/// Parses a whole number from 0 to `max`; -1 if it is none.
+long ParseNumber(const char* text, long max)
 {
     char* end = nullptr;
     const long number = std::strtol(text, &end, 10);
-    return *text && !*end && number >= 0 && number <= most ? number : -1;
+    return *text && !*end && number >= 0 && number <= max ? number : -1;
 }
 
-int Run(const std::vector<const char*>& words)
+int Run(const std::vector<const char*>& arguments)
 {
-    const std::string command = words.empty() ? "" : words[0];
-    if (command == "write" && words.size() == 4) {
-        const long size = Number(words[1], maxSize);
-        const long seed = Number(words[2], 1L << 30);
+    const std::string command = arguments.empty() ? "" : arguments[0];
+    if (command == "write" && arguments.size() == 4) {
+        const long size = ParseNumber(arguments[1], maxSize);
+        const long seed = ParseNumber(arguments[2], 1L << 30);
         if (size >= 4 && seed >= 0) {
-            Write(static_cast<int>(size), static_cast<std::uint32_t>(seed), words[3]);
+            Write(static_cast<int>(size), static_cast<std::uint32_t>(seed), arguments[3]);
             return 0;
         }
-    } else if (command == "read" && words.size() >= 3) {
-        const long threads = Number(words[1], 1024);
+    } else if (command == "read" && arguments.size() >= 3) {
+        const long threads = ParseNumber(arguments[1], 1024);
         if (threads >= 0) {
-            Read(static_cast<unsigned>(threads), { words.begin() + 2, words.end() });
+            Read(static_cast<unsigned>(threads), { arguments.begin() + 2, arguments.end() });
             return 0;
         }
     }

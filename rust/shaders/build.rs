@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Compiles every `shaders/**/NAME.comp`, makes its arithmetic exact, validates it, and compares the structs in it with
-//! the Rust structs. Writes `generated/*.glsl` from `oocpt_abi` before.
+//! Writes `generated/*.glsl` from `oocpt_abi`, then compiles every `shaders/**/NAME.comp`, forbids contraction in it,
+//! validates it, and compares the layouts of its structs with those of the Rust structs.
 //!
 //! Needs `glslangValidator` (or what `GLSLANG_VALIDATOR` names) and `spirv-val` (`SPIRV_VAL`); fails with one clear
 //! message when one is missing, when a shader is wrong, or when GLSL and Rust disagree about a struct.
@@ -48,11 +48,12 @@ fn build() -> Result<(), String> {
     for file in ["build.rs", "build"] {
         println!("cargo::rerun-if-changed={file}");
     }
-    let manifest = PathBuf::from(variable("CARGO_MANIFEST_DIR")?);
-    let out = PathBuf::from(variable("OUT_DIR")?);
+    let manifest = PathBuf::from(env_variable("CARGO_MANIFEST_DIR")?);
+    let out = PathBuf::from(env_variable("OUT_DIR")?);
     let shaders = manifest.join("../../shaders");
     let mut sources = Vec::new();
-    collect(&shaders, &mut sources)?;
+    watch_files(&shaders, &mut sources)?;
+    sources.retain(|path| path.extension().is_some_and(|extension| extension == "comp"));
     sources.sort();
     let include = out.join("include");
     fs::create_dir_all(include.join("generated")).map_err(|error| format!("{}: {error}", include.display()))?;
@@ -71,26 +72,27 @@ fn build() -> Result<(), String> {
     }
     let tools = ShaderTools::from_env();
     let layouts = layouts();
-    sources.retain(|path| path.extension().is_some_and(|extension| extension == "comp"));
-    let mut seen = BTreeSet::new();
+    let mut checked_structs = BTreeSet::new();
     let mut passes = Vec::new();
-    for compiled in in_parallel(&sources, |source| compile(&tools, source, [&shaders, &include], &out, &layouts)) {
+    for compiled in map_in_parallel(&sources, |source| compile(&tools, source, [&shaders, &include], &out, &layouts)) {
         let CompiledPass { name, uses, structs } = compiled?;
-        seen.extend(structs);
+        checked_structs.extend(structs);
         passes.push((name, uses));
     }
     for layout in &layouts {
-        if !seen.contains(&layout.name) {
+        if !checked_structs.contains(&layout.name) {
             return Err(format!("{}: no shader has this struct in memory, so its layout is not checked", layout.name));
         }
     }
     fs::write(out.join("modules.rs"), modules(&passes)).map_err(|error| format!("modules.rs: {error}"))
 }
 
-/// A pass, its uses, and the names of its structs in memory.
+/// A compiled pass.
 struct CompiledPass {
     name: String,
+    /// The specialisation constants that it reads.
     uses: uses::ModuleUses,
+    /// Names of the structs in its memory whose layout was compared.
     structs: BTreeSet<String>,
 }
 
@@ -105,44 +107,44 @@ fn compile(
     let name = pass_name(source)?;
     let words = tools.compile(source, include, &out.join(format!("{name}.spv")))?;
     let structs = check::check(&words, layouts).map_err(|error| format!("{}:\n{error}", source.display()))?;
-    let flags = [abi::SPEC_FEATURES, abi::SPEC_FEATURES_HIGH];
-    let uses = uses::uses(&words, &flags).map_err(|error| format!("{}: {error}", source.display()))?;
+    let flag_words = [abi::SPEC_FEATURES, abi::SPEC_FEATURES_HIGH];
+    let uses = uses::uses(&words, &flag_words).map_err(|error| format!("{}: {error}", source.display()))?;
     Ok(CompiledPass { name, uses, structs })
 }
 
-/// The results of `work` for each of `sources`, in their order, computed on all processors.
-fn in_parallel<T: Send>(sources: &[PathBuf], work: impl Fn(&Path) -> T + Sync) -> Vec<T> {
+/// Maps `sources` by `work` on as many threads as there are processors; results are in the order of the sources.
+fn map_in_parallel<T: Send>(sources: &[PathBuf], work: impl Fn(&Path) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
     let worker = || {
-        let mut done = Vec::new();
+        let mut results = Vec::new();
         loop {
-            let at = next.fetch_add(1, Ordering::Relaxed);
-            let Some(source) = sources.get(at) else { break };
-            done.push((at, work(source)));
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(source) = sources.get(index) else { break };
+            results.push((index, work(source)));
         }
-        done
+        results
     };
     let workers = thread::available_parallelism().map_or(1, NonZero::get);
-    let mut done: Vec<(usize, T)> = thread::scope(|scope| {
+    let mut results: Vec<(usize, T)> = thread::scope(|scope| {
         let threads: Vec<_> = (0..workers).map(|_| scope.spawn(worker)).collect();
         threads.into_iter().flat_map(|thread| thread.join().unwrap_or_else(|cause| resume_unwind(cause))).collect()
     });
-    done.sort_by_key(|(at, _)| *at);
-    done.into_iter().map(|(_, result)| result).collect()
+    results.sort_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
 }
 
-fn variable(name: &str) -> Result<String, String> {
+fn env_variable(name: &str) -> Result<String, String> {
     env::var(name).map_err(|error| format!("{name}: {error}"))
 }
 
-/// Files below `folder`, each watched by cargo, and the folders too, so that new files are seen.
-fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {
+/// Collects the files below `folder` and has cargo watch them, and the folders too, so that new files are seen.
+fn watch_files(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {
     println!("cargo::rerun-if-changed={}", folder.display());
     let entries = fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     for entry in entries {
         let path = entry.map_err(|error| format!("{}: {error}", folder.display()))?.path();
         if path.is_dir() {
-            collect(&path, files)?;
+            watch_files(&path, files)?;
         } else {
             println!("cargo::rerun-if-changed={}", path.display());
             files.push(path);
@@ -151,11 +153,10 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {
     Ok(())
 }
 
-/// The name of a pass: `shaders/wavefront/NAME.comp` is NAME; a pass of another folder has the folder's name before its
-/// own.
+/// The name of a pass: NAME for `shaders/wavefront/NAME.comp`, FOLDER_NAME for other folders.
 fn pass_name(source: &Path) -> Result<String, String> {
     let part = |path: Option<&std::ffi::OsStr>| path.and_then(|name| name.to_str()).map(str::to_owned);
-    let stem = part(source.file_stem()).ok_or_else(|| format!("{}: odd name", source.display()))?;
+    let stem = part(source.file_stem()).ok_or_else(|| format!("{}: the name is not UTF-8", source.display()))?;
     let folder = part(source.parent().and_then(Path::file_name)).unwrap_or_default();
     Ok(if folder == "wavefront" { stem } else { format!("{folder}_{stem}") })
 }
@@ -196,21 +197,22 @@ impl ShaderTools {
     }
 }
 
-/// `generated/constants.glsl`: `HAS_NAME` of every feature, and every number that host and shaders share.
+/// `generated/constants.glsl`: `HAS_NAME` of every feature, and every constant that host and shaders share. A feature
+/// that needs others is off where one of them is.
 fn constants() -> Result<String, String> {
     let mut text = String::from(
         "// Written by rust/shaders/build.rs, from rust/abi/src: features, flags, constants, numbers and patterns.\n\n",
     );
-    let mut above = abi::Features::empty();
+    let mut declared = abi::Features::empty();
     for abi::FeatureRow { name, bit, needs, .. } in abi::FEATURES {
-        if !above.contains(*needs) {
+        if !declared.contains(*needs) {
             return Err(format!("feature {name} needs one that is not above it in the table"));
         }
-        above |= *bit;
-        let at = bit.bits().trailing_zeros();
-        let (word, at) = if at < 32 { ("FEATURES", at) } else { ("FEATURES_HIGH", at - 32) };
+        declared |= *bit;
+        let index = bit.bits().trailing_zeros();
+        let (word, index) = if index < 32 { ("FEATURES", index) } else { ("FEATURES_HIGH", index - 32) };
         let needed: String = needs.iter_names().map(|(name, _)| format!(" && HAS_{name}")).collect();
-        let _infallible = writeln!(text, "const bool HAS_{name} = ({word} & (1u << {at})) != 0u{needed};");
+        let _infallible = writeln!(text, "const bool HAS_{name} = ({word} & (1u << {index})) != 0u{needed};");
     }
     text.push('\n');
     for (name, value) in abi::flag_constants() {
@@ -225,7 +227,8 @@ fn constants() -> Result<String, String> {
     Ok(text)
 }
 
-/// `generated/sobol.glsl`: the direction numbers of dimensions 1 to 3, bit by bit.
+/// `generated/sobol.glsl`: the direction numbers of dimensions 1 to 3, one row for each bit of the index. Dimension 0
+/// is the index with its bits reversed, which GLSL does without a table.
 fn sobol() -> String {
     let [_reversed_bits, x, y, z] = abi::sampler::SOBOL_DIRECTIONS;
     let rows: Vec<_> = (0..32).map(|k| format!("    uvec3({:#x}u, {:#x}u, {:#x}u)", x[k], y[k], z[k])).collect();
@@ -236,7 +239,7 @@ fn sobol() -> String {
     )
 }
 
-/// Runs a tool; its output is the error.
+/// Runs a tool. If it fails, its output is the error.
 fn run(mut command: Command, debian_package: &str) -> Result<(), String> {
     let program = command.get_program().to_string_lossy().into_owned();
     let output = command.output().map_err(|error| {
@@ -249,6 +252,7 @@ fn run(mut command: Command, debian_package: &str) -> Result<(), String> {
     Err(format!("{program} failed:\n{}\n{}", text(&output.stdout), text(&output.stderr)))
 }
 
+/// The layouts of the Rust structs that shaders have in memory.
 fn layouts() -> Vec<check::HostLayout> {
     let member = |member: &abi::MemberLayout| check::HostMember {
         name: member.name.to_owned(),
@@ -263,15 +267,15 @@ fn layouts() -> Vec<check::HostLayout> {
     abi::LAYOUTS.iter().map(layout).collect()
 }
 
-/// Rust source with the words of every pass; those of `shaders/check` are apart, for tests.
+/// Rust source of the statics `passes::NAME` and, for the programs of `shaders/check`, `checks::NAME`.
 fn modules(modules: &[(String, uses::ModuleUses)]) -> String {
     let (checks, passes): (Vec<_>, Vec<_>) = modules.iter().partition(|(name, _)| name.starts_with("check_"));
     let mut text = String::new();
-    let parts =
-        [("passes", "Every compiled pass, under its own name", &passes), ("checks", "No passes: for tests", &checks)];
-    for (module, what, names) in parts {
-        let _infallible = write!(text, "/// {what}.\npub mod {module} {{\n    use super::ShaderModule;\n");
-        for (name, uses) in names {
+    let groups =
+        [("passes", "Every compiled pass, under its own name", &passes), ("checks", "Programs of tests", &checks)];
+    for (group, doc, modules) in groups {
+        let _infallible = write!(text, "/// {doc}.\npub mod {group} {{\n    use super::ShaderModule;\n");
+        for (name, uses) in modules {
             let bits = |spec| u64::from(uses.bits.get(&spec).copied().unwrap_or(0));
             let features = bits(abi::SPEC_FEATURES) | bits(abi::SPEC_FEATURES_HIGH) << 32;
             let reads = |spec| uses.constants.contains(&spec);

@@ -11,7 +11,7 @@ void main() {
     const uint thread = thread_index();
     uint path = 0u;
     if (thread < push.path_count) {
-        path = new_slot(thread);
+        path = path_slot(thread);
         const vec2 p = vec2(pixel_position(pixel_from(push.first_pixel, thread))) + 0.5;
         start_ray(path, camera_shift(p), camera_direction(p), p, vec2(0.0));
     }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Files of the host that are read in parts, while textures are made of them. A scene may have more of them than a
-//! process may have open: each is opened when it is read, and the most recently read ones stay open. Any thread,
-//! several at once.
+//! Random access to files through the host's asset resolver. A scene may name more files than a process may have open,
+//! so a file is opened when it is read, and an LRU cache keeps the last [`MAX_OPEN`] of them open. Thread-safe.
 
 use crate::ffi_images as ffi;
 use cxx::UniquePtr;
@@ -11,10 +10,10 @@ use std::fmt;
 use std::io;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Number of files that stay open.
-const MOST_OPEN: usize = 32;
+/// Files that the cache keeps open.
+const MAX_OPEN: usize = 32;
 
-/// A file that is open.
+/// An open file; a null pointer where the host could not open it.
 pub(crate) struct OpenHostFile(UniquePtr<ffi::HeldFile>);
 
 impl OpenHostFile {
@@ -23,40 +22,43 @@ impl OpenHostFile {
     }
 }
 
-/// The most recently read files, by their resolved names; the latest comes last.
+/// LRU cache of open files by resolved name; the most recently used one is last.
 #[derive(Default)]
 pub(crate) struct OpenFiles(Mutex<VecDeque<(Arc<str>, Arc<OpenHostFile>)>>);
 
 impl OpenFiles {
-    fn take(&self, name: &str) -> Option<Arc<OpenHostFile>> {
+    /// The open file of this name, which becomes the most recently used one.
+    fn get(&self, name: &str) -> Option<Arc<OpenHostFile>> {
         let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let at = open.iter().position(|(other, _)| **other == *name)?;
         let entry = open.remove(at)?;
-        let held = Arc::clone(&entry.1);
+        let file = Arc::clone(&entry.1);
         open.push_back(entry);
-        Some(held)
+        Some(file)
     }
 
-    fn forget(&self, name: &str) {
+    fn remove(&self, name: &str) {
         let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         open.retain(|(other, _)| **other != *name);
     }
 
-    fn keep(&self, name: &Arc<str>, held: &Arc<OpenHostFile>) {
+    /// Adds a file as the most recently used one and evicts the least recently used ones.
+    fn insert(&self, name: &Arc<str>, file: &Arc<OpenHostFile>) {
         let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         open.retain(|(other, _)| other != name);
-        while open.len() >= MOST_OPEN {
+        while open.len() >= MAX_OPEN {
             open.pop_front();
         }
-        open.push_back((Arc::clone(name), Arc::clone(held)));
+        open.push_back((Arc::clone(name), Arc::clone(file)));
     }
 }
 
-/// A file of the host.
+/// A file of the host, which is opened again when the cache has closed it.
 pub(crate) struct HostFile {
     source: Arc<UniquePtr<ffi::ImageSource>>,
-    files: Arc<OpenFiles>,
+    open_files: Arc<OpenFiles>,
     name: Arc<str>,
+    /// In bytes, when it was first opened.
     size: u64,
 }
 
@@ -69,26 +71,27 @@ impl fmt::Debug for HostFile {
 impl HostFile {
     pub(crate) fn open(
         source: &Arc<UniquePtr<ffi::ImageSource>>,
-        files: &Arc<OpenFiles>,
+        open_files: &Arc<OpenFiles>,
         name: Arc<str>,
     ) -> io::Result<Self> {
-        // The file may have changed since it was last open.
-        files.forget(&name);
-        let mut file = Self { source: Arc::clone(source), files: Arc::clone(files), name, size: 0 };
-        file.size = file.held()?.get()?.size();
+        // The file on disk may have been replaced since the cached handle was opened.
+        open_files.remove(&name);
+        let mut file = Self { source: Arc::clone(source), open_files: Arc::clone(open_files), name, size: 0 };
+        file.size = file.handle()?.get()?.size();
         Ok(file)
     }
 
-    fn held(&self) -> io::Result<Arc<OpenHostFile>> {
-        if let Some(held) = self.files.take(&self.name) {
-            return Ok(held);
+    /// The cached handle, or a newly opened one.
+    fn handle(&self) -> io::Result<Arc<OpenHostFile>> {
+        if let Some(file) = self.open_files.get(&self.name) {
+            return Ok(file);
         }
         let source = self.source.as_ref().as_ref();
         let source = source.ok_or_else(|| io::Error::other("cannot be read: the host gives no files"))?;
-        let held = source.open_file(&self.name).map_err(|reason| io::Error::other(reason.what().to_owned()))?;
-        let held = Arc::new(OpenHostFile(held));
-        self.files.keep(&self.name, &held);
-        Ok(held)
+        let file = source.open_file(&self.name).map_err(|reason| io::Error::other(reason.what().to_owned()))?;
+        let file = Arc::new(OpenHostFile(file));
+        self.open_files.insert(&self.name, &file);
+        Ok(file)
     }
 }
 
@@ -98,7 +101,7 @@ impl ReadAt for HostFile {
     }
 
     fn read_at(&self, offset: u64, out: &mut [u8]) -> io::Result<()> {
-        let held = self.held()?;
-        held.get()?.read_bytes(offset, out).map_err(|reason| io::Error::other(reason.what().to_owned()))
+        let file = self.handle()?;
+        file.get()?.read_bytes(offset, out).map_err(|reason| io::Error::other(reason.what().to_owned()))
     }
 }

@@ -84,12 +84,12 @@ pub(crate) fn jobs([newest, shown]: [u64; 2]) -> [NamedValue; 2] {
 }
 
 /// How samples were spent at that look.
-fn adaptive(spent: &AdaptiveUsage) -> [NamedValue; 4] {
+fn adaptive(usage: &AdaptiveUsage) -> [NamedValue; 4] {
     [
-        integer("oocpt:adaptiveEpochs", u64::from(spent.epochs)),
-        integer("oocpt:adaptiveFewestSamples", u64::from(spent.fewest)),
-        integer("oocpt:adaptiveMostSamples", u64::from(spent.most)),
-        real("oocpt:adaptiveDecidedShare", spent.decided),
+        integer("oocpt:adaptiveEpochs", u64::from(usage.epochs)),
+        integer("oocpt:adaptiveFewestSamples", u64::from(usage.fewest)),
+        integer("oocpt:adaptiveMostSamples", u64::from(usage.most)),
+        real("oocpt:adaptiveDecidedShare", usage.decided),
     ]
 }
 

@@ -1,31 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Failures that tests plant in an open device, and their queries of its watch ([`crate::device::watch`]). Compiled
-//! only with the feature `faults`.
+//! Fault injection into an open device, for tests: plants failures of driver calls and reads the counters of
+//! [`crate::device::watch`]. Compiled with the feature `faults` alone.
 
 use crate::device::watch::{DriverMemory, PlantedFailure};
 use crate::gpu::Gpu;
 
 impl Gpu {
-    /// Makes calls fail, replacing an earlier planted failure.
+    /// Makes calls fail. Replaces a failure that was planted before.
     pub fn plant_failure(&self, failure: PlantedFailure) {
         self.device().watch.plant(failure);
     }
 
-    /// Number of calls that failed because of a planted failure.
+    /// Calls that have failed because of a planted failure.
     #[must_use]
-    pub fn failures_struck(&self) -> u64 {
+    pub fn planted_failures(&self) -> u64 {
         self.device().watch.struck()
     }
 
-    /// Memory that the driver gave, as counted at its own functions.
+    /// Device memory of the driver, as counted at `vkAllocateMemory` and `vkFreeMemory`.
     #[must_use]
     pub fn driver_memory(&self) -> DriverMemory {
         self.device().watch.memory()
     }
 
-    /// Maximum of the bytes that the budget counted so far, of host and device together.
+    /// Peak of the bytes that the budget has counted, host and device together.
     #[must_use]
-    pub fn most_on_the_books(&self) -> u64 {
+    pub fn peak_budgeted_bytes(&self) -> u64 {
         self.device().budget.most()
     }
 }

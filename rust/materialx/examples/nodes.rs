@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Compares our values with a table of `tests/reference/nodes.py` and prints the differences, by node and by group. The
-//! data libraries are those of `PXR_MTLX_STDLIB_SEARCH_PATHS`. Fails if a row is out of bounds.
+//! Compares the values of our pattern nodes with a table of reference values (`tests/reference/nodes.py`) and prints
+//! the errors by node and by group. The data libraries are those of `PXR_MTLX_STDLIB_SEARCH_PATHS`. Exits with 1 if a
+//! row is out of bounds.
 
 #![expect(clippy::print_stdout, clippy::print_stderr, clippy::panic, reason = "a tool of the tests")]
 
@@ -22,15 +23,16 @@ use bounds::Bound;
 use compare::{Found, compare, ways};
 use table::Table;
 
-/// A line of numbers.
-fn line(name: &str, found: &Found, most: f64) {
+/// Prints the errors of a node or a group, whose bound is `bound`.
+fn print_errors(name: &str, found: &Found, bound: f64) {
     let Found { rows, equal, numbers, left_out, worst, wrong, .. } = found;
     let share = 100.0 * *equal as f64 / *rows as f64;
-    let which = format!("{rows:7} rows {share:6.2} % same bits {left_out:5} of {numbers:7} numbers left out");
-    println!("{name:52} {which}, worst {worst:8.2e} of {most:7.1e}, {wrong} wrong");
+    let counts = format!("{rows:7} rows {share:6.2} % same bits {left_out:5} of {numbers:7} numbers left out");
+    println!("{name:52} {counts}, worst {worst:8.2e} of {bound:7.1e}, {wrong} wrong");
 }
 
-fn print(table: &Table) -> usize {
+/// Prints all comparisons; returns the number of rows out of bounds.
+fn print_table(table: &Table) -> usize {
     let mut nodes: BTreeMap<&str, (Found, f64)> = BTreeMap::new();
     let mut groups: BTreeMap<&str, (Found, f64, BTreeSet<&str>)> = BTreeMap::new();
     for block in &table.blocks {
@@ -47,9 +49,9 @@ fn print(table: &Table) -> usize {
         }
     }
     for (name, (found, most)) in &nodes {
-        line(name, found, *most);
-        for wrong in &found.lines {
-            println!("    {wrong}");
+        print_errors(name, found, *most);
+        for detail in &found.lines {
+            println!("    {detail}");
         }
     }
     for (name, why) in &table.missing {
@@ -57,7 +59,7 @@ fn print(table: &Table) -> usize {
     }
     println!();
     for (name, (found, most, definitions)) in &groups {
-        line(&format!("{name}: {} definitions", definitions.len()), found, *most);
+        print_errors(&format!("{name}: {} definitions", definitions.len()), found, *most);
     }
     groups.values().map(|(found, ..)| found.wrong).sum()
 }
@@ -68,7 +70,7 @@ fn main() -> ExitCode {
         return ExitCode::FAILURE;
     };
     match std::fs::read_to_string(path) {
-        Ok(text) => ExitCode::from(u8::from(print(&table::read(&text)) > 0)),
+        Ok(text) => ExitCode::from(u8::from(print_table(&table::read(&text)) > 0)),
         Err(error) => {
             eprintln!("no table: {error}");
             ExitCode::FAILURE

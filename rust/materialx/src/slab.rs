@@ -28,14 +28,15 @@ pub(crate) struct OpenPbrSlab {
     pub(crate) opacity_threshold: f32,
     /// The normal in the frame of the surface.
     pub(crate) normal: Val,
-    /// Ratio of the two alphas; `roughness` is that of the mean of their squares.
-    pub(crate) ratio: Val,
-    /// Turn of the tangent.
-    pub(crate) turn: Val,
-    pub(crate) coat_ratio: Val,
-    pub(crate) coat_turn: Val,
-    pub(crate) film: Val,
-    /// Thickness of the film in nm.
+    /// The smaller by the larger alpha of the microfacet distribution. `roughness` is that of the mean of their
+    /// squares.
+    pub(crate) alpha_ratio: Val,
+    /// Of the tangent, in turns.
+    pub(crate) rotation: Val,
+    pub(crate) coat_alpha_ratio: Val,
+    pub(crate) coat_rotation: Val,
+    pub(crate) film_weight: Val,
+    /// In nm.
     pub(crate) film_thickness: Val,
     pub(crate) film_ior: Val,
     pub(crate) absorption: Val,
@@ -72,11 +73,11 @@ impl OpenPbrSlab {
         opacity: Val::ONE,
         opacity_threshold: 0.0,
         normal: Val::Constant([0.0, 0.0, 1.0, 1.0]),
-        ratio: Val::ONE,
-        turn: Val::ZERO,
-        coat_ratio: Val::ONE,
-        coat_turn: Val::ZERO,
-        film: Val::ZERO,
+        alpha_ratio: Val::ONE,
+        rotation: Val::ZERO,
+        coat_alpha_ratio: Val::ONE,
+        coat_rotation: Val::ZERO,
+        film_weight: Val::ZERO,
         film_thickness: Val::ZERO,
         film_ior: Val::Constant([1.4; 4]),
         absorption: Val::ZERO,
@@ -113,11 +114,11 @@ impl OpenPbrSlab {
             &mut self.emission,
             &mut self.opacity,
             &mut self.normal,
-            &mut self.ratio,
-            &mut self.turn,
-            &mut self.coat_ratio,
-            &mut self.coat_turn,
-            &mut self.film,
+            &mut self.alpha_ratio,
+            &mut self.rotation,
+            &mut self.coat_alpha_ratio,
+            &mut self.coat_rotation,
+            &mut self.film_weight,
             &mut self.film_thickness,
             &mut self.film_ior,
             &mut self.absorption,

@@ -169,7 +169,7 @@ impl<'a> NetworkWalker<'a> {
     pub(crate) fn is_older(&self, at: NodeAddress) -> bool {
         let is_named =
             at.frame == 0 && self.network.nodes.get(at.node).is_some_and(|node| &*node.kind == "ND_normalmap");
-        is_named || self.is_said(at, "space")
+        is_named || self.is_authored(at, "space")
     }
 
     /// The path of the network's node that it is, or is part of, for messages.
@@ -183,8 +183,8 @@ impl<'a> NetworkWalker<'a> {
         self.network.nodes.get(at.node).map(|node| Arc::clone(&node.path)).unwrap_or_default()
     }
 
-    /// Returns true if an input has a value or a connection.
-    pub(crate) fn is_said(&self, at: NodeAddress, name: &str) -> bool {
+    /// True if an input is authored: it has a value or a connection.
+    pub(crate) fn is_authored(&self, at: NodeAddress, name: &str) -> bool {
         if at.frame == 0 {
             let Some(node) = self.network.nodes.get(at.node) else { return false };
             return node.connection(name).is_some() || node.value(name).is_some();
@@ -192,15 +192,15 @@ impl<'a> NetworkWalker<'a> {
         let Some(frame) = self.frames.get(at.frame - 1) else { return false };
         let Some(node) = frame.graph.nodes.get(at.node) else { return false };
         match node.inputs.iter().find(|input| &*input.name == name).map(|input| &input.source) {
-            Some(PortSource::Interface(outer)) => self.is_said(frame.owner, outer),
+            Some(PortSource::Interface(outer)) => self.is_authored(frame.owner, outer),
             found => found.is_some(),
         }
     }
 
-    /// An input: its connection, else its value, else its default.
+    /// The value of an input: of its connection, else the authored one, else the default of its definition.
     pub(crate) fn input(&mut self, at: NodeAddress, name: &str) -> Option<BoundValue> {
-        if let Some(said) = self.said(at, name) {
-            return Some(said);
+        if let Some(authored) = self.authored(at, name) {
+            return Some(authored);
         }
         let definition = self.definition(at)?;
         let input = definition.input(name)?;
@@ -210,7 +210,7 @@ impl<'a> NetworkWalker<'a> {
         input.value.as_ref().map(BoundValue::of)
     }
 
-    fn said(&mut self, at: NodeAddress, name: &str) -> Option<BoundValue> {
+    fn authored(&mut self, at: NodeAddress, name: &str) -> Option<BoundValue> {
         let network = self.network;
         if at.frame == 0 {
             let node = network.nodes.get(at.node)?;

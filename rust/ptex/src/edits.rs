@@ -43,13 +43,13 @@ pub(crate) fn apply(
             return Ok(());
         }
         let data_at = at + u64::from(EDIT_HEADER_BYTES);
-        let next = data_at.checked_add(bytes).filter(|next| *next <= end).ok_or(PtexError::Edit(at))?;
+        let next = data_at.checked_add(bytes).filter(|next| *next <= end).ok_or(PtexError::DamagedEdit(at))?;
         if kind == FACE_EDIT {
-            replace_face(file, header, data_at..next, tables)?.ok_or(PtexError::Edit(at))?;
+            replace_face(file, header, data_at..next, tables)?.ok_or(PtexError::DamagedEdit(at))?;
         }
         at = next;
     }
-    Err(PtexError::Edit(at))
+    Err(PtexError::DamagedEdit(at))
 }
 
 /// Replaces one face. `None` if its edit is too short or there is no such face.

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Errors of reading and writing files.
+//! The error type of reading and writing.
 
-/// Reason why a file is not read or written. The file is at fault, except for [`Self::Io`], [`Self::OutOfMemory`],
-/// [`Self::NoFace`] and [`Self::Caller`].
+/// Why a file cannot be read or written. The file itself is at fault, except for [`Self::Io`], [`Self::OutOfMemory`],
+/// [`Self::FaceOutOfRange`] and [`Self::InvalidArgument`].
 #[derive(Debug, thiserror::Error)]
 pub enum PtexError {
     /// The source of the bytes failed.
@@ -10,60 +10,60 @@ pub enum PtexError {
     Io(#[from] std::io::Error),
     /// The first four bytes are not `Ptex`.
     #[error("not a Ptex file")]
-    Magic,
-    /// The file has another major version, whose layout differs.
+    NotPtex,
+    /// The major version is not 1: other versions have another layout.
     #[error("Ptex files of version {0} are not supported (only 1 is)")]
-    Version(u32),
-    /// A field of the header has a value that the format does not allow, or above the limits of this crate.
+    UnsupportedVersion(u32),
+    /// A field of the header has a value that the format does not define, or one above the limits of this crate.
     #[error("the header's {field} is {value}")]
-    Header {
-        /// Name of the field.
+    InvalidHeader {
+        /// Name of the field, for the message.
         field: &'static str,
-        /// Value of the field.
+        /// The field's value in the file.
         value: u64,
     },
-    /// A part lies, wholly or in part, beyond the end of the part or file that contains it.
+    /// A part of the file (a table, a block, a tile) reaches beyond the end of what contains it.
     #[error("{0} does not end inside the file: cut short, or its length is wrong")]
     Truncated(&'static str),
-    /// A compressed part claims to inflate to more than its compressed bytes can.
-    #[error("{part} is to be {bytes} bytes, compressed to {stored}, which cannot be")]
-    Ratio {
-        /// Name of the part.
+    /// A part claims more bytes than deflate can make of its compressed bytes (at most 1032 to 1).
+    #[error("{part} claims {bytes} bytes, which {stored} compressed bytes cannot hold")]
+    ImpossibleSize {
+        /// Name of the part, for the message.
         part: &'static str,
-        /// Bytes once inflated.
+        /// Inflated bytes.
         bytes: u64,
-        /// Bytes in the file.
+        /// Compressed bytes.
         stored: u64,
     },
-    /// A compressed part does not inflate, or not to the length that it should have.
+    /// A compressed part does not inflate, or inflates to another length than the file says.
     #[error("{0} is damaged")]
     Damaged(&'static str),
-    /// A face has an impossible resolution.
+    /// The resolution of a face is negative or too large.
     #[error("face {face} has a resolution of 2^{} x 2^{} texels", log2[0], log2[1])]
-    Resolution {
-        /// Number of the face.
+    InvalidResolution {
+        /// Index of the face.
         face: u32,
-        /// Logarithms of base 2 of its resolution along u and v, as the file has them.
+        /// Base-2 logarithms of the resolution along u and v, as in the file.
         log2: [i8; 2],
     },
-    /// A part is more than [`crate::MAX_BYTES`] once inflated.
+    /// A part inflates to more than [`crate::MAX_BYTES`].
     #[error("{part} would be {bytes} bytes, which is too many")]
     TooLarge {
-        /// Name of the part.
+        /// Name of the part, for the message.
         part: &'static str,
-        /// Bytes once inflated.
+        /// Inflated bytes.
         bytes: u64,
     },
-    /// An edit of an unknown kind, or one more than [`crate::MAX_EDITS`].
+    /// The edit at this byte offset is malformed, or there are more than [`crate::MAX_EDITS`].
     #[error("the edit at byte {0} is damaged")]
-    Edit(u64),
-    /// There is no memory for this many bytes.
+    DamagedEdit(u64),
+    /// An allocation of this many bytes failed.
     #[error("no memory for {0} bytes")]
     OutOfMemory(u64),
     /// The file has no such face.
     #[error("there is no face {0}")]
-    NoFace(u32),
-    /// The caller of the writer asks for something that the format does not have.
+    FaceOutOfRange(u32),
+    /// The caller asks the writer for something that the format cannot store.
     #[error("the file cannot be written: {0}")]
-    Caller(&'static str),
+    InvalidArgument(&'static str),
 }

@@ -70,26 +70,26 @@ impl PtexHeader {
     pub(crate) fn parse(bytes: &[u8; HEADER_BYTES as usize]) -> Result<Self, PtexError> {
         let mut fields = FieldReader(bytes);
         if fields.take() != MAGIC {
-            return Err(PtexError::Magic);
+            return Err(PtexError::NotPtex);
         }
         let version = fields.u32();
         if version != VERSION {
-            return Err(PtexError::Version(version));
+            return Err(PtexError::UnsupportedVersion(version));
         }
         let mesh_type = mesh_type(fields.u32())?;
         let data_type = data_type(fields.u32())?;
         let alpha = fields.u32();
         let channels = fields.u16();
         if channels == 0 || u32::from(channels) > MAX_CHANNELS {
-            return Err(PtexError::Header { field: "number of channels", value: channels.into() });
+            return Err(PtexError::InvalidHeader { field: "number of channels", value: channels.into() });
         }
         let levels = fields.u16();
         if levels == 0 {
-            return Err(PtexError::Header { field: "number of levels", value: 0 });
+            return Err(PtexError::InvalidHeader { field: "number of levels", value: 0 });
         }
         let faces = fields.u32();
         if faces == 0 || faces > MAX_FACES {
-            return Err(PtexError::Header { field: "number of faces", value: faces.into() });
+            return Err(PtexError::InvalidHeader { field: "number of faces", value: faces.into() });
         }
         let extended_bytes = fields.u32();
         let face_bytes = fields.u32();
@@ -147,7 +147,7 @@ fn mesh_type(value: u32) -> Result<MeshType, PtexError> {
     match value {
         0 => Ok(MeshType::Triangle),
         1 => Ok(MeshType::Quad),
-        _ => Err(PtexError::Header { field: "type of mesh", value: value.into() }),
+        _ => Err(PtexError::InvalidHeader { field: "type of mesh", value: value.into() }),
     }
 }
 
@@ -157,7 +157,7 @@ fn data_type(value: u32) -> Result<DataType, PtexError> {
         1 => Ok(DataType::U16),
         2 => Ok(DataType::F16),
         3 => Ok(DataType::F32),
-        _ => Err(PtexError::Header { field: "type of data", value: value.into() }),
+        _ => Err(PtexError::InvalidHeader { field: "type of data", value: value.into() }),
     }
 }
 
@@ -207,7 +207,7 @@ fn border_mode(value: u16) -> Result<BorderMode, PtexError> {
         0 => Ok(BorderMode::Clamp),
         1 => Ok(BorderMode::Black),
         2 => Ok(BorderMode::Periodic),
-        _ => Err(PtexError::Header { field: "border mode", value: value.into() }),
+        _ => Err(PtexError::InvalidHeader { field: "border mode", value: value.into() }),
     }
 }
 
@@ -220,7 +220,7 @@ pub(crate) fn parse_face(
     let mut fields = FieldReader(&record);
     let log2 = [fields.u8(), fields.u8()];
     if log2.iter().any(|log2| *log2 > MAX_LOG2) {
-        return Err(PtexError::Resolution { face, log2: log2.map(u8::cast_signed) });
+        return Err(PtexError::InvalidResolution { face, log2: log2.map(u8::cast_signed) });
     }
     let edges = fields.u8();
     let flags = fields.u8();
@@ -296,5 +296,7 @@ pub(crate) fn block_word(encoding: BlockEncoding, bytes: usize) -> Result<u32, P
         BlockEncoding::Tiled => 3,
     };
     let bytes = u32::try_from(bytes).ok().filter(|bytes| bytes >> LENGTH_BITS == 0);
-    bytes.map(|bytes| bytes | number << LENGTH_BITS).ok_or(PtexError::Caller("a face of 1 GiB once compressed"))
+    bytes
+        .map(|bytes| bytes | number << LENGTH_BITS)
+        .ok_or(PtexError::InvalidArgument("a face of 1 GiB once compressed"))
 }

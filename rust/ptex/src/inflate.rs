@@ -103,7 +103,7 @@ pub(crate) fn check_table(part: StoredPart, bytes: u64) -> Result<(), PtexError>
 pub(crate) fn check_ratio(part: StoredPart, bytes: u64) -> Result<(), PtexError> {
     let StoredPart { name, stored, .. } = part;
     if bytes > stored.saturating_mul(MOST_RATIO) {
-        return Err(PtexError::Ratio { part: name, bytes, stored });
+        return Err(PtexError::ImpossibleSize { part: name, bytes, stored });
     }
     Ok(())
 }

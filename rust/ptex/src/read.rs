@@ -59,7 +59,7 @@ impl PtexFile {
             self.tables.texel.fill(texel, whole, out);
             return Ok(());
         }
-        let block = *self.tables.blocks.get(face as usize).ok_or(PtexError::NoFace(face))?;
+        let block = *self.tables.blocks.get(face as usize).ok_or(PtexError::FaceOutOfRange(face))?;
         let mut reading = FaceReader { file: self, inflater: Inflater::new(), planes: Vec::new() };
         if block.encoding != BlockEncoding::Tiled {
             reading.check(block, bytes)?;
@@ -82,7 +82,7 @@ impl PtexFile {
     }
 
     fn face(&self, face: u32) -> Result<&PtexFace, PtexError> {
-        self.tables.faces.get(face as usize).ok_or(PtexError::NoFace(face))
+        self.tables.faces.get(face as usize).ok_or(PtexError::FaceOutOfRange(face))
     }
 }
 

@@ -110,7 +110,7 @@ fn read_blocks(
     let words_bytes = u64::from(fields.u32());
     let faces = fields.u32();
     if faces != header.faces {
-        return Err(PtexError::Header { field: "number of faces in level 0", value: faces.into() });
+        return Err(PtexError::InvalidHeader { field: "number of faces in level 0", value: faces.into() });
     }
     if level_bytes > parts.level_data.stored || words_bytes > level_bytes {
         return Err(PtexError::Truncated("level 0"));

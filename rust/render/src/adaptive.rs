@@ -9,16 +9,13 @@ use crate::device::WAVE_TIMEOUT;
 use crate::error::RenderError;
 use crate::sync::lock;
 use crate::wave::{Wave, WavePiece};
-use oocpt_abi::{AdaptiveSampling as Block, PushConstants};
-use oocpt_core::adaptive::{AdaptiveSchedule, AdaptiveUsage, RING, STREAMS, VarianceEstimate};
+use oocpt_abi::{AdaptiveSampling as Block, ESTIMATE_RING, PushConstants};
+use oocpt_core::adaptive::{AdaptiveSchedule, AdaptiveUsage, STREAMS, VarianceEstimate};
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
-// The bands that the core cuts must be those that the passes read.
-const _: () = assert!(oocpt_core::adaptive::BAND_SHIFT == oocpt_abi::BAND_SHIFT, "rows of bands differ");
-
-/// The device buffers of adaptive sampling, and the schedule of the epochs.
+/// See the module.
 #[derive(Debug)]
 pub(crate) struct AdaptiveBuffers {
     gpu: Arc<Gpu>,
@@ -26,8 +23,8 @@ pub(crate) struct AdaptiveBuffers {
     block: Buffer,
     entries: Buffer,
     estimates: Buffer,
-    course: Mutex<Option<AdaptiveSchedule>>,
-    /// Planted fault: each stream decides for itself.
+    schedule: Mutex<Option<AdaptiveSchedule>>,
+    /// Planted: each stream decides for itself.
     #[cfg(feature = "faults")]
     pub(crate) is_naive: bool,
 }
@@ -41,8 +38,8 @@ impl AdaptiveBuffers {
             pixels,
             block: Buffer::new(gpu, "adaptive", size_of::<Block>() as u64, BufferUsage::Device)?,
             entries: Buffer::new(gpu, "entries", streams * 8, BufferUsage::Device)?,
-            estimates: Buffer::new(gpu, "estimates", streams * 4 * u64::from(RING), BufferUsage::Device)?,
-            course: Mutex::new(None),
+            estimates: Buffer::new(gpu, "estimates", streams * 4 * u64::from(ESTIMATE_RING), BufferUsage::Device)?,
+            schedule: Mutex::new(None),
             #[cfg(feature = "faults")]
             is_naive: false,
         })
@@ -60,26 +57,26 @@ impl AdaptiveBuffers {
 
     /// Begins a render with its first epoch.
     pub(crate) fn begin(&mut self, size: [u32; 2], samples: u32) -> Result<(), RenderError> {
-        let course = AdaptiveSchedule::new(size, samples);
-        self.send(&course)?;
-        *lock(&self.course) = Some(course);
+        let schedule = AdaptiveSchedule::new(size, samples);
+        self.send(&schedule)?;
+        *lock(&self.schedule) = Some(schedule);
         Ok(())
     }
 
     /// Goes on to the next epoch, if there is one.
     pub(crate) fn advance(&self) -> Result<(), RenderError> {
-        let mut course = lock(&self.course);
-        let Some(course) = course.as_mut() else { return Ok(()) };
-        let estimates = self.answers(course.decisive())?;
+        let mut schedule = lock(&self.schedule);
+        let Some(schedule) = schedule.as_mut() else { return Ok(()) };
+        let estimates = self.answers(schedule.deciding_octave())?;
         let estimates = [estimates[0].as_slice(), estimates[1].as_slice()];
         #[cfg(feature = "faults")]
-        let goes_on = if self.is_naive { course.advance_by(estimates) } else { course.advance(estimates) };
+        let goes_on = if self.is_naive { schedule.advance_by(estimates) } else { schedule.advance(estimates) };
         #[cfg(not(feature = "faults"))]
-        let goes_on = course.advance(estimates);
+        let goes_on = schedule.advance(estimates);
         if goes_on {
-            let spent = course.spent();
-            tracing::debug!(?spent, bands = course.epoch().bands.len(), "next epoch");
-            self.send(course)?;
+            let usage = schedule.usage();
+            tracing::debug!(?usage, bands = schedule.epoch().bands.len(), "next epoch");
+            self.send(schedule)?;
         }
         Ok(())
     }
@@ -89,7 +86,7 @@ impl AdaptiveBuffers {
         let bytes = self.pixels * STREAMS as u64 * 4;
         let target = Buffer::new(&self.gpu, "answers", bytes, BufferUsage::Readback)?;
         let mut commands = self.gpu.commands("answers")?;
-        commands.copy(&self.estimates, u64::from(octave % RING) * bytes, &target, 0, bytes);
+        commands.copy(&self.estimates, u64::from(octave % ESTIMATE_RING) * bytes, &target, 0, bytes);
         if !commands.submit()?.wait(WAVE_TIMEOUT)? {
             return Err(RenderError::Internal("the estimates of the samples did not come".into()));
         }
@@ -103,9 +100,9 @@ impl AdaptiveBuffers {
         })?)
     }
 
-    /// Uploads the list of an epoch.
-    fn send(&self, course: &AdaptiveSchedule) -> Result<(), RenderError> {
-        let epoch = course.epoch();
+    /// Sends the list of an epoch.
+    fn send(&self, schedule: &AdaptiveSchedule) -> Result<(), RenderError> {
+        let epoch = schedule.epoch();
         let bytes: &[u8] = bytemuck::cast_slice(&epoch.entries);
         let mut block =
             Block { entries: self.entries.address(), estimates: self.estimates.address(), ..Block::default() };
@@ -130,28 +127,28 @@ impl AdaptiveBuffers {
     /// once, as roulette on loads does, must not happen to those: the counts of one stream would depend on its own
     /// samples.
     pub(crate) fn decides_more(&self) -> bool {
-        lock(&self.course).as_ref().is_some_and(|course| !course.is_last())
+        lock(&self.schedule).as_ref().is_some_and(|schedule| !schedule.is_last())
     }
 
     /// One behind the last path that is decided.
     pub(crate) fn end(&self) -> u64 {
-        lock(&self.course).as_ref().map_or(0, |course| course.epoch().end)
+        lock(&self.schedule).as_ref().map_or(0, |schedule| schedule.epoch().end)
     }
 
     /// Paths that no wave may go across: the ends of the bands.
     pub(crate) fn cuts(&self) -> Vec<u64> {
-        lock(&self.course).iter().flat_map(|course| course.epoch().bands.iter().map(|band| band.end())).collect()
+        lock(&self.schedule).iter().flat_map(|schedule| schedule.epoch().bands.iter().map(|band| band.end())).collect()
     }
 
-    /// The samples that are spent when the epoch under way is done.
-    pub(crate) fn spent(&self) -> Option<AdaptiveUsage> {
-        lock(&self.course).as_ref().map(AdaptiveSchedule::spent)
+    /// How samples are spent when the epoch under way is done.
+    pub(crate) fn usage(&self) -> Option<AdaptiveUsage> {
+        lock(&self.schedule).as_ref().map(AdaptiveSchedule::usage)
     }
 
     /// The push constants of a wave, which lies in one band, and the number of that band's entries.
     pub(crate) fn push(&self, frame: u64, wave: Wave) -> (PushConstants, u32) {
-        let course = lock(&self.course);
-        let bands = course.as_ref().map_or(&[][..], |course| course.epoch().bands.as_slice());
+        let schedule = lock(&self.schedule);
+        let bands = schedule.as_ref().map_or(&[][..], |schedule| schedule.epoch().bands.as_slice());
         let found = (0_u32..).zip(bands).find(|(_, band)| (band.first..band.end()).contains(&wave.first));
         let Some((number, band)) = found else { return (PushConstants::wave(frame, 0, 0, 1), 0) };
         let push = PushConstants::wave(frame, wave.first - band.first, wave.count, band.width);
@@ -162,8 +159,8 @@ impl AdaptiveBuffers {
     pub(crate) fn piece(&self, wave: Wave, end: u64) -> Option<WavePiece> {
         let left = end.saturating_sub(wave.first).min(u64::from(wave.count));
         let count = u32::try_from(left).unwrap_or(u32::MAX);
-        let course = lock(&self.course);
-        let epoch = course.as_ref()?.epoch();
+        let schedule = lock(&self.schedule);
+        let epoch = schedule.as_ref()?.epoch();
         let completes = (wave.first + left == epoch.end).then_some(epoch.octave);
         (count > 0).then_some(WavePiece { wave: Wave { first: wave.first, count }, offset: 0, completes })
     }

@@ -102,9 +102,9 @@ struct UnsavedPipelines {
     written: Option<Instant>,
 }
 
-/// Longest wait for the translation of one shader. Translation is single-threaded: a shader that takes 10 s alone may
-/// take minutes beside other work.
-const TRANSLATION_TIMEOUT: Duration = Duration::from_secs(1800);
+/// Longest wait for the warm-up of one pipeline, which is single-threaded: what takes 10 s alone may take minutes
+/// beside other work.
+const WARM_UP_TIMEOUT: Duration = Duration::from_secs(1800);
 
 /// An open device with the state that all frames on it share.
 #[derive(Debug)]
@@ -264,30 +264,30 @@ impl Device {
         }
     }
 
-    /// Makes the driver translate `pipeline` in a submission of its own, unless it was used before; returns how many
-    /// were translated. Only software renderers translate at first use; the time would otherwise count for a wave,
-    /// which is bounded in time.
-    pub(crate) fn translate(&self, pipeline: &Arc<Pipeline>) -> Result<u64, RenderError> {
+    /// Warms `pipeline` up by an empty dispatch in a submission of its own, unless it has been used before. Returns the
+    /// number of pipelines warmed up, 0 or 1. Only software drivers generate machine code at the first use: that would
+    /// be part of a wave otherwise, and a wave is bounded in time.
+    pub(crate) fn warm_up(&self, pipeline: &Arc<Pipeline>) -> Result<u64, RenderError> {
         if self.gpu.report().kind != DeviceKind::Cpu {
             return Ok(0);
         }
-        if lock(&self.pipelines).is_translated(pipeline) {
+        if lock(&self.pipelines).is_warm(pipeline) {
             return Ok(0);
         }
         let started = Instant::now();
-        let mut commands = self.gpu.commands("translate")?;
+        let mut commands = self.gpu.commands("warm up")?;
         commands.dispatch_nothing(pipeline);
-        if !commands.submit()?.wait(TRANSLATION_TIMEOUT)? {
+        if !commands.submit()?.wait(WARM_UP_TIMEOUT)? {
             return Err(RenderError::Internal(format!("the driver does not get done with {}", pipeline.name())));
         }
-        tracing::debug!(pass = pipeline.name(), secs = started.elapsed().as_secs_f64(), "translated");
-        lock(&self.pipelines).translated(pipeline, started.elapsed().as_secs_f64());
+        tracing::debug!(pass = pipeline.name(), secs = started.elapsed().as_secs_f64(), "warmed up");
+        lock(&self.pipelines).mark_warm(pipeline, started.elapsed().as_secs_f64());
         Ok(1)
     }
 
     /// Seconds that compiling `pipeline` took.
     pub(crate) fn compile_secs(&self, pipeline: &Arc<Pipeline>) -> f64 {
-        lock(&self.pipelines).secs(pipeline)
+        lock(&self.pipelines).compile_secs(pipeline)
     }
 
     /// Bytes of the BSDF's tables on this device; 0 until a scene with materials is rendered.

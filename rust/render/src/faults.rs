@@ -46,27 +46,27 @@ pub struct PlantedFaults {
     pub impatient_millis: u32,
 }
 
-/// The outcome of planted faults and the driver's memory when a render ended.
+/// Counters of a device when a render has ended, for tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FaultWitness {
-    /// Failures injected since the device was opened.
+    /// Calls that have failed because of a planted failure, since the device was opened.
     pub struck: u64,
-    /// Bytes as the driver's own function reports them.
+    /// Device memory, as counted at the driver's functions.
     pub driver: DriverMemory,
-    /// Most bytes of host and device together that the budget has ever accounted for.
-    pub most_on_the_books: u64,
-    /// Bytes that the budget accounts for now.
-    pub on_the_books: u64,
+    /// Peak of the bytes that the budget has counted, host and device together.
+    pub peak_budgeted_bytes: u64,
+    /// Bytes that the budget counts now.
+    pub budgeted_bytes: u64,
 }
 
 impl FaultWitness {
     pub(crate) fn of(gpu: &oocpt_gpu::Gpu) -> Self {
         let memory = gpu.memory();
         Self {
-            struck: gpu.failures_struck(),
+            struck: gpu.planted_failures(),
             driver: gpu.driver_memory(),
-            most_on_the_books: gpu.most_on_the_books(),
-            on_the_books: memory.used + memory.host_used,
+            peak_budgeted_bytes: gpu.peak_budgeted_bytes(),
+            budgeted_bytes: memory.used + memory.host_used,
         }
     }
 }

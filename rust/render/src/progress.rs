@@ -367,9 +367,9 @@ impl<'a> FrameProgress<'a> {
             // Streaming counts what is handed to the device; an epoch is all there is then.
             samples: if self.decided.is_some() { self.samples_done() } else { measured.fewest },
         };
-        if let Some(spent) = film.adaptive().and_then(AdaptiveBuffers::spent) {
+        if let Some(usage) = film.adaptive().and_then(AdaptiveBuffers::usage) {
             let MeasuredError { fewest, most, .. } = measured;
-            lock(&self.shared.stats).adaptive = Some(AdaptiveUsage { fewest, most, ..spent });
+            lock(&self.shared.stats).adaptive = Some(AdaptiveUsage { fewest, most, ..usage });
         }
         let began = Instant::now();
         self.log.row(self.shared, measured, octave, moment);

@@ -44,10 +44,9 @@ pub struct RenderTimings {
     pub retraced_waves: u64,
     /// Seconds for compiling the passes for this scene; zero if they were compiled before.
     pub compile_secs: f64,
-    /// Pipelines that the driver was made to translate before the first wave: on a software renderer, those never used
-    /// before.
-    pub translated: u64,
-    /// Seconds from the first wave's submission to the last wave's end.
+    /// Pipelines warmed up before the first wave: with a software driver, those that no submission had used.
+    pub warmed_up_pipelines: u64,
+    /// From the first wave's submission to the last wave's end, seconds.
     pub trace_secs: f64,
     /// Times that the tables of lights were made and sent: none where the lights are those of the frame before.
     pub light_tables: u64,

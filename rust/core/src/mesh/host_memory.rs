@@ -1,24 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Accounts for the host memory of meshes: the assets that are kept, and the builds in progress. It only counts: a
-//! caller for whom there is no room is told so and chooses another way. Any thread.
+//! Accounts for the host memory of meshes: of assets that are kept and of builds under way. It only counts: a caller
+//! that gets nothing splits, waits or writes to a file. Thread-safe.
+//!
+//! `held` <= `limit` bounds the kept assets, `taken` <= `room` the kept assets together with the builds under way.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The limits of host memory for meshes, and the bytes in use.
+/// The limits of host memory for meshes, and its use. All numbers are bytes.
 #[derive(Debug)]
 pub struct HostMemory {
-    /// Most bytes of assets that are kept.
+    /// Limit of `held`.
     limit: AtomicU64,
-    /// Most bytes of assets and of builds in progress together.
+    /// Limit of `taken`.
     room: AtomicU64,
-    /// Budget of everything in host memory, not of meshes alone.
+    /// Host memory that the whole renderer may take.
     budget: AtomicU64,
-    /// Bytes of assets that are kept.
+    /// Of assets that are kept.
     held: AtomicU64,
-    /// `held` plus the bytes that builds in progress may take.
+    /// `held`, and what is reserved for builds under way.
     taken: AtomicU64,
-    /// Maximum of `taken` since the room was set.
+    /// Peak of `taken` since the room was set.
     most_taken: AtomicU64,
 }
 
@@ -31,24 +33,24 @@ impl Default for HostMemory {
 }
 
 impl HostMemory {
-    /// Sets the most bytes of assets that are kept. Assets that are held stay.
+    /// Sets the limit of kept assets. Assets that are kept already stay, even beyond it.
     pub fn set_limit(&self, bytes: u64) {
         self.limit.store(bytes, Ordering::Relaxed);
     }
 
-    /// Sets the most bytes of kept assets and builds in progress together, before a commit. A build that needs more
-    /// runs alone.
+    /// Sets the limit of kept assets and builds under way together, and resets the peak; called before a commit. A
+    /// build that needs more runs alone.
     pub fn set_room(&self, bytes: u64) {
         self.room.store(bytes, Ordering::Relaxed);
         self.most_taken.store(self.taken.load(Ordering::Relaxed), Ordering::Relaxed);
     }
 
-    /// Sets the budget of all host memory, bytes: a prim that needs more by itself is not built.
+    /// Sets the budget of the whole renderer: a prim that needs more by itself is not built.
     pub(crate) fn set_budget(&self, bytes: u64) {
         self.budget.store(bytes, Ordering::Relaxed);
     }
 
-    /// The budget of all host memory, bytes; `None` without a limit.
+    /// The budget of the whole renderer; none if it is unlimited.
     pub(crate) fn budget(&self) -> Option<u64> {
         Some(self.budget.load(Ordering::Relaxed)).filter(|budget| *budget < u64::MAX)
     }
@@ -59,13 +61,13 @@ impl HostMemory {
         self.held.load(Ordering::Relaxed)
     }
 
-    /// Maximum of the bytes of kept assets and builds in progress together since the room was set.
+    /// Peak of kept assets and builds under way together since the room was set.
     #[must_use]
     pub fn most_taken(&self) -> u64 {
         self.most_taken.load(Ordering::Relaxed)
     }
 
-    /// [`Self::most_taken`], if it was more than the room.
+    /// [`Self::most_taken`] if it exceeded the room, as a build that runs alone may.
     #[must_use]
     pub fn overrun(&self) -> Option<u64> {
         Some(self.most_taken()).filter(|most| *most > self.room.load(Ordering::Relaxed))
@@ -76,9 +78,10 @@ impl HostMemory {
         self.room.load(Ordering::Relaxed).saturating_sub(self.taken.load(Ordering::Relaxed))
     }
 
-    fn take(&self, bytes: u64, most: u64) -> bool {
-        let more = |taken: u64| taken.checked_add(bytes).filter(|taken| *taken <= most);
-        let before = self.taken.fetch_update(Ordering::Relaxed, Ordering::Relaxed, more);
+    /// Adds to `taken` unless that would exceed `limit` or overflow.
+    fn try_take(&self, bytes: u64, limit: u64) -> bool {
+        let sum = |taken: u64| taken.checked_add(bytes).filter(|taken| *taken <= limit);
+        let before = self.taken.fetch_update(Ordering::Relaxed, Ordering::Relaxed, sum);
         if let Ok(before) = before {
             self.most_taken.fetch_max(before.saturating_add(bytes), Ordering::Relaxed);
         }
@@ -91,43 +94,43 @@ impl HostMemory {
 
     /// Reserves memory for a build if there is room.
     pub(crate) fn try_reserve(self: &Arc<Self>, bytes: u64) -> Option<ReservedMemory> {
-        self.take(bytes, self.room.load(Ordering::Relaxed)).then(|| ReservedMemory { memory: self.clone(), bytes })
+        self.try_take(bytes, self.room.load(Ordering::Relaxed)).then(|| ReservedMemory { memory: self.clone(), bytes })
     }
 
-    /// Reserves memory for a build even if there is no room; nothing if the sum overflows.
+    /// Reserves memory for a build beyond the room; nothing if the sum overflows.
     pub(crate) fn reserve(self: &Arc<Self>, bytes: u64) -> ReservedMemory {
-        let bytes = if self.take(bytes, u64::MAX) { bytes } else { 0 };
+        let bytes = if self.try_take(bytes, u64::MAX) { bytes } else { 0 };
         ReservedMemory { memory: self.clone(), bytes }
     }
 
-    /// Keeps an asset if there is room.
+    /// Accounts for a kept asset if there is room.
     pub(crate) fn try_hold(self: &Arc<Self>, bytes: u64) -> Option<HeldMemory> {
-        if !self.take(bytes, self.room.load(Ordering::Relaxed)) {
+        if !self.try_take(bytes, self.room.load(Ordering::Relaxed)) {
             return None;
         }
-        let held = self.hold_taken(bytes, self.limit.load(Ordering::Relaxed));
+        let held = self.try_hold_taken(bytes, self.limit.load(Ordering::Relaxed));
         if held.is_none() {
             self.give_back(bytes);
         }
         held
     }
 
-    /// Keeps an asset whether there is room or not.
+    /// Accounts for a kept asset beyond the limits; nothing if the sum overflows.
     pub(crate) fn hold(self: &Arc<Self>, bytes: u64) -> HeldMemory {
-        let bytes = if self.take(bytes, u64::MAX) { bytes } else { 0 };
+        let bytes = if self.try_take(bytes, u64::MAX) { bytes } else { 0 };
         self.held.fetch_add(bytes, Ordering::Relaxed);
         HeldMemory { memory: self.clone(), bytes }
     }
 
-    /// Holds bytes that are already counted in `taken`, if `held` stays below `limit`.
-    fn hold_taken(self: &Arc<Self>, bytes: u64, limit: u64) -> Option<HeldMemory> {
-        let more = |held: u64| held.checked_add(bytes).filter(|held| *held <= limit);
-        self.held.fetch_update(Ordering::Relaxed, Ordering::Relaxed, more).ok()?;
+    /// Moves bytes that are taken already to `held`, unless that would exceed `limit`.
+    fn try_hold_taken(self: &Arc<Self>, bytes: u64, limit: u64) -> Option<HeldMemory> {
+        let sum = |held: u64| held.checked_add(bytes).filter(|held| *held <= limit);
+        self.held.fetch_update(Ordering::Relaxed, Ordering::Relaxed, sum).ok()?;
         Some(HeldMemory { memory: self.clone(), bytes })
     }
 }
 
-/// The message about a prim that needs more bytes to be built than the budget has.
+/// The message for a prim whose build needs more bytes than the budget.
 pub(crate) fn too_large(needed: u64, budget: u64) -> String {
     let [needed, budget] = [needed, budget].map(|bytes| bytes.div_ceil(1 << 20));
     format!(
@@ -136,7 +139,7 @@ pub(crate) fn too_large(needed: u64, budget: u64) -> String {
     )
 }
 
-/// Memory for a build, until this is dropped.
+/// Memory reserved for a build; given back when this is dropped.
 #[derive(Debug)]
 pub(crate) struct ReservedMemory {
     memory: Arc<HostMemory>,
@@ -144,12 +147,12 @@ pub(crate) struct ReservedMemory {
 }
 
 impl ReservedMemory {
-    /// Keeps an asset whose bytes are part of the reservation, if the limit allows it.
+    /// Turns a part of the reservation into memory of a kept asset, if the limit allows it.
     pub(crate) fn keep(&mut self, bytes: u64) -> Option<HeldMemory> {
         if bytes > self.bytes {
             return self.memory.try_hold(bytes);
         }
-        let held = self.memory.hold_taken(bytes, self.memory.limit.load(Ordering::Relaxed))?;
+        let held = self.memory.try_hold_taken(bytes, self.memory.limit.load(Ordering::Relaxed))?;
         self.bytes -= bytes;
         Some(held)
     }
@@ -161,7 +164,7 @@ impl Drop for ReservedMemory {
     }
 }
 
-/// Memory of a kept asset, until this is dropped.
+/// Memory of a kept asset; given back when this is dropped.
 #[derive(Debug)]
 pub(crate) struct HeldMemory {
     memory: Arc<HostMemory>,

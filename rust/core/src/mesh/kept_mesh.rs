@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Builds meshes and stores them, in memory as far as there is room, else in files. A mesh that the files have from an
-//! earlier render is read from there.
+//! Builds meshes and stores them: in host memory while there is room, else in files. A mesh that an earlier process has
+//! left in persistent files is loaded instead of built.
 //!
-//! A mesh is an entry with one payload. A mesh in clusters has an entry for each cluster, written as soon as the
-//! cluster is made, and an entry without payloads that lists them.
+//! In files a whole mesh is one entry with one payload. A mesh in clusters has one entry for each cluster, written as
+//! soon as the cluster is built, and a last entry without payload whose head describes all of them.
 
 use std::sync::{Arc, OnceLock};
 
@@ -21,27 +21,27 @@ use super::summary::MeshSummary;
 use crate::desc::DroppedData;
 use crate::texture::HeightCache;
 
-/// The key of the entry of a cluster of the mesh with this key.
-fn cluster_key(key: u128, number: usize) -> u128 {
-    xxh3_128(bytemuck::cast_slice::<u128, u8>(&[key, number as u128]))
+/// Key of the entry of a cluster of the mesh with this key.
+fn cluster_key(key: u128, index: usize) -> u128 {
+    xxh3_128(bytemuck::cast_slice::<u128, u8>(&[key, index as u128]))
 }
 
-/// The files in which a mesh can be found again, and the key of its entry there; `None` if it cannot.
-fn lasting<'a>(recipe: &MeshRecipe, shelf: &'a MeshStorage) -> Option<(&'a Arc<dyn MeshFiles>, u128)> {
-    let files = shelf.files.as_ref().filter(|files| files.lasts())?;
+/// The files in which a later process finds the mesh, and its key there; none if the files or the key do not last.
+fn persistent_entry<'a>(recipe: &MeshRecipe, storage: &'a MeshStorage) -> Option<(&'a Arc<dyn MeshFiles>, u128)> {
+    let files = storage.files.as_ref().filter(|files| files.is_persistent())?;
     Some((files, recipe.entry_key()?))
 }
 
-/// What a build may take.
+/// The resources that a build may take.
 #[derive(Debug)]
 pub(crate) struct BuildGrant {
-    /// Reserved host memory; `None` if there is no budget.
+    /// Host memory; none without a budget.
     pub(crate) reserved: Option<ReservedMemory>,
-    /// Number of clusters that it may make in parallel.
+    /// Clusters that it may build in parallel.
     pub(crate) at_once: usize,
 }
 
-/// The head of an entry.
+/// The head of an entry, which is read with it; the payload is read when the mesh is needed.
 #[derive(Debug, Serialize, Deserialize)]
 struct EntryHead {
     is_split: bool,
@@ -53,20 +53,21 @@ struct EntryHead {
 /// A built mesh whose assets are stored.
 #[derive(Debug)]
 pub(crate) struct KeptMesh {
+    /// The whole mesh; none if it is in clusters or left out.
     pub(crate) asset: Option<Arc<SceneMesh>>,
     pub(crate) clusters: Vec<Arc<SceneMesh>>,
     pub(crate) dropped: DroppedData,
     pub(crate) notes: Vec<String>,
-    /// True if it was not built because host memory did not suffice.
+    /// The mesh was not built because it needs more than the host budget.
     pub(crate) is_left_out: bool,
 }
 
 impl KeptMesh {
-    /// Reads the mesh as files have it from before.
-    pub(crate) fn find(recipe: &Arc<MeshRecipe>, shelf: &MeshStorage) -> Option<Self> {
-        let (files, key) = lasting(recipe, shelf)?;
-        match Self::found(&**files, recipe, shelf, key) {
-            Ok(found) => found,
+    /// Loads the mesh from persistent files, if they have it. A damaged entry is reported and counts as absent.
+    pub(crate) fn find(recipe: &Arc<MeshRecipe>, storage: &MeshStorage) -> Option<Self> {
+        let (files, key) = persistent_entry(recipe, storage)?;
+        match Self::load(&**files, recipe, storage, key) {
+            Ok(mesh) => mesh,
             Err(error) => {
                 files.damaged(Some(key), &error);
                 None
@@ -75,22 +76,22 @@ impl KeptMesh {
     }
 
     /// Builds a mesh and stores it.
-    pub(crate) fn make(
+    pub(crate) fn build(
         recipe: &Arc<MeshRecipe>,
         heights: &HeightCache,
-        shelf: &MeshStorage,
+        storage: &MeshStorage,
         grant: BuildGrant,
     ) -> Self {
-        let lasting = lasting(recipe, shelf);
-        let key = lasting.map(|(_, key)| key);
+        let entry = persistent_entry(recipe, storage);
+        let key = entry.map(|(_, key)| key);
         let BuildGrant { mut reserved, at_once } = grant;
-        let putting = AssetWriter { recipe, shelf };
+        let writer = AssetWriter { recipe, storage };
         let mut clusters = Vec::new();
         let mut put = |cluster: MeshAsset| {
-            let number = clusters.len();
-            let key = key.map(|key| cluster_key(key, number));
-            let held = shelf.memory.try_hold(cluster.host_bytes());
-            clusters.push(putting.put(cluster, number, key, &[], held));
+            let index = clusters.len();
+            let key = key.map(|key| cluster_key(key, index));
+            let held = storage.memory.try_hold(cluster.host_bytes());
+            clusters.push(writer.put(cluster, index, key, &[], held));
         };
         let BuiltAsset { asset, dropped, notes } = recipe.build(heights, at_once, &mut put);
         let is_split = asset.is_none();
@@ -102,26 +103,27 @@ impl KeptMesh {
         let head = key.and_then(|_| head().ok()).unwrap_or_default();
         let asset = asset.map(|asset| {
             let bytes = asset.host_bytes();
-            let held = reserved.as_mut().map_or_else(|| shelf.memory.try_hold(bytes), |reserved| reserved.keep(bytes));
-            putting.put(asset, 0, key, &head, held)
+            let held =
+                reserved.as_mut().map_or_else(|| storage.memory.try_hold(bytes), |reserved| reserved.keep(bytes));
+            writer.put(asset, 0, key, &head, held)
         });
-        if let Some((files, key)) = lasting.filter(|_| is_split) {
+        if let Some((files, key)) = entry.filter(|_| is_split) {
             files.add(Some(key), &head, &[]);
         }
         Self { asset, clusters, dropped, notes, is_left_out: false }
     }
 
-    /// A mesh that is not built, with the reason.
-    pub(crate) fn left_out(why: String) -> Self {
-        let notes = vec![why];
+    /// Stands for a mesh that is not built; `reason` is shown to the user.
+    pub(crate) fn left_out(reason: String) -> Self {
+        let notes = vec![reason];
         Self { asset: None, clusters: Vec::new(), dropped: DroppedData::default(), notes, is_left_out: true }
     }
 
-    /// The mesh that files have of a recipe, if they do. An error if an entry is inconsistent.
-    fn found(
+    /// The mesh under `key` in the files, if it is complete. Fails if its entry contradicts itself.
+    fn load(
         files: &dyn MeshFiles,
         recipe: &Arc<MeshRecipe>,
-        shelf: &MeshStorage,
+        storage: &MeshStorage,
         key: u128,
     ) -> Result<Option<Self>, PayloadError> {
         let Some(entry) = files.find(key) else { return Ok(None) };
@@ -129,21 +131,23 @@ impl KeptMesh {
         let EntryHead { is_split, meshes, dropped, notes } = head;
         let mut payloads = entry.payloads;
         if is_split {
-            for number in 0..meshes.len() {
-                // The clusters may have gone to another file than this entry, one that did not last.
-                let Some(cluster) = files.find(cluster_key(key, number)) else { return Ok(None) };
+            for index in 0..meshes.len() {
+                // The cluster may have gone to another file than this entry, one that was deleted.
+                let Some(cluster) = files.find(cluster_key(key, index)) else { return Ok(None) };
                 payloads.extend(cluster.payloads);
             }
         }
-        let fits =
+        let has_size =
             |(mesh, payload): (&MeshSummary, &Arc<dyn PayloadSource>)| payload_bytes(mesh) == Some(payload.size());
-        if meshes.len() != payloads.len() || (!is_split && meshes.len() != 1) || !meshes.iter().zip(&payloads).all(fits)
+        if meshes.len() != payloads.len()
+            || (!is_split && meshes.len() != 1)
+            || !meshes.iter().zip(&payloads).all(has_size)
         {
             return Err(PayloadError::Damaged);
         }
-        let mesh = |(number, (summary, payload)): (usize, (MeshSummary, Arc<dyn PayloadSource>))| {
-            let key = if is_split { cluster_key(key, number) } else { key };
-            let stored = Some(StoredAsset::new(payload, number, Some(key), recipe, shelf));
+        let mesh = |(index, (summary, payload)): (usize, (MeshSummary, Arc<dyn PayloadSource>))| {
+            let key = if is_split { cluster_key(key, index) } else { key };
+            let stored = Some(StoredAsset::new(payload, index, Some(key), recipe, storage));
             Arc::new(SceneMesh { summary, host: OnceLock::new(), stored })
         };
         let mut meshes: Vec<_> = meshes.into_iter().zip(payloads).enumerate().map(mesh).collect();
@@ -155,31 +159,31 @@ impl KeptMesh {
 /// Stores the assets of a recipe.
 struct AssetWriter<'a> {
     recipe: &'a Arc<MeshRecipe>,
-    shelf: &'a MeshStorage,
+    storage: &'a MeshStorage,
 }
 
 impl AssetWriter<'_> {
-    /// Keeps an asset in memory if there is room, else in a file; without a file it stays in memory. With a key it goes
-    /// to a file in any case.
+    /// Stores an asset. It stays in host memory if memory is `held` for it or no file takes it. It is written to a file
+    /// if no memory is held, and in any case to persistent files.
     fn put(
         &self,
         asset: MeshAsset,
-        number: usize,
+        index: usize,
         key: Option<u128>,
         head: &[u8],
         held: Option<HeldMemory>,
     ) -> Arc<SceneMesh> {
-        let Self { recipe, shelf } = *self;
+        let Self { recipe, storage } = *self;
         let summary = MeshSummary::of(&asset);
-        let files = shelf.files.as_ref().filter(|files| files.lasts() || held.is_none());
+        let files = storage.files.as_ref().filter(|files| files.is_persistent() || held.is_none());
         let stored = files.and_then(|files| {
             let ptex = ptex_words(&asset);
             let mut payloads = files.add(key, head, &[parts(&asset, &ptex)])?;
-            payloads.pop().map(|payload| StoredAsset::new(payload, number, key, recipe, shelf))
+            payloads.pop().map(|payload| StoredAsset::new(payload, index, key, recipe, storage))
         });
         let host = OnceLock::new();
         if held.is_some() || stored.is_none() {
-            let held = held.unwrap_or_else(|| shelf.memory.hold(asset.host_bytes()));
+            let held = held.unwrap_or_else(|| storage.memory.hold(asset.host_bytes()));
             host.get_or_init(|| (Arc::new(asset), held));
         }
         Arc::new(SceneMesh { summary, host, stored })

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a mesh is built from, where its assets are put, and how one is built again.
+//! The recipe of a mesh and the storage of its assets: with both, a mesh is built, and built again.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -17,9 +17,9 @@ use super::{MeshAsset, WantedPrimvar};
 use crate::desc::MeshDesc;
 use crate::texture::{HeightCache, HeightFiles};
 
-/// Raised whenever a description is built to other bits than before, or they are stored otherwise: entries of other
-/// versions are not found.
-const VERSION: u32 = 6;
+/// Part of the keys of entries. Raise it when a mesh is built to other bits or stored in another way: entries of older
+/// versions are then not found.
+const FORMAT_VERSION: u32 = 6;
 
 /// What a mesh is built from.
 #[derive(Debug)]
@@ -30,11 +30,11 @@ pub(crate) struct MeshRecipe {
     pub(crate) displacements: SlotDisplacements,
     pub(crate) covers: SlotCovers,
     pub(crate) height_files: Option<Arc<dyn HeightFiles>>,
-    /// [`super::mesh_key_with`] of all that.
+    /// [`super::mesh_key_with`] of the fields above.
     pub(crate) key: u128,
-    /// A larger mesh is split.
+    /// A mesh of more bytes on the device is split into clusters.
     pub(crate) limit_bytes: u64,
-    /// Into clusters of so many bytes.
+    /// Bytes of a cluster on the device.
     pub(crate) cluster_bytes: u64,
 }
 
@@ -44,31 +44,31 @@ impl MeshRecipe {
         BuildDemand { wanted, dicing: Some(dicing), displacements, covers, heights: None }
     }
 
-    /// The mesh, and its clusters to `put`, of which `at_once` are made side by side.
+    /// Builds the mesh. One that is split gives its clusters to `put`, `at_once` of them built in parallel.
     pub(super) fn build(&self, heights: &HeightCache, at_once: usize, put: &mut dyn FnMut(MeshAsset)) -> BuiltAsset {
         let demand = BuildDemand { heights: Some(heights), ..self.demand() };
-        let cuts = ClusterLimits { limit_bytes: self.limit_bytes, cluster_bytes: self.cluster_bytes, at_once };
-        build_mesh_into(&self.desc, &demand, self.key, cuts, put)
+        let limits = ClusterLimits { limit_bytes: self.limit_bytes, cluster_bytes: self.cluster_bytes, at_once };
+        build_mesh_into(&self.desc, &demand, self.key, limits, put)
     }
 
-    /// What building takes.
+    /// The host memory that building takes.
     pub(crate) fn footprint(&self) -> BuildFootprint {
         BuildFootprint::of(&self.desc, &self.demand(), self.limit_bytes, self.cluster_bytes)
     }
 
-    /// What tells its entry in files; none where it depends on more than the description: the textures of displacements
-    /// may have changed when another process reads it.
+    /// Key of its entry in files; none for a displaced mesh: the key covers the description alone, and the textures may
+    /// have changed when another process reads the entry.
     pub(super) fn entry_key(&self) -> Option<u128> {
-        let words = [VERSION.into(), self.key, self.limit_bytes.into(), self.cluster_bytes.into()];
+        let words = [FORMAT_VERSION.into(), self.key, self.limit_bytes.into(), self.cluster_bytes.into()];
         (!self.demand().displaces(&self.desc)).then(|| xxh3_128(bytemuck::cast_slice::<u128, u8>(&words)))
     }
 }
 
-/// Where assets are put.
+/// Where assets are stored.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MeshStorage {
     pub(crate) memory: Arc<HostMemory>,
     pub(crate) files: Option<Arc<dyn MeshFiles>>,
-    /// The last read failed, all tries of it.
+    /// The last read failed with all its retries, so that the next one fails without waiting.
     pub(crate) is_unreadable: Arc<AtomicBool>,
 }

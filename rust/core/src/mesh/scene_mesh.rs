@@ -34,22 +34,22 @@ pub struct StoredError {
 #[derive(Debug)]
 pub(super) struct StoredAsset {
     payload: Arc<dyn PayloadSource>,
-    /// Number among the assets of its recipe.
-    number: usize,
+    /// Of the assets of its recipe.
+    index: usize,
     key: Option<u128>,
     recipe: Arc<MeshRecipe>,
-    shelf: MeshStorage,
+    storage: MeshStorage,
 }
 
 impl StoredAsset {
     pub(super) fn new(
         payload: Arc<dyn PayloadSource>,
-        number: usize,
+        index: usize,
         key: Option<u128>,
         recipe: &Arc<MeshRecipe>,
-        shelf: &MeshStorage,
+        storage: &MeshStorage,
     ) -> Self {
-        Self { payload, number, key, recipe: recipe.clone(), shelf: shelf.clone() }
+        Self { payload, index, key, recipe: recipe.clone(), storage: storage.clone() }
     }
 
     /// Builds the asset again, if its file cannot be read any more.
@@ -58,16 +58,16 @@ impl StoredAsset {
         if *cause == PayloadError::Read(LOST_FOR_GOOD.into()) {
             return None;
         }
-        if let Some(files) = &self.shelf.files {
+        if let Some(files) = &self.storage.files {
             files.damaged(self.key, cause);
         }
         let heights = HeightCache::new(self.recipe.height_files.clone());
-        let (mut number, mut wanted) = (0, None);
+        let (mut index, mut wanted) = (0, None);
         let mut put = |cluster| {
-            if number == self.number {
+            if index == self.index {
                 wanted = Some(cluster);
             }
-            number += 1;
+            index += 1;
         };
         let built = self.recipe.build(&heights, 1, &mut put);
         let asset = built.asset.or(wanted)?;
@@ -108,24 +108,24 @@ impl SceneMesh {
         let error = |cause| StoredError { path: path(self.stored.as_ref()), cause };
         let stored = self.stored.as_ref().ok_or_else(|| error(PayloadError::Damaged))?;
         let read = || payload::read(&self.summary, &*stored.payload);
-        // A disk may be busy or far away. After a read has failed in spite of its retries, other meshes do not wait.
-        let pauses = if stored.shelf.is_unreadable.load(Ordering::Relaxed) { &[][..] } else { &PAUSES };
+        // A disk may be busy or far away. What has failed in spite of that is not waited for with every mesh.
+        let pauses = if stored.storage.is_unreadable.load(Ordering::Relaxed) { &[][..] } else { &PAUSES };
         let wait = |pause| {
-            if let Some(files) = &stored.shelf.files {
+            if let Some(files) = &stored.storage.files {
                 files.wait(pause);
             }
         };
         match again(pauses, |error| matches!(error, PayloadError::Read(_)), wait, read) {
             Ok(asset) => {
-                stored.shelf.is_unreadable.store(false, Ordering::Relaxed);
+                stored.storage.is_unreadable.store(false, Ordering::Relaxed);
                 Ok(Arc::new(asset))
             }
             Err(cause) => {
                 if matches!(cause, PayloadError::Read(_)) {
-                    stored.shelf.is_unreadable.store(true, Ordering::Relaxed);
+                    stored.storage.is_unreadable.store(true, Ordering::Relaxed);
                 }
                 let asset = stored.build_again(&self.summary, &cause).ok_or_else(|| error(cause))?;
-                let held = stored.shelf.memory.hold(asset.host_bytes());
+                let held = stored.storage.memory.hold(asset.host_bytes());
                 Ok(self.host.get_or_init(|| (asset, held)).0.clone())
             }
         }

@@ -12,7 +12,7 @@ use std::time::Duration;
 pub trait MeshFiles: Send + Sync + Debug {
     /// Returns true if another process can find an entry again: then all meshes are added, not only those for which
     /// there is no host memory.
-    fn lasts(&self) -> bool;
+    fn is_persistent(&self) -> bool;
 
     /// The entry of a key, written by this process or an earlier one.
     fn find(&self, key: u128) -> Option<StoredEntry>;

@@ -181,7 +181,7 @@ fn origin_shift(bounds: &Aabb) -> Option<DVec3> {
 
 /// The lights that emit, by path, those inside prototypes once for each of their placements; and the numbers of their
 /// categories.
-pub(crate) fn shining(
+pub(crate) fn visible_lights(
     lights: &BTreeMap<Arc<str>, LightDesc>,
     instancers: &BTreeMap<Arc<str>, InstancerEntry>,
     reports: &mut CommitReports,
@@ -233,7 +233,7 @@ pub(crate) fn shining(
 
 impl Snapshot {
     /// Fills features, kinds of leaves, levels and counts from the rest.
-    pub(crate) fn sum_up(&mut self) {
+    pub(crate) fn update_totals(&mut self) {
         self.max_levels = self.find_levels();
         self.features = self.find_features();
         self.leaf_kinds = self.meshes.iter().map(|mesh| mesh.kind).collect();

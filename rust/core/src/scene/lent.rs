@@ -85,33 +85,33 @@ impl SceneDb {
     /// edits update the count.
     #[must_use]
     pub fn lent(&mut self) -> LentBytes {
-        if let Some(lending) = &self.lending {
-            return lending.lent();
+        if let Some(lent_arrays) = &self.lent_arrays {
+            return lent_arrays.lent();
         }
-        let lending = self.count_lent();
-        let lent = lending.lent();
-        self.lending = Some(lending);
+        let lent_arrays = self.count_lent();
+        let lent = lent_arrays.lent();
+        self.lent_arrays = Some(lent_arrays);
         lent
     }
 
     fn count_lent(&self) -> LentArrays {
-        let mut lending = LentArrays::default();
-        self.meshes.iter().for_each(|(path, entry)| lending.add(path, of_mesh(&entry.desc)));
-        self.instancers.iter().for_each(|(path, entry)| lending.add(path, of_instancer(&entry.desc)));
-        lending
+        let mut lent_arrays = LentArrays::default();
+        self.meshes.iter().for_each(|(path, entry)| lent_arrays.add(path, mesh_arrays(&entry.desc)));
+        self.instancers.iter().for_each(|(path, entry)| lent_arrays.add(path, instancer_arrays(&entry.desc)));
+        lent_arrays
     }
 }
 
-fn of_primvar(primvar: &Primvar) -> impl Iterator<Item = &TypedArray> {
+fn primvar_arrays(primvar: &Primvar) -> impl Iterator<Item = &TypedArray> {
     [&primvar.values].into_iter().chain(&primvar.indices)
 }
 
-fn of_primvars(primvars: &[NamedPrimvar]) -> impl Iterator<Item = &TypedArray> {
-    primvars.iter().flat_map(|named| of_primvar(&named.primvar))
+fn primvars_arrays(primvars: &[NamedPrimvar]) -> impl Iterator<Item = &TypedArray> {
+    primvars.iter().flat_map(|named| primvar_arrays(&named.primvar))
 }
 
-/// The arrays of a mesh; none for a solid, whose polygons are made by this crate and change with the demand.
-pub(super) fn of_mesh(desc: &MeshDesc) -> impl Iterator<Item = &TypedArray> {
+/// The arrays of a mesh; none of a solid, whose form is made here and changes with what is asked of it.
+pub(super) fn mesh_arrays(desc: &MeshDesc) -> impl Iterator<Item = &TypedArray> {
     let tags = &desc.subdivision_tags;
     let motion = &desc.point_motion;
     let curves = match &desc.shape {
@@ -132,13 +132,13 @@ pub(super) fn of_mesh(desc: &MeshDesc) -> impl Iterator<Item = &TypedArray> {
         .chain(&motion.accelerations)
         .chain(tags)
         .chain(curves.into_iter().flatten())
-        .chain(shading.into_iter().flatten().flat_map(of_primvar))
-        .chain(of_primvars(&desc.primvars))
+        .chain(shading.into_iter().flatten().flat_map(primvar_arrays))
+        .chain(primvars_arrays(&desc.primvars))
         .chain(desc.subsets.iter().map(|subset| &subset.faces))
         .filter(|_| desc.solid.is_none())
 }
 
-pub(super) fn of_instancer(desc: &InstancerDesc) -> impl Iterator<Item = &TypedArray> {
+pub(super) fn instancer_arrays(desc: &InstancerDesc) -> impl Iterator<Item = &TypedArray> {
     let motion = &desc.motion;
     let samples = motion.samples.iter();
     let samples = samples.flat_map(|s| [&s.translations, &s.rotations, &s.scales, &s.transforms].into_iter().flatten());
@@ -149,7 +149,7 @@ pub(super) fn of_instancer(desc: &InstancerDesc) -> impl Iterator<Item = &TypedA
         .map(|prototype| &prototype.indices)
         .chain(placed.into_iter().chain(moving).flatten())
         .chain(samples)
-        .chain(of_primvars(&desc.primvars))
+        .chain(primvars_arrays(&desc.primvars))
 }
 
 #[cfg(test)]
@@ -222,10 +222,10 @@ mod tests {
                 _ if step % 16 == 0 => db.remove(&format!("/g{}", next(&mut random, 4))),
                 _ => db.upsert_light(crate::desc::LightDesc { prim: one, ..crate::desc::LightDesc::default() }),
             }
-            let lending = db.lending.clone().expect("it is kept");
-            assert_eq!(lending, db.count_lent(), "step {step}");
-            assert_eq!(db.lent(), lending.lent());
-            most = most.max(lending.bytes);
+            let lent_arrays = db.lent_arrays.clone().expect("it is kept");
+            assert_eq!(lent_arrays, db.count_lent(), "step {step}");
+            assert_eq!(db.lent(), lent_arrays.lent());
+            most = most.max(lent_arrays.bytes);
         }
         assert_eq!(most, (1..12).sum::<u64>() * 12, "all arrays were there at some time");
     }

@@ -39,8 +39,8 @@ pub(crate) struct MeshStore {
     /// Meshes that were built or found in files so far.
     pub(crate) made: u64,
     /// Where assets are put.
-    pub(crate) shelf: MeshStorage,
-    /// Images of cutouts.
+    pub(crate) storage: MeshStorage,
+    /// Images that cut meshes out.
     pub(crate) covers: CoverStore,
 }
 
@@ -118,10 +118,10 @@ impl MeshStore {
                 cluster_bytes,
             })
         };
-        let find = |new| KeptMesh::find(&recipe(new), &self.shelf);
-        let build = |new, grant| KeptMesh::make(&recipe(new), heights, &self.shelf, grant);
+        let find = |new| KeptMesh::find(&recipe(new), &self.storage);
+        let build = |new, grant| KeptMesh::build(&recipe(new), heights, &self.storage, grant);
         let all = new.par_iter().with_max_len(1);
-        let made: Vec<KeptMesh> = match self.shelf.memory.budget() {
+        let made: Vec<KeptMesh> = match self.storage.memory.budget() {
             Some(budget) => {
                 let found: Vec<Option<KeptMesh>> = all.map(find).collect();
                 let footprint = |(new, found): (_, &Option<KeptMesh>)| match found {
@@ -154,7 +154,7 @@ impl MeshStore {
         let missing = missing.filter(|((found, footprint), _)| found.is_none() && fits(footprint));
         let (numbers, of_missing): (Vec<usize>, Vec<BuildFootprint>) = missing.map(|((_, f), at)| (at, *f)).unzip();
         let build = |at: usize, grant| numbers.get(at).and_then(|at| build(*at, grant));
-        let built = run_within(&self.shelf.memory, &of_missing, build);
+        let built = run_within(&self.storage.memory, &of_missing, build);
         let mut made = found;
         for (at, built) in numbers.iter().zip(built) {
             if let Some(slot) = made.get_mut(*at) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The scene database: edits in, one commit, an immutable snapshot out.
 //!
-//! One thread owns a [`SceneDb`]; the snapshots it gives may be read anywhere. Follow a mesh: [`SceneDb::upsert_mesh`]
-//! (`entries`), [`SceneDb::commit`] (`commit`): built by [`crate::mesh`], put into a group by `resolve`, placed by a
-//! run of an [`Assembly`] (`instancing`).
+//! One thread owns a [`SceneDb`]; any thread may read its snapshots. The way of a mesh: [`SceneDb::upsert_mesh`] notes
+//! it (`entries`), [`SceneDb::commit`] has [`crate::mesh`] build it and `resolve` sort it into a group, and a run of an
+//! [`Assembly`] places it (`instancing`).
 
 mod admission;
 mod commit;
@@ -42,7 +42,7 @@ pub use crate::instancing::instance_primvars::InstanceColumn;
 pub use crate::instancing::motion::{MAX_KEYS, MotionKey, map_at};
 pub use dicing::DicingCamera;
 pub use lent::LentBytes;
-use lent::{LentArrays, of_instancer, of_mesh};
+use lent::{LentArrays, instancer_arrays, mesh_arrays};
 pub use resolve::MAX_NESTING;
 pub use snapshot::{
     Aabb, Assembly, Attribute, Bvh2, BvhError, BvhNode, DomeTexture, IesError, IesProfile, InstanceFlags,
@@ -60,7 +60,7 @@ use crate::instancing::GroupId;
 use crate::mesh::{BuildDemand, DicingRate, HostMemory, MeshFiles};
 use crate::partition::{PartitionOptions, PartitionSource, PartitionStore, PartitionedWorld};
 use crate::texture::{HeightCache, HeightFiles};
-use commit::{AssemblyStore, CommittedAssets, shining};
+use commit::{AssemblyStore, CommittedAssets, visible_lights};
 use dicing::dice;
 use entries::{InstancerEntry, MeshEntry};
 use mesh_lights::mesh_lights;
@@ -74,13 +74,13 @@ use surfaces::{MaterialEntry, ShownMeshes, SurfaceStore};
 pub struct SceneCommit {
     /// The scene as of now; the same `Arc` as before if nothing changed.
     pub snapshot: Arc<Snapshot>,
-    /// Warnings that were not given before, in path order.
+    /// Warnings that the commit before did not give, in path order.
     pub warnings: Vec<SceneWarning>,
     /// True if the snapshot differs from that of the commit before.
     pub changed: bool,
 }
 
-/// The kind of a prim.
+/// The kinds of prims: a path has a prim of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum PrimKind {
     Mesh,
@@ -89,16 +89,16 @@ enum PrimKind {
     Material,
 }
 
-/// The scene under edit. Edits are cheap: they are only recorded, and [`SceneDb::commit`] applies them.
+/// The scene under edit. Edits are only noted; [`SceneDb::commit`] does the work.
 #[derive(Debug)]
 pub struct SceneDb {
     meshes: BTreeMap<Arc<str>, MeshEntry>,
     instancers: BTreeMap<Arc<str>, InstancerEntry>,
     lights: BTreeMap<Arc<str>, LightDesc>,
     materials: BTreeMap<Arc<str>, MaterialEntry>,
-    /// Number of edits of materials so far.
+    /// Counts edits of materials.
     material_edits: u64,
-    /// Normalised purposes that are shown; empty = all.
+    /// Purposes that are shown, by [`canonical_purpose`]; empty: all.
     purposes: Vec<String>,
     /// True if something was edited since the last commit.
     edited: bool,
@@ -108,10 +108,10 @@ pub struct SceneDb {
     partition: PartitionStore,
     dicing: DicingCamera,
     height_files: Option<Arc<dyn HeightFiles>>,
-    /// The count of [`Self::lent`], after the first call.
-    lending: Option<LentArrays>,
-    /// Last message given for each prim.
-    warned: BTreeMap<Arc<str>, String>,
+    /// The arrays that [`Self::lent`] counts, from its first call on.
+    lent_arrays: Option<LentArrays>,
+    /// The message of the last commit for each prim.
+    last_warnings: BTreeMap<Arc<str>, String>,
     snapshot: Arc<Snapshot>,
 }
 
@@ -139,62 +139,62 @@ impl SceneDb {
             partition: PartitionStore::default(),
             dicing: DicingCamera::default(),
             height_files: None,
-            lending: None,
-            warned: BTreeMap::new(),
-            snapshot: Arc::new(Snapshot::nothing()),
+            lent_arrays: None,
+            last_warnings: BTreeMap::new(),
+            snapshot: Arc::new(Snapshot::empty()),
         }
     }
 
     /// Adds a mesh or replaces the prim of the same path. Cheap if the arrays are those given before.
     pub fn upsert_mesh(&mut self, desc: MeshDesc) {
         let path = desc.prim.path.clone();
-        let others = self.remove_other(&path, PrimKind::Mesh);
+        let replaced = self.remove_other_kinds(&path, PrimKind::Mesh);
         let (entry, changed) = MeshEntry::update(self.take_mesh(&path), desc);
-        if let Some(lending) = &mut self.lending {
-            lending.add(&path, of_mesh(&entry.desc));
+        if let Some(lent_arrays) = &mut self.lent_arrays {
+            lent_arrays.add(&path, mesh_arrays(&entry.desc));
         }
         self.meshes.insert(path, entry);
-        self.edited |= changed | others;
+        self.edited |= changed | replaced;
     }
 
     /// Adds an instancer or replaces the prim of the same path. Arrays are compared with those given before (by
     /// address, else by content).
     pub fn upsert_instancer(&mut self, desc: InstancerDesc) {
         let path = desc.prim.path.clone();
-        let others = self.remove_other(&path, PrimKind::Instancer);
+        let replaced = self.remove_other_kinds(&path, PrimKind::Instancer);
         let (entry, changed) = InstancerEntry::update(self.take_instancer(&path), desc);
-        if let Some(lending) = &mut self.lending {
-            lending.add(&path, of_instancer(&entry.desc));
+        if let Some(lent_arrays) = &mut self.lent_arrays {
+            lent_arrays.add(&path, instancer_arrays(&entry.desc));
         }
         self.instancers.insert(path, entry);
-        self.edited |= changed | others;
+        self.edited |= changed | replaced;
     }
 
     /// Adds a light or replaces the prim of the same path.
     pub fn upsert_light(&mut self, desc: LightDesc) {
         let path = desc.prim.path.clone();
-        let others = self.remove_other(&path, PrimKind::Light);
+        let replaced = self.remove_other_kinds(&path, PrimKind::Light);
         let changed = self.lights.get(&path) != Some(&desc);
         self.lights.insert(path, desc);
-        self.edited |= changed | others;
+        self.edited |= changed | replaced;
     }
 
     /// Adds a material or replaces the prim of the same path.
     pub fn upsert_material(&mut self, desc: MaterialDesc) {
         let path = desc.path.clone();
-        let others = self.remove_other(&path, PrimKind::Material);
+        let replaced = self.remove_other_kinds(&path, PrimKind::Material);
         let (entry, changed) = MaterialEntry::update(self.materials.remove(&path), desc);
         self.materials.insert(path, entry);
         self.material_edits += u64::from(changed);
-        self.edited |= changed | others;
+        self.edited |= changed | replaced;
     }
 
-    /// The networks of all materials as they arrived, in the order of their paths.
+    /// All materials as they were given, in path order.
     pub fn materials(&self) -> impl Iterator<Item = &MaterialDesc> {
         self.materials.values().map(|entry| &entry.desc)
     }
 
-    /// Differs after any edit of materials.
+    /// A number that changes with every edit of a material.
     #[must_use]
     pub fn material_edits(&self) -> u64 {
         self.material_edits
@@ -202,22 +202,22 @@ impl SceneDb {
 
     fn take_mesh(&mut self, path: &str) -> Option<MeshEntry> {
         let (path, entry) = self.meshes.remove_entry(path)?;
-        if let Some(lending) = &mut self.lending {
-            lending.remove(&path, of_mesh(&entry.desc));
+        if let Some(lent_arrays) = &mut self.lent_arrays {
+            lent_arrays.remove(&path, mesh_arrays(&entry.desc));
         }
         Some(entry)
     }
 
     fn take_instancer(&mut self, path: &str) -> Option<InstancerEntry> {
         let (path, entry) = self.instancers.remove_entry(path)?;
-        if let Some(lending) = &mut self.lending {
-            lending.remove(&path, of_instancer(&entry.desc));
+        if let Some(lent_arrays) = &mut self.lent_arrays {
+            lent_arrays.remove(&path, instancer_arrays(&entry.desc));
         }
         Some(entry)
     }
 
-    /// Removes a prim of this path that is of another kind. Returns true if there was one.
-    fn remove_other(&mut self, path: &str, kind: PrimKind) -> bool {
+    /// Removes the prims at `path` that are not of `kind`. True if there were any.
+    fn remove_other_kinds(&mut self, path: &str, kind: PrimKind) -> bool {
         (kind != PrimKind::Mesh && self.take_mesh(path).is_some())
             | (kind != PrimKind::Instancer && self.take_instancer(path).is_some())
             | (kind != PrimKind::Light && self.lights.remove(path).is_some())
@@ -230,14 +230,14 @@ impl SceneDb {
         removed
     }
 
-    /// Removes the prim at `path` and all below it.
+    /// Removes the prims at `path` and below it.
     pub fn remove(&mut self, path: &str) {
-        let materials = below(&self.materials, path);
+        let materials = subtree(&self.materials, path);
         self.material_edits += u64::from(!materials.is_empty());
         materials.iter().for_each(|path| _ = self.materials.remove(path));
-        let lights = below(&self.lights, path);
+        let lights = subtree(&self.lights, path);
         lights.iter().for_each(|path| _ = self.lights.remove(path));
-        let (meshes, instancers) = (below(&self.meshes, path), below(&self.instancers, path));
+        let (meshes, instancers) = (subtree(&self.meshes, path), subtree(&self.instancers, path));
         meshes.iter().for_each(|path| _ = self.take_mesh(path));
         instancers.iter().for_each(|path| _ = self.take_instancer(path));
         self.edited |= [materials, lights, meshes, instancers].iter().any(|paths| !paths.is_empty());
@@ -245,7 +245,7 @@ impl SceneDb {
 
     /// Shows meshes of these purposes only; an empty list shows all. "", "geometry" and "default" are the same.
     pub fn set_purposes(&mut self, purposes: &[&str]) {
-        let mut purposes: Vec<String> = purposes.iter().map(|p| plain_purpose(p).to_owned()).collect();
+        let mut purposes: Vec<String> = purposes.iter().map(|p| canonical_purpose(p).to_owned()).collect();
         purposes.sort();
         purposes.dedup();
         self.edited |= purposes != self.purposes;
@@ -268,10 +268,13 @@ impl SceneDb {
     /// call they are cut as their refine levels say.
     pub fn set_dicing(&mut self, camera: DicingCamera) {
         if self.dicing != camera {
-            let was = std::mem::replace(&mut self.dicing, camera);
-            let rate = DicingRate { pixels: f64::max(was.pixels(), self.dicing.pixels()), ..DicingRate::default() };
-            let is_cut = |entry: &MeshEntry| BuildDemand { dicing: Some(&rate), ..entry.demand() }.refines(&entry.desc);
-            self.edited |= self.meshes.values().any(is_cut);
+            let previous = std::mem::replace(&mut self.dicing, camera);
+            // A mesh may change only if it is diced for one of both cameras; 0 pixels dice nothing.
+            let rate =
+                DicingRate { pixels: f64::max(previous.pixels(), self.dicing.pixels()), ..DicingRate::default() };
+            let is_diced =
+                |entry: &MeshEntry| BuildDemand { dicing: Some(&rate), ..entry.demand() }.refines(&entry.desc);
+            self.edited |= self.meshes.values().any(is_diced);
         }
     }
 
@@ -281,38 +284,37 @@ impl SceneDb {
         self.mesh_store.made
     }
 
-    /// Says who opens the textures that displace surfaces or cut them out, for meshes that are built from now on.
-    /// Without, the former have their fallbacks.
+    /// Sets the reader of textures for displacement and cutouts, for meshes that are built from now on. Without one,
+    /// displacement textures have their fallback value.
     pub fn set_height_files(&mut self, files: Arc<dyn HeightFiles>) {
         self.height_files = Some(files);
     }
 
-    /// For tests: sets if the boxes of triangles with cutouts enclose the whole triangles. It does not change the
-    /// picture.
+    /// For tests: with `true` bounds ignore cutouts, so that a triangle's box covers all of it. Changes no picture.
     pub fn set_whole_bounds(&mut self, are_whole: bool) {
         self.edited |= std::mem::replace(&mut self.surface_store.has_whole_bounds, are_whole) != are_whole;
     }
 
-    /// Sets the files that keep meshes which are built from now on when [`Self::mesh_memory`] is full.
+    /// Sets the files that take meshes when [`Self::mesh_memory`] is full, for meshes that are built from now on.
     pub fn set_mesh_files(&mut self, files: Option<Arc<dyn MeshFiles>>) {
-        self.mesh_store.shelf.files = files;
+        self.mesh_store.storage.files = files;
     }
 
-    /// Sets the budget of all host memory, bytes, from the next commit on. A mesh that needs more to be built is left
-    /// out, with a warning; all others are built in parallel as far as there is room ([`HostMemory::set_room`]). There
-    /// is no limit before the first call. Nothing else of the result changes.
+    /// Sets the budget of host memory in bytes, from the next commit on. A mesh whose build needs more is left out,
+    /// with a warning; all others are built in parallel as far as there is room ([`HostMemory::set_room`]). Unlimited
+    /// before the first call. Changes nothing else of the result.
     pub fn set_host_budget(&mut self, bytes: u64) {
-        let memory = &self.mesh_store.shelf.memory;
+        let memory = &self.mesh_store.storage.memory;
         if memory.budget() != Some(bytes).filter(|bytes| *bytes < u64::MAX) {
             memory.set_budget(bytes);
             self.edited |= self.meshes.values().any(MeshEntry::is_left_out);
         }
     }
 
-    /// The host memory that meshes take; without a limit unless one is set.
+    /// The host memory that meshes take; unlimited by default.
     #[must_use]
     pub fn mesh_memory(&self) -> &Arc<HostMemory> {
-        &self.mesh_store.shelf.memory
+        &self.mesh_store.storage.memory
     }
 
     /// The snapshot of the last commit; an empty scene before the first.
@@ -321,8 +323,8 @@ impl SceneDb {
         &self.snapshot
     }
 
-    /// Applies the edits since the last commit. New data are built on the rayon pool; everything else is shared with
-    /// the snapshot before.
+    /// Applies the edits since the last commit. New meshes are built on the rayon pool; everything else is shared with
+    /// the last snapshot.
     pub fn commit(&mut self) -> SceneCommit {
         if !std::mem::take(&mut self.edited) {
             return SceneCommit { snapshot: self.snapshot.clone(), warnings: Vec::new(), changed: false };
@@ -336,27 +338,28 @@ impl SceneDb {
                 reports.add(&planned.path, member.run.dropped());
             }
         }
-        let (lights, links) = shining(&self.lights, &self.instancers, &mut reports);
+        let (lights, links) = visible_lights(&self.lights, &self.instancers, &mut reports);
         let dropped = reports.total();
         let CommittedAssets { meshes, surfaces, .. } = assets;
-        let mut next = Snapshot { origin, meshes, assemblies, lights, links, surfaces, dropped, ..Snapshot::nothing() };
+        let mut next = Snapshot { origin, meshes, assemblies, lights, links, surfaces, dropped, ..Snapshot::empty() };
         let groups: Vec<&GroupId> = plan.iter().map(|group| &group.id).collect();
         let (meshes, assemblies) = (&next.meshes[..], &next.assemblies[..]);
         next.world = self.partition.update(PartitionSource { groups: &groups, meshes, assemblies, buckets: &buckets });
         let changed = self.snapshot.version == 0 || !next.is_same(&self.snapshot);
         if changed {
             next.version = self.snapshot.version + 1;
-            next.sum_up();
+            next.update_totals();
             self.snapshot = Arc::new(next);
         }
         self.mesh_store.forget_unused();
         SceneCommit { snapshot: self.snapshot.clone(), warnings: self.new_warnings(&reports), changed }
     }
 
-    /// Builds the missing meshes and sorts all prims into groups.
+    /// Builds the missing meshes and sorts all prims into groups. The order matters: materials say what primvars meshes
+    /// keep, cameras how finely they are diced, and groups need the keys of built meshes.
     fn plan(&mut self, reports: &mut CommitReports) -> (Vec<PlanGroup>, CommittedAssets) {
         let purposes = &self.purposes;
-        let shows = |p: &str| purposes.is_empty() || purposes.iter().any(|shown| shown == plain_purpose(p));
+        let shows = |p: &str| purposes.is_empty() || purposes.iter().any(|shown| shown == canonical_purpose(p));
         let prims = ScenePrims { meshes: &self.meshes, instancers: &self.instancers };
         let hierarchy = PrimHierarchy::new(prims, shows, reports);
         let reachable = hierarchy.reachable(prims, reports);
@@ -398,19 +401,19 @@ impl SceneDb {
         (plan, CommittedAssets { meshes, indices, surfaces })
     }
 
-    /// The warnings that differ from the last one for the same prim.
+    /// The warnings that differ from the last commit's for the same prim.
     fn new_warnings(&mut self, reports: &CommitReports) -> Vec<SceneWarning> {
         let warnings = reports.warnings();
-        let is_new = |warning: &&SceneWarning| self.warned.get(&warning.path) != Some(&warning.message);
+        let is_new = |warning: &&SceneWarning| self.last_warnings.get(&warning.path) != Some(&warning.message);
         let new = warnings.values().filter(is_new).cloned().collect();
-        self.warned = warnings.into_iter().map(|(path, warning)| (path, warning.message)).collect();
+        self.last_warnings = warnings.into_iter().map(|(path, warning)| (path, warning.message)).collect();
         new
     }
 }
 
 impl Snapshot {
-    /// An empty snapshot, before the first commit.
-    fn nothing() -> Self {
+    /// The empty scene before the first commit.
+    fn empty() -> Self {
         Self {
             version: 0,
             origin: DVec3::ZERO,
@@ -429,16 +432,17 @@ impl Snapshot {
     }
 }
 
-fn plain_purpose(purpose: &str) -> &str {
+/// The one name of a purpose with several.
+fn canonical_purpose(purpose: &str) -> &str {
     if matches!(purpose, "" | "geometry") { "default" } else { purpose }
 }
 
-/// Those of `prims` that are at a path or below it.
-fn below<T>(prims: &BTreeMap<Arc<str>, T>, path: &str) -> Vec<Arc<str>> {
-    let below = format!("{}/", path.trim_end_matches('/'));
+/// The paths of `prims` at `path` and below it.
+fn subtree<T>(prims: &BTreeMap<Arc<str>, T>, path: &str) -> Vec<Arc<str>> {
+    let prefix = format!("{}/", path.trim_end_matches('/'));
     let mut found: Vec<Arc<str>> = prims
-        .range::<str, _>((std::ops::Bound::Included(below.as_str()), std::ops::Bound::Unbounded))
-        .take_while(|(candidate, _)| candidate.starts_with(&below))
+        .range::<str, _>((std::ops::Bound::Included(prefix.as_str()), std::ops::Bound::Unbounded))
+        .take_while(|(candidate, _)| candidate.starts_with(&prefix))
         .map(|(candidate, _)| candidate.clone())
         .collect();
     found.extend(prims.get_key_value(path).map(|(key, _)| key.clone()));

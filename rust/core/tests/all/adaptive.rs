@@ -3,13 +3,13 @@
 //! without bias.
 
 use oocpt_abi::sampler::{pixel_seed, sample_4d};
-use oocpt_core::adaptive::{AdaptiveSchedule, FIRST, SPAN, STREAMS, VarianceEstimate, pixel_position};
+use oocpt_core::adaptive::{AdaptiveSchedule, FIRST_OCTAVE, OCTAVE_SPAN, STREAMS, VarianceEstimate, pixel_position};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 
-/// Samples that an epoch distributes: (pixel in trace order, stream) -> (first, number), checked to be without gaps.
-fn given(course: &AdaptiveSchedule, begin: u64) -> BTreeMap<(u32, u32), (u32, u32)> {
-    let epoch = course.epoch();
+/// Samples that an epoch gives: (pixel in trace order, stream) -> (first, how many), checked to be without gaps.
+fn given(schedule: &AdaptiveSchedule, begin: u64) -> BTreeMap<(u32, u32), (u32, u32)> {
+    let epoch = schedule.epoch();
     let mut given: BTreeMap<(u32, u32), (u32, u32)> = BTreeMap::new();
     let (mut path, mut row) = (begin, 0);
     for band in &epoch.bands {
@@ -37,27 +37,28 @@ proptest! {
         words in prop::collection::vec((prop::num::f32::ANY, 0.0_f32..1e6), 2..60),
     ) {
         let pixels = (width * height) as usize;
-        let mut course = AdaptiveSchedule::new([width, height], samples);
+        let mut schedule = AdaptiveSchedule::new([width, height], samples);
         let mut have: BTreeMap<(u32, u32), u32> = BTreeMap::new();
         let (mut begin, mut turn) = (0, 0);
         loop {
-            for (key, (first, count)) in given(&course, begin) {
+            for (key, (first, count)) in given(&schedule, begin) {
                 let had = have.entry(key).or_default();
                 prop_assert_eq!(*had, first, "samples of a pixel follow each other");
                 *had += count;
                 prop_assert!(had.is_power_of_two());
             }
-            begin = course.epoch().end;
+            begin = schedule.epoch().end;
             let counts = || have.values().copied();
             let (fewest, most) = (counts().min().unwrap_or(0), counts().max().unwrap_or(0));
-            prop_assert!(have.len() == pixels * STREAMS && fewest >= 1 << course.decisive(), "every pixel has what decides");
-            prop_assert!(most <= 1 << (course.decisive() + SPAN), "what was said is kept");
+            let decides = 1 << schedule.deciding_octave();
+            prop_assert!(have.len() == pixels * STREAMS && fewest >= decides, "every pixel has what decides");
+            prop_assert!(most <= decides << OCTAVE_SPAN, "what was said is kept");
             prop_assert!(turn == 0 || begin <= pixels as u64 * u64::from(samples), "no more than there may be");
-            let spent = course.spent();
-            prop_assert!(spent.fewest >= 2 * fewest && spent.most <= 2 * most && (0.0..1.0).contains(&spent.decided));
+            let usage = schedule.usage();
+            prop_assert!(usage.fewest >= 2 * fewest && usage.most <= 2 * most && (0.0..1.0).contains(&usage.decided));
             turn += 1;
             let other = said(&words[1..], pixels);
-            if !course.advance([&said(&words, pixels), &other]) {
+            if !schedule.advance([&said(&words, pixels), &other]) {
                 break;
             }
         }
@@ -84,10 +85,10 @@ fn each_half_stream_steers_only_the_other() {
             .collect()
     };
     let entries = |one: u32, other: u32, stream: u32| {
-        let mut course = AdaptiveSchedule::new(size, 256);
-        assert!(course.advance([&said(one), &said(other)]), "there are samples left");
+        let mut schedule = AdaptiveSchedule::new(size, 256);
+        assert!(schedule.advance([&said(one), &said(other)]), "there are samples left");
         let mut all: Vec<_> =
-            given(&course, course.epoch().bands[0].first).into_iter().filter(|(key, _)| key.1 == stream).collect();
+            given(&schedule, schedule.epoch().bands[0].first).into_iter().filter(|(key, _)| key.1 == stream).collect();
         all.sort_unstable();
         all
     };
@@ -111,13 +112,14 @@ fn counts_follow_standard_deviations() {
             }
         })
         .collect();
-    let mut course = AdaptiveSchedule::new(size, 288);
+    let mut schedule = AdaptiveSchedule::new(size, 288);
     let mut have = BTreeMap::new();
     loop {
-        for (key, (first, count)) in given(&course, if have.is_empty() { 0 } else { course.epoch().bands[0].first }) {
+        for (key, (first, count)) in given(&schedule, if have.is_empty() { 0 } else { schedule.epoch().bands[0].first })
+        {
             have.insert(key, first + count);
         }
-        if !course.advance([&words, &words]) {
+        if !schedule.advance([&words, &words]) {
             break;
         }
     }
@@ -145,18 +147,18 @@ const MEAN: f64 = 1.0 + 0.025 * (29.0 / 30.0);
 fn adaptive_mean(seed: u32, naive: bool) -> f64 {
     let size = [16, 8];
     let pixels = 128_usize;
-    let mut course = AdaptiveSchedule::new(size, 64);
-    // Sum, sum of squares, samples, estimate; by stream and pixel.
+    let mut schedule = AdaptiveSchedule::new(size, 64);
+    // Sum, sum of squares, samples, what was said; by stream and pixel.
     let mut film = vec![(0.0_f64, 0.0_f64, 0_u32, VarianceEstimate::default()); pixels * STREAMS];
     loop {
-        for ((index, stream), (first, count)) in given(&course, course.epoch().bands[0].first) {
+        for ((index, stream), (first, count)) in given(&schedule, schedule.epoch().bands[0].first) {
             let [x, y] = pixel_position(index, size);
             let pixel = y * 16 + x;
             let (sum, squares, samples, said) = &mut film[stream as usize * pixels + pixel as usize];
             for sample in first..first + count {
                 let v = value(seed, pixel, stream, sample);
                 (*sum, *squares, *samples) = (*sum + v, *squares + v * v, sample + 1);
-                if *samples == 1 << FIRST {
+                if *samples == 1 << FIRST_OCTAVE {
                     let mean = *sum / f64::from(*samples);
                     let variance = (*squares / f64::from(*samples) - mean * mean).max(0.0);
                     #[expect(clippy::cast_possible_truncation, reason = "a test")]
@@ -167,11 +169,11 @@ fn adaptive_mean(seed: u32, naive: bool) -> f64 {
         }
         let words: Vec<VarianceEstimate> = film.iter().map(|pixel| pixel.3).collect();
         let words = [&words[..pixels], &words[pixels..]];
-        // Only one more decision is made: the octave that decides is the first.
-        if !(if naive { course.advance_by(words) } else { course.advance(words) }) {
+        // Decided once more only: the octave that decides is the first.
+        if !(if naive { schedule.advance_by(words) } else { schedule.advance(words) }) {
             break;
         }
-        assert_eq!(course.decisive(), FIRST, "so few samples are decided by the first octave");
+        assert_eq!(schedule.deciding_octave(), FIRST_OCTAVE, "so few samples are decided by the first octave");
     }
     film.iter().map(|(sum, _, samples, _)| sum / f64::from(*samples)).sum::<f64>() / (pixels * STREAMS) as f64
 }

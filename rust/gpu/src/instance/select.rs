@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Decides which device is used. Pure: reports in, a choice and its reasons out.
+//! Selects the physical device. Pure: takes reports, gives an index and the reasons.
 //!
-//! Order: discrete GPU, integrated, virtual, CPU, other; then the larger device memory; then the driver's order. A
-//! selector (an index, or a part of the name in any case) narrows the list first.
+//! Devices are ordered by kind (discrete GPU, integrated, virtual, CPU, other), then by device memory, larger first,
+//! then by index. A selector (an index, or a part of the name in any case) narrows the list first.
 
 use crate::error::GpuError;
 use crate::instance::report::DeviceReport;
+use std::cmp::Reverse;
 
 /// The index into `reports` of the device to use.
 ///
@@ -21,27 +22,26 @@ pub(crate) fn choose(reports: &[DeviceReport], selector: Option<&str>) -> Result
     let selector = selector.map(str::trim).filter(|text| !text.is_empty());
     let matches: Vec<usize> = match selector {
         None => (0..reports.len()).collect(),
-        Some(text) => matching(reports, text),
+        Some(text) => matching_devices(reports, text),
     };
     let (usable, unusable): (Vec<_>, Vec<_>) = matches.iter().partition(|&&i| reports[i].missing.is_empty());
-    let best = usable.into_iter().min_by_key(|&&i| {
-        let report = &reports[i];
-        (report.kind, u64::MAX - report.device_bytes(), report.index)
-    });
+    let order = |&&i: &&usize| (reports[i].kind, Reverse(reports[i].device_bytes()), reports[i].index);
+    let best = usable.into_iter().min_by_key(order);
     match (best, unusable.first(), selector) {
         (Some(&best), _, _) => Ok(best),
         (None, Some(&&i), Some(_)) => {
             Err(GpuError::MissingCapability { device: reports[i].name.clone(), missing: reports[i].missing.join(", ") })
         }
         (None, _, Some(text)) => Err(GpuError::NoDevice {
-            reason: format!("\"{text}\" names no device; the devices are {}", listing(reports)),
+            reason: format!("\"{text}\" names no device; the devices are {}", list_names(reports)),
         }),
-        (None, _, None) => Err(GpuError::NoDevice { reason: format!("none can be used: {}", shortcomings(reports)) }),
+        (None, _, None) => Err(GpuError::NoDevice { reason: format!("none can be used: {}", list_missing(reports)) }),
     }
 }
 
-/// Devices that the selector names: by index if it is one, else by a part of the name.
-fn matching(reports: &[DeviceReport], selector: &str) -> Vec<usize> {
+/// Indices into `reports` of the devices that the selector names: by index if there is such a device, else by a part of
+/// the name.
+fn matching_devices(reports: &[DeviceReport], selector: &str) -> Vec<usize> {
     let by_index = selector.parse::<usize>().ok().and_then(|wanted| reports.iter().position(|r| r.index == wanted));
     if let Some(i) = by_index {
         return vec![i];
@@ -50,12 +50,12 @@ fn matching(reports: &[DeviceReport], selector: &str) -> Vec<usize> {
     (0..reports.len()).filter(|&i| reports[i].name.to_lowercase().contains(&wanted)).collect()
 }
 
-fn listing(reports: &[DeviceReport]) -> String {
+fn list_names(reports: &[DeviceReport]) -> String {
     let names: Vec<_> = reports.iter().map(|r| format!("[{}] {}", r.index, r.name)).collect();
     names.join("; ")
 }
 
-fn shortcomings(reports: &[DeviceReport]) -> String {
+fn list_missing(reports: &[DeviceReport]) -> String {
     let lines: Vec<_> = reports.iter().map(|r| format!("{} lacks {}", r.name, r.missing.join(", "))).collect();
     lines.join("; ")
 }
@@ -63,8 +63,8 @@ fn shortcomings(reports: &[DeviceReport]) -> String {
 /// Writes `chosen` and `why` into every report. `chosen` is the result of [`choose`] for the same selector.
 pub(crate) fn explain(reports: &mut [DeviceReport], chosen: usize, selector: Option<&str>) {
     let selector = selector.map(str::trim).filter(|text| !text.is_empty());
-    let matched = selector.map(|text| matching(reports, text));
-    let winner = (reports[chosen].name.clone(), reports[chosen].kind);
+    let matched = selector.map(|text| matching_devices(reports, text));
+    let (chosen_name, chosen_kind) = (reports[chosen].name.clone(), reports[chosen].kind);
     let usable = reports.iter().filter(|r| r.missing.is_empty()).count();
     for (i, report) in reports.iter_mut().enumerate() {
         report.chosen = i == chosen;
@@ -79,7 +79,7 @@ pub(crate) fn explain(reports: &mut [DeviceReport], chosen: usize, selector: Opt
         } else if matched.as_ref().is_some_and(|matched| !matched.contains(&i)) {
             format!("not used: \"{}\" does not name it", selector.unwrap_or_default())
         } else {
-            format!("not used: {} ({}) comes first", winner.0, winner.1)
+            format!("not used: {chosen_name} ({chosen_kind}) comes first")
         };
     }
 }

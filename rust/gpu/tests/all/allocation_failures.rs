@@ -44,7 +44,7 @@ fn a_planted_failure_strikes_the_request_it_was_meant_for() {
     assert!(first.is_ok() && second.is_ok(), "before the failure");
     assert!(matches!(third, Err(GpuError::OutOfMemory { .. })), "{third:?}");
     assert!(heap.alloc("d", 1000, 16).is_ok(), "after it");
-    assert_eq!(gpu.failures_struck(), 1, "it struck once");
+    assert_eq!(gpu.planted_failures(), 1, "it struck once");
 }
 
 /// Any call fails, once or twice in a row: the result is an error for lack of memory, nothing is held that was not held
@@ -68,7 +68,7 @@ fn every_allocating_call_survives_out_of_memory() {
         let is_asked_again = call == DriverCall::Memory || call == DriverCall::Mapping && gpu.has_host_memory();
         gpu.plant_failure(PlantedFailure { call, after: 0, times });
         let mut errors = 0;
-        while gpu.failures_struck() < u64::from(times) {
+        while gpu.planted_failures() < u64::from(times) {
             match work(&gpu, &heap, &words) {
                 Err(GpuError::OutOfMemory { .. }) => errors += 1,
                 // A request that the driver refuses once is repeated, and arenas may be smaller.
@@ -111,7 +111,7 @@ fn the_budget_counts_every_byte_of_vk_allocate_memory() {
     heap.trim();
     let (driver, memory) = (gpu.driver_memory(), gpu.memory());
     assert!(driver.calls > opened.calls + 100, "memory came and went: {driver:?}");
-    assert!(driver.peak <= gpu.most_on_the_books(), "more than on the books: {driver:?}, {memory:?}");
+    assert!(driver.peak <= gpu.peak_budgeted_bytes(), "more than on the books: {driver:?}, {memory:?}");
     assert!(memory.peak <= memory.budget && memory.peak > memory.budget / 2, "the budget was put to use: {memory:?}");
     assert_eq!(driver.held, memory.used + memory.host_used, "to the byte: {driver:?}, {memory:?}");
     let pipeline = affine(&gpu, 2);

@@ -74,7 +74,7 @@ impl NetworkWalker<'_> {
         let mut whole = Val::ZERO;
         for (name, limit) in SWITCH.iter().zip(0_u8..10).rev() {
             let Some(value) = self.number(at, name) else { continue };
-            if limit > 0 && !self.is_said(at, name) {
+            if limit > 0 && !self.is_authored(at, name) {
                 continue;
             }
             let beyond = self.expressions.binary(Op::GreaterEqual, which, Val::number(f32::from(limit) + 1.0));

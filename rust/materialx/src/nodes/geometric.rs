@@ -108,8 +108,8 @@ impl NetworkWalker<'_> {
 
     /// |V . N|, or 1 less it.
     fn facing_ratio(&mut self, at: NodeAddress) -> Val {
-        let is_said = self.is_said(at, "viewdirection");
-        let toward = if is_said { self.number_or(at, "viewdirection", 0.0) } else { self.view_direction(at) };
+        let is_authored = self.is_authored(at, "viewdirection");
+        let toward = if is_authored { self.number_or(at, "viewdirection", 0.0) } else { self.view_direction(at) };
         let normal = self.said_or(at, "normal", Geometry::Normal);
         let facing = self.number(at, "faceforward").unwrap_or(Val::ONE);
         let invert = self.number_or(at, "invert", 0.0);
@@ -121,10 +121,10 @@ impl NetworkWalker<'_> {
         e.op(Op::Select, [rest, ratio, invert], 0)
     }
 
-    /// The value of an input, or the property of the surface if it is not set.
+    /// The authored value of an input, else that of the surface.
     fn said_or(&mut self, at: NodeAddress, name: &str, what: Geometry) -> Val {
-        let said = if self.is_said(at, name) { self.number(at, name) } else { None };
-        said.unwrap_or_else(|| self.expressions.geometry(what))
+        let authored = if self.is_authored(at, name) { self.number(at, name) } else { None };
+        authored.unwrap_or_else(|| self.expressions.geometry(what))
     }
 
     /// Returns true if a normal map is one of tangent space, about the surface's own normal and tangents.
@@ -140,9 +140,9 @@ impl NetworkWalker<'_> {
     /// The value of the input, or the surface's bitangent; for a node of `MaterialX` 1.38, which has no such input, the
     /// vector orthogonal to the given normal and tangent.
     fn bitangent(&mut self, at: NodeAddress, normal: Val, tangent: Val) -> Val {
-        let is_said = |name: &str| self.is_said(at, name);
-        let is_free = is_said("normal") || is_said("tangent");
-        if is_free && !is_said("bitangent") && self.is_older(at) && !self.is_own_frame(at) {
+        let is_authored = |name: &str| self.is_authored(at, name);
+        let is_free = is_authored("normal") || is_authored("tangent");
+        if is_free && !is_authored("bitangent") && self.is_older(at) && !self.is_own_frame(at) {
             let e = &mut self.expressions;
             let across = e.binary(Op::Cross, normal, tangent);
             return e.normalize(across, 3);

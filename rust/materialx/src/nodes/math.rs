@@ -55,7 +55,7 @@ impl NetworkWalker<'_> {
         Some(match category {
             "atan2" => {
                 // MaterialX 1.38 had other names.
-                let older = self.is_said(at, "in1") || self.is_said(at, "in2");
+                let older = self.is_authored(at, "in1") || self.is_authored(at, "in2");
                 let y = self.number_or(at, if older { "in1" } else { "iny" }, 0.0);
                 let x = self.number_or(at, if older { "in2" } else { "inx" }, 1.0);
                 self.expressions.binary(Op::Atan2, y, x)

@@ -155,7 +155,7 @@ impl NetworkWalker<'_> {
         let thickness = self.number_or(film, "thickness", 550.0);
         let ior = self.number_or(film, "ior", 1.5);
         let weight = if thickness.is(0.0, 1) { Val::ZERO } else { Val::ONE };
-        OpenPbrSlab { film: weight, film_thickness: thickness, film_ior: ior, ..base }
+        OpenPbrSlab { film_weight: weight, film_thickness: thickness, film_ior: ior, ..base }
     }
 
     /// A sheet of `MaterialX` 1.38, both sides of which have their own closures.
@@ -187,13 +187,13 @@ impl NetworkWalker<'_> {
     }
 
     fn lobe_of(&mut self, at: NodeAddress, category: &str, weight: Val) -> Option<OpenPbrSlab> {
-        let (roughness, ratio, turn) = self.lobe_roughness(at);
+        let (roughness, alpha_ratio, rotation) = self.lobe_roughness(at);
         let film_thickness = self.number_or(at, "thinfilm_thickness", 0.0);
         let specular = OpenPbrSlab {
             roughness,
-            ratio,
-            turn,
-            film: if film_thickness.is(0.0, 1) { Val::ZERO } else { Val::ONE },
+            alpha_ratio,
+            rotation,
+            film_weight: if film_thickness.is(0.0, 1) { Val::ZERO } else { Val::ONE },
             film_thickness,
             film_ior: self.number_or(at, "thinfilm_ior", 1.5),
             ..OpenPbrSlab::BLACK
@@ -242,8 +242,8 @@ impl NetworkWalker<'_> {
         })
     }
 
-    /// Roughness, ratio and turn of the two alphas of a lobe: the root of the root of the mean of their squares if they
-    /// are known, else the root of their mean.
+    /// Roughness, ratio and rotation of the two alphas that a lobe has: the root of the root of the mean of their
+    /// squares where they are known, else the root of their mean.
     fn lobe_roughness(&mut self, at: NodeAddress) -> (Val, Val, Val) {
         let alphas = self.number_or(at, "roughness", 0.05);
         if let Some([x, y, ..]) = alphas.constant()
@@ -251,8 +251,8 @@ impl NetworkWalker<'_> {
             && x.min(y) >= 0.0
         {
             let roughness = (0.5 * (x * x + y * y)).sqrt().sqrt();
-            let turn = if y > x { 0.25 } else { 0.0 };
-            return (Val::number(roughness), Val::number(x.min(y) / x.max(y)), Val::number(turn));
+            let rotation = if y > x { 0.25 } else { 0.0 };
+            return (Val::number(roughness), Val::number(x.min(y) / x.max(y)), Val::number(rotation));
         }
         let e = &mut self.expressions;
         let mean = e.dot(alphas, Val::number(0.5), 2);
@@ -287,15 +287,22 @@ impl NetworkWalker<'_> {
                 roughness: top.roughness,
                 ior: top.ior,
                 normal: top.normal,
-                ratio: top.ratio,
-                turn: top.turn,
-                film: top.film,
+                alpha_ratio: top.alpha_ratio,
+                rotation: top.rotation,
+                film_weight: top.film_weight,
                 film_thickness: top.film_thickness,
                 film_ior: top.film_ior,
                 ..base
             };
         }
         let (coat, coat_roughness, coat_ior) = (top.specular_weight, top.roughness, top.ior);
-        OpenPbrSlab { coat, coat_roughness, coat_ior, coat_ratio: top.ratio, coat_turn: top.turn, ..base }
+        OpenPbrSlab {
+            coat,
+            coat_roughness,
+            coat_ior,
+            coat_alpha_ratio: top.alpha_ratio,
+            coat_rotation: top.rotation,
+            ..base
+        }
     }
 }

@@ -21,7 +21,7 @@ impl NetworkWalker<'_> {
     pub(super) fn hair(&mut self, at: NodeAddress) -> HairSlab {
         // Only the curve's own normal and direction are supported: a tube has no other.
         for name in ["normal", "curve_direction"] {
-            if self.is_said(at, name) {
+            if self.is_authored(at, name) {
                 let path = self.path(at);
                 self.problem(format!("{path}: `{name}` of hair is that of the curve"));
             }

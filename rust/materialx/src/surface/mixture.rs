@@ -41,7 +41,7 @@ impl SlabLobes {
             glass,
             diffuse: below && !slab.transmission.is(1.0, 1) && !is_black,
             dielectric,
-            film: !slab.film.is(0.0, 1) && (metal || dielectric),
+            film: !slab.film_weight.is(0.0, 1) && (metal || dielectric),
             coat: !slab.coat.is(0.0, 1),
             fuzz: !slab.fuzz.is(0.0, 3),
         }
@@ -76,12 +76,12 @@ impl OpenPbrSlab {
         let own = SlabLobes::of(&self);
         let base = Self { normal: self.normal, emission: self.emission, opacity: self.opacity, ..*from };
         if !own.has_interface() {
-            (self.roughness, self.ratio, self.turn) = (base.roughness, base.ratio, base.turn);
+            (self.roughness, self.alpha_ratio, self.rotation) = (base.roughness, base.alpha_ratio, base.rotation);
         }
         if !own.film {
             (self.film_thickness, self.film_ior) = (base.film_thickness, base.film_ior);
             if !own.has_interface() {
-                self.film = base.film;
+                self.film_weight = base.film_weight;
             }
         }
         if !own.dielectric {
@@ -108,8 +108,8 @@ impl OpenPbrSlab {
         }
         if !own.coat {
             (self.coat_color, self.coat_ior) = (base.coat_color, base.coat_ior);
-            (self.coat_roughness, self.coat_ratio, self.coat_turn) =
-                (base.coat_roughness, base.coat_ratio, base.coat_turn);
+            (self.coat_roughness, self.coat_alpha_ratio, self.coat_rotation) =
+                (base.coat_roughness, base.coat_alpha_ratio, base.coat_rotation);
         }
         if !own.fuzz {
             self.fuzz_roughness = base.fuzz_roughness;
@@ -127,10 +127,11 @@ impl OpenPbrSlab {
                 || a.subsurface != b.subsurface
                 || a.subsurface_color != b.subsurface_color,
             shares: a.metalness != b.metalness || a.transmission != b.transmission,
-            shape: [a.roughness, a.ior, a.ratio, a.turn, a.normal] != [b.roughness, b.ior, b.ratio, b.turn, b.normal]
+            shape: [a.roughness, a.ior, a.alpha_ratio, a.rotation, a.normal]
+                != [b.roughness, b.ior, b.alpha_ratio, b.rotation, b.normal]
                 || [a.film_thickness, a.film_ior] != [b.film_thickness, b.film_ior]
-                || [a.coat_roughness, a.coat_ior, a.coat_ratio, a.coat_turn]
-                    != [b.coat_roughness, b.coat_ior, b.coat_ratio, b.coat_turn]
+                || [a.coat_roughness, a.coat_ior, a.coat_alpha_ratio, a.coat_rotation]
+                    != [b.coat_roughness, b.coat_ior, b.coat_alpha_ratio, b.coat_rotation]
                 || [a.fuzz_roughness, a.diffuse_roughness] != [b.fuzz_roughness, b.diffuse_roughness]
                 || [a.absorption, a.dispersion] != [b.absorption, b.dispersion],
         }
@@ -151,7 +152,7 @@ impl OpenPbrSlab {
             a.metalness != b.metalness && (weight || a.transmission != b.transmission),
             a.specular_color != b.specular_color && (weight || shares),
             a.transmission_color != b.transmission_color && shares,
-            a.film != b.film && (shares || weight || color && has_metal),
+            a.film_weight != b.film_weight && (shares || weight || color && has_metal),
             coat && coat_color,
             is_tinted && (coat || coat_color) && (color || shares),
         ];

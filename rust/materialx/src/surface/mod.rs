@@ -76,7 +76,7 @@ impl NetworkWalker<'_> {
     /// The normal that an input sets in the world, converted to the frame of the surface. It is turned to the surface's
     /// own side, as `MaterialX`'s closures turn it; 0 means no normal.
     pub(crate) fn normal(&mut self, at: NodeAddress, name: &str) -> Val {
-        if !self.is_said(at, name) {
+        if !self.is_authored(at, name) {
             return OpenPbrSlab::BLACK.normal;
         }
         if let Some(source) = self.source_node(at, name) {
@@ -103,7 +103,7 @@ impl NetworkWalker<'_> {
     /// The normal of a `UsdPreviewSurface`, which is in the frame of the surface. Files of `MaterialX` 1.38 decode a
     /// map for it by a normal map of "object space": `MaterialX` turns it into 2 x - 1, and no more.
     pub(crate) fn preview_normal(&mut self, at: NodeAddress) -> Val {
-        if !self.is_said(at, "normal") {
+        if !self.is_authored(at, "normal") {
             return OpenPbrSlab::BLACK.normal;
         }
         if let Some(source) = self.source_node(at, "normal")
@@ -117,14 +117,14 @@ impl NetworkWalker<'_> {
 
     /// The inputs that pack several numbers: anisotropy, film, interior.
     fn packed(&mut self, slab: &OpenPbrSlab) -> [Val; 3] {
-        if !slab.ratio.is(1.0, 1) || !slab.coat_ratio.is(1.0, 1) {
+        if !slab.alpha_ratio.is(1.0, 1) || !slab.coat_alpha_ratio.is(1.0, 1) {
             // The tangent is that of the first set.
             self.texcoord("st");
         }
         let e = &mut self.expressions;
         [
-            e.combine(&[slab.ratio, slab.turn, slab.coat_ratio, slab.coat_turn]),
-            e.combine(&[slab.film, slab.film_thickness, slab.film_ior]),
+            e.combine(&[slab.alpha_ratio, slab.rotation, slab.coat_alpha_ratio, slab.coat_rotation]),
+            e.combine(&[slab.film_weight, slab.film_thickness, slab.film_ior]),
             if slab.is_dispersive() { e.splice(slab.absorption, 3, slab.dispersion) } else { slab.absorption },
         ]
     }
@@ -207,12 +207,12 @@ impl NetworkWalker<'_> {
         LoweredSurface { inputs, specular_workflow, opacity_threshold, thin_walled, dispersive, hair: false }
     }
 
-    /// Notes inputs that ask for unsupported features: `(input, value that asks for nothing, feature)`.
-    pub(crate) fn leave_out(&mut self, at: NodeAddress, asked: &[(&str, f32, &str)]) {
+    /// Reports authored inputs that ask for a feature that is not supported: `(input, value without effect, feature)`.
+    pub(crate) fn report_unsupported(&mut self, at: NodeAddress, inputs: &[(&str, f32, &str)]) {
         let mut missing: Vec<&str> = Vec::new();
-        for (name, nothing, what) in asked {
+        for (name, nothing, what) in inputs {
             let width = usize::from(self.input_type(at, name).width().max(1));
-            if self.is_said(at, name)
+            if self.is_authored(at, name)
                 && self.number(at, name).is_some_and(|val| !val.is(*nothing, width))
                 && !missing.contains(what)
             {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The surface models of `MaterialX`, each as a slab: `open_pbr_surface` 1.1, `standard_surface` 1.0.1, `gltf_pbr`
-//! 2.0.1, `disney_principled`, `UsdPreviewSurface` 2.6, `surface_unlit`.
+//! Reduces the surface models of `MaterialX` to a slab of `OpenPBR` each: `open_pbr_surface` 1.1, `standard_surface`
+//! 1.0.1, `gltf_pbr` 2.0.1, `disney_principled`, `UsdPreviewSurface` 2.6, `surface_unlit`.
 
 use crate::expression::Val;
 use crate::program::Op;
@@ -8,6 +8,7 @@ use crate::slab::OpenPbrSlab;
 use crate::walk::{NetworkWalker, NodeAddress};
 
 impl NetworkWalker<'_> {
+    /// The slab of a node, if its category is a surface model.
     pub(super) fn model(&mut self, at: NodeAddress, category: &str) -> Option<OpenPbrSlab> {
         Some(match category {
             "open_pbr_surface" => self.open_pbr(at),
@@ -27,16 +28,17 @@ impl NetworkWalker<'_> {
     }
 
     fn open_pbr(&mut self, at: NodeAddress) -> OpenPbrSlab {
-        self.leave_out(at, &[("transmission_scatter", 0.0, "scattering inside")]);
+        self.report_unsupported(at, &[("transmission_scatter", 0.0, "scattering inside")]);
         let scale = self.number_or(at, "transmission_dispersion_scale", 0.0);
         let abbe = self.number_or(at, "transmission_dispersion_abbe_number", 20.0);
-        let [ratio, coat_ratio] = ["specular_roughness_anisotropy", "coat_roughness_anisotropy"].map(|name| {
-            let anisotropy = self.number_or(at, name, 0.0);
-            self.expressions.complement(anisotropy)
-        });
+        let [alpha_ratio, coat_alpha_ratio] =
+            ["specular_roughness_anisotropy", "coat_roughness_anisotropy"].map(|name| {
+                let anisotropy = self.number_or(at, name, 0.0);
+                self.expressions.complement(anisotropy)
+            });
         let depth = self.number_or(at, "transmission_depth", 0.0);
         let color = self.number_or(at, "transmission_color", 1.0);
-        let (transmission_color, absorption) = self.inside(color, depth);
+        let (transmission_color, absorption) = self.tint_and_absorption(color, depth);
         let thickness = self.number_or(at, "thin_film_thickness", 0.5);
         OpenPbrSlab {
             base_color: self.product(at, ["base_weight", "base_color"]),
@@ -61,40 +63,46 @@ impl NetworkWalker<'_> {
             opacity: self.number_or(at, "geometry_opacity", 1.0),
             opacity_threshold: 0.0,
             normal: self.normal(at, "geometry_normal"),
-            ratio,
-            coat_ratio,
-            film: self.number_or(at, "thin_film_weight", 0.0),
+            alpha_ratio,
+            coat_alpha_ratio,
+            film_weight: self.number_or(at, "thin_film_weight", 0.0),
             film_thickness: self.expressions.multiply(thickness, Val::number(1000.0)),
             film_ior: self.number_or(at, "thin_film_ior", 1.4),
             diffuse_roughness: self.number_or(at, "base_diffuse_roughness", 0.0),
-            thin_walled: self.is_set(at, "geometry_thin_walled"),
+            thin_walled: self.is_constant_true(at, "geometry_thin_walled"),
             ..OpenPbrSlab::BLACK
         }
     }
 
-    /// Returns true if an input is a constant that is not 0.
-    fn is_set(&mut self, at: NodeAddress, name: &str) -> bool {
-        self.is_said(at, name) && self.number_or(at, name, 0.0).constant().is_some_and(|value| value[0] != 0.0)
+    /// True if an input is authored as a constant that is not 0.
+    fn is_constant_true(&mut self, at: NodeAddress, name: &str) -> bool {
+        self.is_authored(at, name) && self.number_or(at, name, 0.0).constant().is_some_and(|value| value[0] != 0.0)
     }
 
-    /// Tint of an interface and absorption per length: all of the colour at the interface if there is no depth, else
-    /// -ln(color) / depth on the way, so that the colour is left after that depth.
-    fn inside(&mut self, color: Val, depth: Val) -> (Val, Val) {
+    /// Tint of the interface and absorption coefficient of the interior, from a transmission colour and the depth at
+    /// which it is reached. Without a depth the interface has the whole tint; else the coefficient is -ln(color) /
+    /// depth.
+    fn tint_and_absorption(&mut self, color: Val, depth: Val) -> (Val, Val) {
         if depth.is(0.0, 1) {
             return (color, Val::ZERO);
         }
         let e = &mut self.expressions;
-        let some = e.binary(Op::Max, color, Val::number(1.0e-4));
-        let logarithm = e.unary(Op::Ln, some);
+        let positive = e.binary(Op::Max, color, Val::number(1.0e-4));
+        let logarithm = e.unary(Op::Ln, positive);
         let negative = e.subtract(Val::ZERO, logarithm);
         let absorption = e.divide(negative, depth);
         let is_deep = e.binary(Op::Greater, depth, Val::ZERO);
         (e.op(Op::Select, [Val::ONE, color, is_deep], 0), absorption)
     }
 
-    /// Roughness and ratio of the alphas of `MaterialX`'s `roughness_anisotropy`: r^2 / a and r^2 a with a^2 = 1 -
-    /// anisotropy.
-    fn aspect(&mut self, at: NodeAddress, [roughness, anisotropy]: [&str; 2], default: f32) -> (Val, Val) {
+    /// Roughness and ratio of the alphas that `MaterialX`'s `roughness_anisotropy` gives: r^2 / a and r^2 a with
+    /// a^2 = 1 - anisotropy.
+    fn materialx_anisotropy(
+        &mut self,
+        at: NodeAddress,
+        [roughness, anisotropy]: [&str; 2],
+        default: f32,
+    ) -> (Val, Val) {
         let roughness = self.number_or(at, roughness, default);
         let anisotropy = self.number_or(at, anisotropy, 0.0);
         if anisotropy.is(0.0, 1) {
@@ -102,18 +110,18 @@ impl NetworkWalker<'_> {
         }
         let e = &mut self.expressions;
         let limited = e.op(Op::Clamp, [anisotropy, Val::ZERO, Val::number(0.98)], 0);
-        let ratio = e.complement(limited);
-        // The root of the mean of the squares is r^2 ((1 / ratio + ratio) / 2)^(1/2).
-        let inverse = e.divide(Val::ONE, ratio);
-        let sum = e.add(inverse, ratio);
+        let alpha_ratio = e.complement(limited);
+        // The root mean square of the alphas is r^2 ((1 / ratio + ratio) / 2)^(1/2); the slab wants its root.
+        let inverse = e.divide(Val::ONE, alpha_ratio);
+        let sum = e.add(inverse, alpha_ratio);
         let mean = e.multiply(sum, Val::number(0.5));
         let root = e.unary(Op::Sqrt, mean);
         let root = e.unary(Op::Sqrt, root);
-        let whole = e.multiply(roughness, root);
-        (e.binary(Op::Min, whole, Val::ONE), ratio)
+        let mean_roughness = e.multiply(roughness, root);
+        (e.binary(Op::Min, mean_roughness, Val::ONE), alpha_ratio)
     }
 
-    /// Roughness and ratio of glTF's anisotropy (`KHR_materials_anisotropy`): alphas mix(r^2, 1, strength^2) and r^2.
+    /// Roughness and ratio of the alphas of glTF (`KHR_materials_anisotropy`): alphas mix(r^2, 1, strength^2) and r^2.
     fn gltf_anisotropy(&mut self, at: NodeAddress) -> (Val, Val) {
         let roughness = self.number_or(at, "roughness", 1.0);
         let strength = self.number_or(at, "anisotropy_strength", 0.0);
@@ -128,12 +136,12 @@ impl NetworkWalker<'_> {
         let sum = e.dot(alphas, alphas, 2);
         let mean = e.multiply(sum, Val::number(0.5));
         let root = e.unary(Op::Sqrt, mean);
-        let whole = e.unary(Op::Sqrt, root);
-        (whole, e.divide(across, along))
+        let mean_roughness = e.unary(Op::Sqrt, root);
+        (mean_roughness, e.divide(across, along))
     }
 
     fn standard_surface(&mut self, at: NodeAddress) -> OpenPbrSlab {
-        self.leave_out(
+        self.report_unsupported(
             at,
             &[
                 ("transmission_scatter", 0.0, "scattering inside"),
@@ -142,11 +150,13 @@ impl NetworkWalker<'_> {
         );
         let opacity = self.number_or(at, "opacity", 1.0);
         let base_color = self.product(at, ["base", "base_color"]);
-        let (roughness, ratio) = self.aspect(at, ["specular_roughness", "specular_anisotropy"], 0.2);
-        let (coat_roughness, coat_ratio) = self.aspect(at, ["coat_roughness", "coat_anisotropy"], 0.1);
+        let (roughness, alpha_ratio) =
+            self.materialx_anisotropy(at, ["specular_roughness", "specular_anisotropy"], 0.2);
+        let (coat_roughness, coat_alpha_ratio) =
+            self.materialx_anisotropy(at, ["coat_roughness", "coat_anisotropy"], 0.1);
         let depth = self.number_or(at, "transmission_depth", 0.0);
         let color = self.number_or(at, "transmission_color", 1.0);
-        let (transmission_color, absorption) = self.inside(color, depth);
+        let (transmission_color, absorption) = self.tint_and_absorption(color, depth);
         let film_thickness = self.number_or(at, "thin_film_thickness", 0.0);
         // The Abbe number; 0 means none.
         let abbe = self.number_or(at, "transmission_dispersion", 0.0);
@@ -156,8 +166,8 @@ impl NetworkWalker<'_> {
             specular_weight: self.number_or(at, "specular", 1.0),
             specular_color: self.number_or(at, "specular_color", 1.0),
             roughness,
-            ratio,
-            turn: self.number_or(at, "specular_rotation", 0.0),
+            alpha_ratio,
+            rotation: self.number_or(at, "specular_rotation", 0.0),
             ior: self.number_or(at, "specular_IOR", 1.5),
             transmission: self.number_or(at, "transmission", 0.0),
             transmission_color,
@@ -168,27 +178,27 @@ impl NetworkWalker<'_> {
             coat: self.number_or(at, "coat", 0.0),
             coat_color: self.number_or(at, "coat_color", 1.0),
             coat_roughness,
-            coat_ratio,
-            coat_turn: self.number_or(at, "coat_rotation", 0.0),
+            coat_alpha_ratio,
+            coat_rotation: self.number_or(at, "coat_rotation", 0.0),
             coat_ior: self.number_or(at, "coat_IOR", 1.5),
             fuzz: self.product(at, ["sheen", "sheen_color"]),
             fuzz_roughness: self.number_or(at, "sheen_roughness", 0.3),
             emission: self.product(at, ["emission", "emission_color"]),
-            opacity: self.grey(opacity),
+            opacity: self.mean_or_red(opacity),
             opacity_threshold: 0.0,
             normal: self.normal(at, "normal"),
-            film: if film_thickness.is(0.0, 1) { Val::ZERO } else { Val::ONE },
+            film_weight: if film_thickness.is(0.0, 1) { Val::ZERO } else { Val::ONE },
             film_thickness,
             film_ior: self.number_or(at, "thin_film_IOR", 1.5),
             diffuse_roughness: self.number_or(at, "diffuse_roughness", 0.0),
-            thin_walled: self.is_set(at, "thin_walled"),
+            thin_walled: self.is_constant_true(at, "thin_walled"),
             ..OpenPbrSlab::BLACK
         }
     }
 
-    /// The mean of a colour's components if it is known; else red: maps of opacity are grey, and traversal can read one
+    /// The mean of a constant colour, else the red channel: opacity maps are grey, and traversal can look up one
     /// channel of a texture.
-    fn grey(&mut self, color: Val) -> Val {
+    fn mean_or_red(&mut self, color: Val) -> Val {
         match color {
             Val::Constant([r, g, b, _]) => Val::number((r + g + b) / 3.0),
             Val::Node(_) => self.expressions.component(color, 0),
@@ -196,7 +206,7 @@ impl NetworkWalker<'_> {
     }
 
     fn gltf(&mut self, at: NodeAddress) -> OpenPbrSlab {
-        // KHR_materials_dispersion stores 20 / V.
+        // `KHR_materials_dispersion` is 20 / V, the slab wants 1 / V (V: the Abbe number).
         let dispersion = self.number_or(at, "dispersion", 0.0);
         let dispersion = self.expressions.multiply(dispersion, Val::number(0.05));
         let mode = self.number_or(at, "alpha_mode", 0.0).constant().map_or(0.0, |mode| mode[0]);
@@ -206,29 +216,29 @@ impl NetworkWalker<'_> {
         let attenuation = self.number_or(at, "attenuation_color", 1.0);
         let distance = self.number_or(at, "attenuation_distance", 0.0);
         // Without a thickness there is no volume.
-        let is_solid = self.is_said(at, "thickness") && !self.number_or(at, "thickness", 0.0).is(0.0, 1);
+        let is_solid = self.is_authored(at, "thickness") && !self.number_or(at, "thickness", 0.0).is(0.0, 1);
         let depth = if is_solid { distance } else { Val::ZERO };
-        let (tint, absorption) = self.inside(attenuation, depth);
+        let (tint, absorption) = self.tint_and_absorption(attenuation, depth);
         let color = self.number_or(at, "base_color", 1.0);
-        let (roughness, ratio) = self.gltf_anisotropy(at);
-        // The rotation is in radians.
-        let turn = self.number_or(at, "anisotropy_rotation", 0.0);
-        let turn = self.expressions.multiply(turn, Val::number(0.5 * std::f32::consts::FRAC_1_PI));
+        let (roughness, alpha_ratio) = self.gltf_anisotropy(at);
+        // Radians to turns.
+        let rotation = self.number_or(at, "anisotropy_rotation", 0.0);
+        let rotation = self.expressions.multiply(rotation, Val::number(0.5 * std::f32::consts::FRAC_1_PI));
         OpenPbrSlab {
             base_color: self.number_or(at, "base_color", 1.0),
             metalness: self.number_or(at, "metallic", 1.0),
             specular_weight: self.number_or(at, "specular", 1.0),
             specular_color: self.number_or(at, "specular_color", 1.0),
             roughness,
-            ratio,
-            turn,
+            alpha_ratio,
+            rotation,
             ior: self.number_or(at, "ior", 1.5),
             transmission: self.number_or(at, "transmission", 0.0),
             // glTF tints transmitted light by the base.
             transmission_color: self.expressions.multiply(color, tint),
             absorption,
             dispersion,
-            film: self.number_or(at, "iridescence", 0.0),
+            film_weight: self.number_or(at, "iridescence", 0.0),
             film_thickness: self.number_or(at, "iridescence_thickness", 100.0),
             film_ior: self.number_or(at, "iridescence_ior", 1.3),
             coat: self.number_or(at, "clearcoat", 0.0),
@@ -244,9 +254,9 @@ impl NetworkWalker<'_> {
         }
     }
 
-    /// The model of Burley (2012, 2015); its flatness, diffuse transmission and tints are left out.
+    /// Burley (2012, 2015) without flatness, diffuse transmission and the tints of specular reflection and sheen.
     fn disney(&mut self, at: NodeAddress) -> OpenPbrSlab {
-        self.leave_out(
+        self.report_unsupported(
             at,
             &[
                 ("specularTint", 0.0, "tinted reflection"),
@@ -258,30 +268,30 @@ impl NetworkWalker<'_> {
         let specular = self.number_or(at, "specular", 0.5);
         let color = self.number_or(at, "baseColor", 0.16);
         let e = &mut self.expressions;
-        // Alpha goes from 0.1 to 0.001.
+        // Burley (2012): the alpha of the clearcoat goes from 0.1 to 0.001 with the gloss.
         let alpha = e.mix(Val::number(0.1), Val::number(0.001), gloss);
         let coat_roughness = e.unary(Op::Sqrt, alpha);
-        // F0 is 0.08 of `specular`, which is 0.04 times the weight.
+        // F0 is 0.08 `specular`; the slab has 0.04 times the weight, at an index of refraction of 1.5.
         let specular_weight = e.multiply(specular, Val::number(2.0));
         let transmission_color = e.unary(Op::Sqrt, color);
         let coat = self.number_or(at, "clearcoat", 0.0);
         let ior = self.number_or(at, "ior", 1.5);
         let transmission = self.number_or(at, "specTrans", 0.0);
-        let (roughness, ratio) = self.aspect(at, ["roughness", "anisotropic"], 0.5);
+        let (roughness, alpha_ratio) = self.materialx_anisotropy(at, ["roughness", "anisotropic"], 0.5);
         OpenPbrSlab {
             base_color: color,
             metalness: self.number_or(at, "metallic", 0.0),
             specular_weight: if transmission.is(0.0, 1) { specular_weight } else { Val::ONE },
             specular_color: Val::ONE,
             roughness,
-            ratio,
-            thin_walled: self.is_set(at, "thinSurface") || self.is_set(at, "thin"),
+            alpha_ratio,
+            thin_walled: self.is_constant_true(at, "thinSurface") || self.is_constant_true(at, "thin"),
             ior,
             transmission,
             transmission_color,
             subsurface: self.number_or(at, "subsurface", 0.0),
             subsurface_color: color,
-            // A coat of Disney's model reflects a quarter.
+            // Burley (2012): the clearcoat counts a quarter.
             coat: self.expressions.multiply(coat, Val::number(0.25)),
             coat_roughness,
             coat_ior: Val::number(1.5),
@@ -319,7 +329,7 @@ impl NetworkWalker<'_> {
         if !is_specular {
             return slab;
         }
-        // F0 = specularColor: the tint is that over the reflectance of the index.
+        // The slab multiplies its colour by the F0 of the index, and F0 is to be `specularColor`.
         let e = &mut self.expressions;
         let (above, below) = (e.subtract(slab.ior, Val::ONE), e.add(slab.ior, Val::ONE));
         let root = e.divide(above, below);

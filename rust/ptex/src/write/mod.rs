@@ -52,13 +52,13 @@ impl<W: Write> PtexWriter<W> {
     ) -> Result<Self, PtexError> {
         let has_channels = (1..=MAX_CHANNELS).contains(&channels);
         let Some(known) = u16::try_from(channels).ok().filter(|_| has_channels) else {
-            return Err(PtexError::Caller("a number of channels out of range"));
+            return Err(PtexError::InvalidArgument("a number of channels out of range"));
         };
         if alpha_channel.is_some_and(|alpha| alpha >= channels) {
-            return Err(PtexError::Caller("an alpha channel that texels do not have"));
+            return Err(PtexError::InvalidArgument("an alpha channel that texels do not have"));
         }
         if faces == 0 || faces > MAX_FACES {
-            return Err(PtexError::Caller("a number of faces out of range"));
+            return Err(PtexError::InvalidArgument("a number of faces out of range"));
         }
         let header = PtexHeader {
             mesh_type,
@@ -95,21 +95,21 @@ impl<W: Write> PtexWriter<W> {
     /// constant. Faces whose texels are all equal become constant. `face.has_edits` is ignored.
     pub fn push_face(&mut self, face: &PtexFace, texels: &[u8]) -> Result<(), PtexError> {
         if self.faces() >= self.header.faces as usize {
-            return Err(PtexError::Caller("more faces than announced"));
+            return Err(PtexError::InvalidArgument("more faces than announced"));
         }
         if face.log2.iter().any(|log2| *log2 > MAX_LOG2) {
-            return Err(PtexError::Caller("a resolution out of range"));
+            return Err(PtexError::InvalidArgument("a resolution out of range"));
         }
         if self.header.mesh_type == MeshType::Triangle && face.log2[0] != face.log2[1] {
-            return Err(PtexError::Caller("a triangle that is not as many texels along u as along v"));
+            return Err(PtexError::InvalidArgument("a triangle that is not as many texels along u as along v"));
         }
         let size = face.log2.map(|log2| 1_usize << log2);
         let all = size[0] * size[1] * self.texel.bytes();
         if all as u64 > MAX_BYTES && !face.is_constant {
-            return Err(PtexError::Caller("a face of more than 2 GiB"));
+            return Err(PtexError::InvalidArgument("a face of more than 2 GiB"));
         }
         if texels.len() != if face.is_constant { self.texel.bytes() } else { all } {
-            return Err(PtexError::Caller("texels of another number than their face"));
+            return Err(PtexError::InvalidArgument("texels of another number than their face"));
         }
         let (first, others) = texels.split_at(self.texel.bytes());
         let is_constant = others.chunks_exact(self.texel.bytes()).all(|texel| texel == first);
@@ -132,9 +132,9 @@ impl<W: Write> PtexWriter<W> {
     /// Writes the file, and returns the sink. Fails unless all faces were given.
     pub fn finish(mut self) -> Result<W, PtexError> {
         if self.faces() != self.header.faces as usize {
-            return Err(PtexError::Caller("fewer faces than announced"));
+            return Err(PtexError::InvalidArgument("fewer faces than announced"));
         }
-        let too_large = |_too_many| PtexError::Caller("a table of more than 4 GiB");
+        let too_large = |_too_many| PtexError::InvalidArgument("a table of more than 4 GiB");
         let records = zipped(&self.records)?;
         let constants = zipped(&self.constants)?;
         let words = zipped(&self.words)?;
@@ -187,7 +187,8 @@ impl<W: Write> PtexWriter<W> {
             }
         }
         let words = zipped(&words)?;
-        let words_bytes = u32::try_from(words.len()).map_err(|_too_many| PtexError::Caller("too many tiles"))?;
+        let words_bytes =
+            u32::try_from(words.len()).map_err(|_too_many| PtexError::InvalidArgument("too many tiles"))?;
         self.blocks.extend([u, v]);
         self.blocks.extend(words_bytes.to_le_bytes());
         self.blocks.extend(words);

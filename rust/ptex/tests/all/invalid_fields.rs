@@ -113,7 +113,7 @@ fn resolutions_are_checked() {
     let file = face([14, 14]).unwrap();
     assert_eq!(file.face_bytes(1).unwrap(), 3 << 28, "the largest");
     let refused = read(&file, 1).unwrap_err();
-    assert!(matches!(refused, PtexError::Ratio { bytes, .. } if bytes == 3 << 28), "{refused}");
+    assert!(matches!(refused, PtexError::ImpossibleSize { bytes, .. } if bytes == 3 << 28), "{refused}");
 }
 
 #[test]

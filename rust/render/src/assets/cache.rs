@@ -45,13 +45,13 @@ pub(crate) struct SceneView {
     pub(crate) programs: u64,
     /// 0 if no placement of an opened assembly has values.
     pub(crate) placed_values: u64,
-    /// True if some material has cutouts or presence.
+    /// True if some material has an alpha test.
     pub(crate) has_cutouts: bool,
-    /// The cutouts that only the shaders can look up, in words.
-    pub(crate) cutouts_of_shaders: Option<&'static str>,
-    /// True if some cutouts have a mask.
+    /// A kind of cutout in the scene that native traversal does not support.
+    pub(crate) not_native_cutouts: Option<&'static str>,
+    /// True if some alpha tests have an opacity mask.
     pub(crate) has_opacity_masks: bool,
-    /// True if masks answer most of the rays' alpha tests.
+    /// True if most of them have.
     pub(crate) masks_answer_most: bool,
     /// 0 if nothing reads a texture.
     pub(crate) textures: u64,
@@ -366,7 +366,7 @@ impl DeviceScene {
             material_slots: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.slots.address()),
             programs: tables.surfaces.as_ref().and_then(|s| s.programs.as_ref()).map_or(0, HeapRange::address),
             has_cutouts: self.assets.masks.has_cutouts,
-            cutouts_of_shaders: self.assets.masks.of_shaders,
+            not_native_cutouts: self.assets.masks.not_native,
             has_opacity_masks: !self.assets.masks.words.is_empty(),
             masks_answer_most: self.assets.masks.answer_most(),
             placed_values: tables.placed_values.as_ref().map_or(0, HeapRange::address),

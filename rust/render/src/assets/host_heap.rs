@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Host memory for what rays read across the bus, allocated ahead by a thread of its own: pages are allocated and
-//! pinned at a few gigabytes a second (measured: decisions/0050), and no step should wait for that.
+//! Allocates the blocks of the host heap ahead of their use, on a thread of its own: the driver allocates and pins
+//! pages at a few gigabytes a second (measured: decisions/0050), and no step of streaming is to wait for that. The heap
+//! holds the geometry that rays read across the bus.
 
 use crate::device::Device;
 use crate::error::RenderError;
@@ -9,65 +10,65 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
-/// Bytes of one allocation.
-const PIECE: u64 = 64 << 20;
+/// Bytes of a block of the heap.
+const BLOCK_BYTES: u64 = 64 << 20;
 /// Free bytes that are kept ready.
-const AHEAD: u64 = 512 << 20;
-/// The interval at which free memory is checked.
-const PAUSE: Duration = Duration::from_millis(5);
+const RESERVE_BYTES: u64 = 512 << 20;
+/// Time between two looks at the heap.
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
-/// Bytes of memory that surely hold `bytes` of assets of up to `largest` bytes: one that finds no room at the end of a
-/// piece leaves a hole there. Those larger than half a piece have memory of their own.
-pub(crate) fn bytes_with_holes(bytes: u64, largest: u64) -> u64 {
-    let hole = largest.min(PIECE / 2);
-    bytes + bytes.div_ceil(PIECE - hole) * hole
+/// Bytes of heap that surely hold `bytes` of assets of up to `largest` bytes. An asset that does not fit at the end of
+/// a block leaves a gap there; one that is larger than half a block gets an allocation of its own.
+pub(crate) fn bytes_with_gaps(bytes: u64, largest: u64) -> u64 {
+    let gap = largest.min(BLOCK_BYTES / 2);
+    bytes + bytes.div_ceil(BLOCK_BYTES - gap) * gap
 }
 
-/// A thread that allocates ahead while this lives, once [`HostHeapFiller::want`] was called.
+/// Owns the thread that allocates blocks, which ends when this is dropped. It allocates from the first
+/// [`Self::enable`] on.
 #[derive(Debug)]
 pub(crate) struct HostHeapFiller {
-    wanted: Arc<AtomicBool>,
+    is_enabled: Arc<AtomicBool>,
 }
 
 impl HostHeapFiller {
-    /// Starts the thread; it allocates at most `most` bytes in all.
-    pub(crate) fn start(device: &Device, most: u64) -> Result<Self, RenderError> {
+    /// Starts the thread. It allocates at most `limit` bytes in all. Without a thread the heap allocates on demand.
+    pub(crate) fn start(device: &Device, limit: u64) -> Result<Self, RenderError> {
         let heap = Arc::clone(device.host_heap()?);
-        heap.set_limit(Some(most));
-        let wanted = Arc::new(AtomicBool::new(false));
-        let watched = Arc::downgrade(&wanted);
-        let fill = move || fill(&heap, most, &watched);
+        heap.set_limit(Some(limit));
+        let is_enabled = Arc::new(AtomicBool::new(false));
+        let watched = Arc::downgrade(&is_enabled);
+        let fill = move || fill(&heap, limit, &watched);
         if let Err(error) = std::thread::Builder::new().name("oocpt-host-heap".into()).spawn(fill) {
             tracing::warn!(%error, "no thread makes memory for geometry of the host");
         }
-        Ok(Self { wanted })
+        Ok(Self { is_enabled })
     }
 
-    /// Lets the thread begin to allocate.
-    pub(crate) fn want(&self) {
-        self.wanted.store(true, Ordering::Relaxed);
+    /// Lets the thread allocate.
+    pub(crate) fn enable(&self) {
+        self.is_enabled.store(true, Ordering::Relaxed);
     }
 }
 
-fn fill(heap: &Heap, most: u64, wanted: &Weak<AtomicBool>) {
-    while let Some(wanted) = wanted.upgrade() {
-        if !wanted.load(Ordering::Relaxed) {
-            drop(wanted);
-            std::thread::sleep(PAUSE);
+/// Allocates blocks until the limit is reached or the owner of `is_enabled` is dropped.
+fn fill(heap: &Heap, limit: u64, is_enabled: &Weak<AtomicBool>) {
+    while let Some(is_enabled) = is_enabled.upgrade().map(|flag| flag.load(Ordering::Relaxed)) {
+        if !is_enabled {
+            std::thread::sleep(POLL_INTERVAL);
             continue;
         }
-        drop(wanted);
         let stats = heap.stats();
-        let left = most.saturating_sub(stats.arena_bytes + stats.dedicated_bytes);
+        let left = limit.saturating_sub(stats.arena_bytes + stats.dedicated_bytes);
         if left == 0 {
             return;
         }
-        let is_short = stats.arena_bytes.saturating_sub(stats.used_bytes) < AHEAD;
+        let is_short = stats.arena_bytes.saturating_sub(stats.used_bytes) < RESERVE_BYTES;
         if !is_short {
-            std::thread::sleep(PAUSE);
+            std::thread::sleep(POLL_INTERVAL);
             continue;
         }
-        match heap.reserve(left.min(PIECE)) {
+        match heap.reserve(left.min(BLOCK_BYTES)) {
             Ok(0) => return,
             Ok(_) => {}
             Err(error) => return tracing::debug!(%error, "no more memory for geometry of the host"),
@@ -83,13 +84,14 @@ mod tests {
     fn host_heap_fits_assets_beside_block_end_gaps() {
         let mib = 1 << 20;
         for (largest, count) in [(10 * mib, 80_u64), (32 * mib, 5), (22 * mib, 7), (1, 100), (63 * mib, 3)] {
-            let limit = bytes_with_holes(largest * count, largest);
-            // Assets fill pieces one after the other, as the heap may place them.
-            let a_piece = PIECE / largest;
-            let taken = if largest > PIECE / 2 { largest * count } else { count.div_ceil(a_piece) * PIECE };
-            assert!(limit + PIECE > taken, "{count} of {largest} bytes: {limit} for {taken}");
-            assert!(limit <= 2 * largest * count + PIECE, "{count} of {largest} bytes: {limit}");
+            let limit = bytes_with_gaps(largest * count, largest);
+            // One after the other into whole blocks, as the heap may; the last block may be a smaller one.
+            let per_block = BLOCK_BYTES / largest;
+            let taken =
+                if largest > BLOCK_BYTES / 2 { largest * count } else { count.div_ceil(per_block) * BLOCK_BYTES };
+            assert!(limit + BLOCK_BYTES > taken, "{count} of {largest} bytes: {limit} for {taken}");
+            assert!(limit <= 2 * largest * count + BLOCK_BYTES, "{count} of {largest} bytes: {limit}");
         }
-        assert_eq!(bytes_with_holes(0, 0), 0);
+        assert_eq!(bytes_with_gaps(0, 0), 0);
     }
 }

@@ -26,7 +26,7 @@ pub(crate) use cache::{DeviceScene, SceneCache, SceneView};
 pub(crate) use catalog::SceneAssets;
 pub(crate) use demand::TilesOutcome;
 pub(crate) use encode::AssetCopier;
-pub(crate) use host_heap::{HostHeapFiller, bytes_with_holes};
+pub(crate) use host_heap::{HostHeapFiller, bytes_with_gaps};
 pub(crate) use level::motion_key;
 pub(crate) use store::{AssetStore, MemoryWait};
 #[cfg(test)]

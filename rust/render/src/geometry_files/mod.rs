@@ -31,8 +31,8 @@ const ENDING: &str = "oocptgeo";
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct GeometrySetting {
     folder: PathBuf,
-    lasts: bool,
-    /// Most bytes of all permanent files.
+    is_persistent: bool,
+    /// Limit of all persistent files, bytes.
     limit: u64,
 }
 
@@ -43,8 +43,8 @@ impl GeometrySetting {
         let limit = u64::from(settings.geometry_cache_mib) << 20;
         match settings.geometry_cache.as_str() {
             "0" => None,
-            "" => Some(Self { folder: cache_folder("geometry")?, lasts: false, limit }),
-            path => Some(Self { folder: PathBuf::from(path), lasts: true, limit }),
+            "" => Some(Self { folder: cache_folder("geometry")?, is_persistent: false, limit }),
+            path => Some(Self { folder: PathBuf::from(path), is_persistent: true, limit }),
         }
     }
 }
@@ -65,9 +65,9 @@ pub(crate) struct GeometryFiles {
 struct PackFiles {
     /// The files of other processes; `None` before they were looked for.
     others: Option<Vec<Arc<PackFile>>>,
-    /// The permanent file of this process.
+    /// The persistent pack that this process writes.
     own: Option<Arc<PackFile>>,
-    /// The file of this process that does not last.
+    /// The pack that is deleted with this process.
     scratch: Option<Arc<PackFile>>,
     /// Bytes of the files of other processes, when they were last measured.
     others_bytes: Option<u64>,
@@ -98,27 +98,27 @@ impl GeometryFiles {
         }
     }
 
-    /// The file for `bytes` more, and whether they last there.
-    fn pack_for(&self, lasts: bool, bytes: u64) -> io::Result<(Arc<PackFile>, bool)> {
+    /// The file that `bytes` more go to, and whether they last there.
+    fn pack_for(&self, is_persistent: bool, bytes: u64) -> io::Result<(Arc<PackFile>, bool)> {
         let mut packs = lock(&self.packs);
-        let lasts = lasts && self.make_room(&mut packs, bytes);
-        let slot = if lasts { &mut packs.own } else { &mut packs.scratch };
+        let is_persistent = is_persistent && self.make_room(&mut packs, bytes);
+        let slot = if is_persistent { &mut packs.own } else { &mut packs.scratch };
         let pack = match slot {
             Some(pack) => pack.clone(),
-            none => none.insert(Arc::new(self.begin(lasts)?)).clone(),
+            none => none.insert(Arc::new(self.begin(is_persistent)?)).clone(),
         };
-        Ok((pack, lasts))
+        Ok((pack, is_persistent))
     }
 
-    /// Creates a file.
-    fn begin(&self, lasts: bool) -> io::Result<PackFile> {
+    /// A new file.
+    fn begin(&self, is_persistent: bool) -> io::Result<PackFile> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
         fs::create_dir_all(&self.setting.folder)?;
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos();
         let (process, number) = (std::process::id(), NUMBER.fetch_add(1, Ordering::Relaxed));
         let path = self.setting.folder.join(format!("{now:024x}-{process}-{number}.{ENDING}"));
         let file = File::options().read(true).write(true).create_new(true).open(&path)?;
-        if lasts {
+        if is_persistent {
             return Ok(PackFile::new(file, Some(path)));
         }
         fs::remove_file(&path)?;
@@ -184,8 +184,8 @@ impl MeshFiles for GeometryFiles {
         std::thread::sleep(pause);
     }
 
-    fn lasts(&self) -> bool {
-        self.setting.lasts
+    fn is_persistent(&self) -> bool {
+        self.setting.is_persistent
     }
 
     fn find(&self, key: u128) -> Option<StoredEntry> {
@@ -210,9 +210,9 @@ impl MeshFiles for GeometryFiles {
             return None;
         }
         let bytes = payloads.iter().flatten().map(|part| part.len() as u64).sum();
-        let lasts = self.setting.lasts && key.is_some();
-        let added = self.pack_for(lasts, bytes).and_then(|(pack, lasts)| {
-            let key = key.filter(|_| lasts).unwrap_or(0);
+        let is_persistent = self.setting.is_persistent && key.is_some();
+        let added = self.pack_for(is_persistent, bytes).and_then(|(pack, is_persistent)| {
+            let key = key.filter(|_| is_persistent).unwrap_or(0);
             pack.append(key, head, payloads)
         });
         match added {

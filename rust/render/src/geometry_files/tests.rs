@@ -28,9 +28,9 @@ impl Folder {
         files
     }
 
-    fn open(&self, lasts: bool, limit: u64) -> (GeometryFiles, Arc<SharedState>) {
+    fn open(&self, is_persistent: bool, limit: u64) -> (GeometryFiles, Arc<SharedState>) {
         let shared = Arc::default();
-        let setting = GeometrySetting { folder: self.0.clone(), lasts, limit };
+        let setting = GeometrySetting { folder: self.0.clone(), is_persistent, limit };
         (GeometryFiles::new(setting, &shared), shared)
     }
 }
@@ -194,8 +194,10 @@ fn an_unwritable_folder_gives_one_warning() {
     let file = folder.0.join("file");
     fs::write(&file, b"no folder").expect("written");
     let shared = Arc::default();
-    let files =
-        GeometryFiles::new(GeometrySetting { folder: file.join("below"), lasts: true, limit: 1 << 20 }, &shared);
+    let files = GeometryFiles::new(
+        GeometrySetting { folder: file.join("below"), is_persistent: true, limit: 1 << 20 },
+        &shared,
+    );
     for _ in 0..2 {
         assert!(files.add(Some(1), &[], &[]).is_none() && files.find(1).is_none());
     }
@@ -208,7 +210,7 @@ fn the_setting_names_the_folder() {
     let of = |cache: &str| GeometrySetting::of(&Settings { geometry_cache: cache.into(), ..Settings::default() });
     assert_eq!(of("0"), None);
     let given = of("/x/y").expect("a folder");
-    assert_eq!((given.folder.to_str(), given.lasts, given.limit), (Some("/x/y"), true, 32 << 30));
+    assert_eq!((given.folder.to_str(), given.is_persistent, given.limit), (Some("/x/y"), true, 32 << 30));
     let own = of("").expect("the user's");
-    assert!(own.folder.ends_with("oocpt/geometry") && !own.lasts);
+    assert!(own.folder.ends_with("oocpt/geometry") && !own.is_persistent);
 }

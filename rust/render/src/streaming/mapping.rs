@@ -136,7 +136,7 @@ impl SceneResidency<'_> {
         let missing = self.unmapped(unit);
         for &asset in &missing {
             if !self.store.is_mapping(asset) && !self.store.map(self.device, &self.assets, asset)? {
-                self.filler.iter().for_each(HostHeapFiller::want);
+                self.filler.iter().for_each(HostHeapFiller::enable);
                 return Ok(false);
             }
         }

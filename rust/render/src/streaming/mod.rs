@@ -30,7 +30,7 @@ mod stragglers;
 
 pub(crate) use buffers::StreamBuffers;
 
-use crate::assets::{DeviceScene, HostHeapFiller, SceneAssets, SceneView, bytes_with_holes};
+use crate::assets::{DeviceScene, HostHeapFiller, SceneAssets, SceneView, bytes_with_gaps};
 use crate::device::Device;
 use crate::engine::{self, CompiledFeatures, WavefrontTracer};
 use crate::error::RenderError;
@@ -291,7 +291,7 @@ fn host_share(
     let heap = device.host_heap()?.stats();
     let held = heap.arena_bytes + heap.dedicated_bytes + scene.store.kept().bytes();
     let limit = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, held, job.fixed_host_bytes);
-    let mapped = bytes_with_holes(scene.assets.bytes, scene.assets.largest_bytes).min(limit);
+    let mapped = bytes_with_gaps(scene.assets.bytes, scene.assets.largest_bytes).min(limit);
     scene.store.kept().limit(limit - mapped);
     HostHeapFiller::start(device, mapped).map(Some)
 }

@@ -1,12 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What masks of opacity are known by.
+//! The keys of opacity masks.
 
 use oocpt_core::texture::OpacityMask;
 use rustc_hash::FxHashMap;
 use std::sync::Arc;
 
-/// Image, channel, wrap modes, the longest side, and the bits of scale, bias, threshold and what is around the image.
-pub(super) type MaskKey = (u64, u8, [u32; 3], [u32; 4]);
+/// Everything that a mask depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct MaskKey {
+    pub(super) image: u64,
+    pub(super) channel: u8,
+    /// As in `GpuTexture::flags`, along s and t.
+    pub(super) wrap: [u32; 2],
+    /// Longest side in texels.
+    pub(super) side: u32,
+    /// Bits of the scale, the bias, the threshold and the value around the image.
+    pub(super) query: [u32; 4],
+}
 
-/// Masks that were made; `None`: there is none.
+/// The masks that were built; `None` for an image that has none.
 pub(super) type MadeMasks = FxHashMap<MaskKey, Option<Arc<OpacityMask>>>;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The masks of a snapshot's cutouts: their coverage, without their textures (`oocpt_core::texture::OpacityMask`).
+//! The opacity masks of a snapshot: they answer alpha tests without the texture where its coverage is certain
+//! (`oocpt_core::texture::OpacityMask`).
 //!
-//! Level 0 of each image is read once, when a scene has it first, through the cache that tiles come from. Cutouts
-//! without a mask look up the texture: Ptex, programs, images that cannot be read. All masks of a scene are as fine as
-//! [`LONGEST_SIDES`] allows. Render thread; reads on all cores.
+//! Level 0 of each image is read once, when a scene first has it, through the cache of tiles. Ptex, programs and images
+//! that cannot be read have no mask: their alpha tests read the texture. All masks of a scene are at the finest level
+//! for which all of them fit ([`MAX_SIDES`]). Render thread; reads on all cores.
 
 use super::heights::{has_curve_of_device, read_channel_by_bands};
 use super::mask_key::{MadeMasks, MaskKey};
@@ -18,45 +19,45 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::sync::Arc;
 
-/// Most bytes of all masks of a scene: they are always resident.
-const MOST_BYTES: usize = 64 << 20;
-/// Longest sides of levels of masks, texels, and the bytes that all masks may take with each. Lookups that are narrower
-/// than a texel of the finest kept level read the texture where that is partly covered.
-const LONGEST_SIDES: [(u32, usize); 8] = [
-    (4096, MOST_BYTES / 8),
-    (2048, MOST_BYTES / 8),
-    (1024, MOST_BYTES / 8),
-    (512, MOST_BYTES),
-    (256, MOST_BYTES),
-    (128, MOST_BYTES),
-    (64, MOST_BYTES),
-    (32, MOST_BYTES),
+/// Limit of all masks of a scene, which are always resident.
+const MAX_BYTES: usize = 64 << 20;
+/// The longest side of a mask in texels, and the bytes that all masks may take to have that: the first row that fits
+/// counts. A lookup that is narrower than a texel of the mask reads the texture where coverage is partial.
+const MAX_SIDES: [(u32, usize); 8] = [
+    (4096, MAX_BYTES / 8),
+    (2048, MAX_BYTES / 8),
+    (1024, MAX_BYTES / 8),
+    (512, MAX_BYTES),
+    (256, MAX_BYTES),
+    (128, MAX_BYTES),
+    (64, MAX_BYTES),
+    (32, MAX_BYTES),
 ];
-/// If at most one in so many materials with cutouts lacks a mask, cutouts that masks leave open are looked up in passes
-/// of their own: a ray that reaches a candidate without a mask is walked again.
-const LEAST_MASKED: usize = 4;
-/// Alignment of masks, words.
-const UNIT: usize = 4;
-/// Words of the record of a set of files.
-const SET_WORDS: usize = (2 + abi::UDIM_PARTS as usize).next_multiple_of(UNIT);
+/// Alpha tests that masks leave open go to passes of their own if at most one in so many alpha-tested materials lacks a
+/// mask: a ray that meets a material without one is traversed again.
+const MATERIALS_PER_UNMASKED: usize = 4;
+/// Alignment of a mask in words; offsets in records of UDIM sets are in this unit.
+const ALIGNMENT: usize = 4;
+/// Words of the record of a UDIM set.
+const SET_WORDS: usize = (2 + abi::UDIM_PARTS as usize).next_multiple_of(ALIGNMENT);
 
-/// See the module.
+/// The masks of a snapshot, in the array that the passes read.
 #[derive(Debug, Default)]
 pub(crate) struct OpacityMasks {
-    /// The words of all masks, each aligned to 16 bytes.
+    /// All masks, each aligned to 16 bytes.
     pub(crate) words: Vec<u32>,
-    /// The first word by material: of its mask, or of the record of its set.
+    /// By material: the first word of its mask, or of the record of its UDIM set.
     first_words: Vec<Option<u32>>,
-    /// True by material if its surfaces are opaque everywhere.
+    /// By material: the mask says that every alpha test passes.
     are_opaque: Vec<bool>,
-    /// True if some material has cutouts.
+    /// True if some material has an alpha test.
     pub(crate) has_cutouts: bool,
-    /// The number of materials with cutouts.
-    asked: usize,
-    /// The number of those that have no mask, or a part without one.
+    /// Number of materials with an alpha test.
+    alpha_tested: usize,
+    /// Number of those without a mask, or with a UDIM tile without one.
     unmasked: usize,
-    /// The cutouts that only the shaders can look up, in words.
-    pub(crate) of_shaders: Option<&'static str>,
+    /// A kind of cutout in the scene that native traversal does not support, for the message.
+    pub(crate) not_native: Option<&'static str>,
 }
 
 impl OpacityMasks {
@@ -65,20 +66,20 @@ impl OpacityMasks {
         self.first_words.get(material).copied().flatten()
     }
 
-    /// Returns true if masks answer for most materials, except for lookups at close range.
+    /// True if most alpha-tested materials have masks.
     pub(crate) fn answer_most(&self) -> bool {
-        !self.words.is_empty() && LEAST_MASKED * self.unmasked <= self.asked
+        !self.words.is_empty() && MATERIALS_PER_UNMASKED * self.unmasked <= self.alpha_tested
     }
 
-    /// Returns true if a material's surfaces are opaque everywhere, whatever its opacity input is.
+    /// True if every alpha test of a material passes.
     pub(crate) fn is_opaque(&self, material: usize) -> bool {
         self.are_opaque.get(material).copied().unwrap_or(false)
     }
 
-    /// Adds words, if there is room for them; returns the number of the first.
+    /// Appends words if there is room, and returns the first one's index.
     fn add(&mut self, words: &[u32]) -> Option<u32> {
-        let begin = self.words.len().next_multiple_of(UNIT);
-        if (begin + words.len()) * size_of::<u32>() > MOST_BYTES {
+        let begin = self.words.len().next_multiple_of(ALIGNMENT);
+        if (begin + words.len()) * size_of::<u32>() > MAX_BYTES {
             return None;
         }
         self.words.resize(begin, 0);
@@ -87,24 +88,25 @@ impl OpacityMasks {
     }
 }
 
-/// A mask that a material wants.
+/// A mask that a material needs for one image.
 struct WantedMask {
     key: MaskKey,
     query: OpacityQuery,
     image: Arc<TextureImage>,
 }
 
-/// The masks that a material wants.
+/// The masks that a material needs.
 #[derive(Default)]
 struct AllWanted {
+    /// The image is a UDIM set.
     is_set: bool,
-    /// Masks by the number of the part; 0 for a single image.
+    /// With the index of the UDIM tile; 0 for a single image.
     parts: Vec<(usize, WantedMask)>,
-    /// True if there is another part, without a mask.
+    /// Another UDIM tile has no mask.
     lacks_part: bool,
 }
 
-/// The placement of masks into one array.
+/// Lays the masks out in one array, each once.
 struct MaskPlacer<'a> {
     masks: OpacityMasks,
     made: &'a MadeMasks,
@@ -113,32 +115,33 @@ struct MaskPlacer<'a> {
 }
 
 impl TextureCache {
-    /// The masks of the materials of a snapshot, whose textures [`Self::sync`] has opened.
+    /// The masks of the materials of a snapshot whose textures [`Self::sync`] has loaded. Keeps the masks for the next
+    /// snapshot.
     pub(crate) fn opacity_masks(&mut self, surfaces: &SurfaceTables, records: &[GpuTexture]) -> Arc<OpacityMasks> {
         let mut wanted: Vec<AllWanted> =
-            surfaces.materials.iter().map(|material| self.all_wanted(material, surfaces, records)).collect();
+            surfaces.materials.iter().map(|material| self.masks_of(material, surfaces, records)).collect();
         let side = longest_side(&wanted);
-        wanted.iter_mut().flat_map(|wanted| &mut wanted.parts).for_each(|(_, wanted)| wanted.key.2[2] = side);
+        wanted.iter_mut().flat_map(|wanted| &mut wanted.parts).for_each(|(_, wanted)| wanted.key.side = side);
         let all = || wanted.iter().flat_map(|wanted| &wanted.parts).map(|(_, wanted)| wanted);
         let mut made = std::mem::take(&mut self.masks);
         let missing: FxHashMap<MaskKey, &WantedMask> =
             all().filter(|w| !made.contains_key(&w.key)).map(|w| (w.key, w)).collect();
-        let new: Vec<_> = missing.into_par_iter().map(|(key, wanted)| (key, make(wanted).map(Arc::new))).collect();
+        let new: Vec<_> = missing.into_par_iter().map(|(key, wanted)| (key, build(wanted).map(Arc::new))).collect();
         made.extend(new);
         let (masks, first_words, sets) = (OpacityMasks::default(), FxHashMap::default(), FxHashMap::default());
-        let mut placing = MaskPlacer { masks, made: &made, first_words, sets };
+        let mut placer = MaskPlacer { masks, made: &made, first_words, sets };
         for (material, wanted) in surfaces.materials.iter().zip(&wanted) {
-            placing.place(material, wanted, only_shaders(material, records));
+            placer.place(material, wanted, not_native(material, records));
         }
-        let masks = placing.masks;
-        let keys: rustc_hash::FxHashSet<MaskKey> = all().map(|wanted| wanted.key).collect();
+        let masks = placer.masks;
+        let keys: FxHashSet<MaskKey> = all().map(|wanted| wanted.key).collect();
         made.retain(|key, _| keys.contains(key));
         self.masks = made;
         Arc::new(masks)
     }
 
-    /// The masks that a material wants; `None` if its cutouts are not textures.
-    fn all_wanted(&self, material: &Material, surfaces: &SurfaceTables, records: &[GpuTexture]) -> AllWanted {
+    /// The masks that a material needs; none if its opacity is no texture.
+    fn masks_of(&self, material: &Material, surfaces: &SurfaceTables, records: &[GpuTexture]) -> AllWanted {
         let none = AllWanted::default();
         if !material.flags.contains(MaterialFlags::PRESENCE) {
             return none;
@@ -153,19 +156,20 @@ impl TextureCache {
         };
         let is_set = record.flags & abi::TEXTURE_UDIM != 0;
         let (first, count) = if is_set { (record.first_page, abi::UDIM_PARTS) } else { (texture, 1) };
-        let mut all = AllWanted { is_set, ..none };
+        let mut masks = AllWanted { is_set, ..none };
         for (part, record) in records.iter().skip(first as usize).take(count as usize).enumerate() {
             let member = if is_set { u32::try_from(1001 + part).unwrap_or(0) } else { 0 };
-            match self.wanted(material, file, member, record) {
-                Some(wanted) => all.parts.push((part, wanted)),
-                None => all.lacks_part |= record.levels > 0,
+            match self.mask_of(material, file, member, record) {
+                Some(wanted) => masks.parts.push((part, wanted)),
+                None => masks.lacks_part |= record.levels > 0,
             }
         }
-        all
+        masks
     }
 
-    /// The mask that a material wants of an image.
-    fn wanted(&self, material: &Material, file: &TextureRef, member: u32, record: &GpuTexture) -> Option<WantedMask> {
+    /// The mask that a material needs for an image; none if the image is one whose alpha test reads the texture. The
+    /// side is set later, when all masks are known.
+    fn mask_of(&self, material: &Material, file: &TextureRef, member: u32, record: &GpuTexture) -> Option<WantedMask> {
         let InputValue::Texture { channel, scale, bias, .. } = *material.input(MaterialInput::Opacity) else {
             return None;
         };
@@ -184,42 +188,45 @@ impl TextureCache {
         let outside = if has_border { record.fallback[at] } else { 0.0 };
         let threshold = material.opacity_threshold;
         let query = OpacityQuery { wrap: modes.map(wrap_of), outside, scale, bias, threshold };
-        let key = (image.id(), channel, [modes[0], modes[1], 0], [scale, bias, threshold, outside].map(f32::to_bits));
+        let bits = [scale, bias, threshold, outside].map(f32::to_bits);
+        let key = MaskKey { image: image.id(), channel, wrap: modes, side: 0, query: bits };
         Some(WantedMask { key, query, image })
     }
 }
 
-/// The longest side for which all masks fit.
+/// The longest side of [`MAX_SIDES`] for which all masks fit, else the shortest one.
 fn longest_side(wanted: &[AllWanted]) -> u32 {
     let images = wanted.iter().flat_map(|wanted| &wanted.parts).map(|(_, wanted)| (wanted.key, wanted.image.layout()));
     let layouts: FxHashMap<MaskKey, _> = images.collect();
-    let beside = size_of::<u32>() * (SET_WORDS + UNIT);
-    let bytes = |side: u32| layouts.values().map(|layout| mask_bytes(layout, side) + beside).sum::<usize>();
-    let (fitting, least) = (LONGEST_SIDES.into_iter().find(|(side, most)| bytes(*side) <= *most), LONGEST_SIDES[7]);
-    fitting.unwrap_or(least).0
+    // Each mask may be a UDIM set of one, and needs padding.
+    let overhead = size_of::<u32>() * (SET_WORDS + ALIGNMENT);
+    let bytes = |side: u32| layouts.values().map(|layout| mask_bytes(layout, side) + overhead).sum::<usize>();
+    let fitting = MAX_SIDES.into_iter().find(|(side, limit)| bytes(*side) <= *limit);
+    fitting.unwrap_or(MAX_SIDES[MAX_SIDES.len() - 1]).0
 }
 
 impl MaskPlacer<'_> {
-    /// Adds the masks of a material that exist.
-    fn place(&mut self, material: &Material, wanted: &AllWanted, only_shaders: Option<&'static str>) {
-        let one = wanted.parts.first().filter(|_| !wanted.is_set).map(|(_, wanted)| wanted.key);
-        let is_opaque = one.and_then(|key| self.made.get(&key)?.as_ref()).is_some_and(|mask| mask.is_opaque);
-        let first = match one {
+    /// Adds the next material. Its masks share words with those of other materials.
+    fn place(&mut self, material: &Material, wanted: &AllWanted, not_native: Option<&'static str>) {
+        let single = wanted.parts.first().filter(|_| !wanted.is_set).map(|(_, wanted)| wanted.key);
+        let is_opaque = single.and_then(|key| self.made.get(&key)?.as_ref()).is_some_and(|mask| mask.is_opaque);
+        let first = match single {
             _ if is_opaque => None,
-            None => self.set(wanted),
-            Some(key) => self.first_word(key),
+            None => self.place_set(wanted),
+            Some(key) => self.place_mask(key),
         };
         if material.flags.contains(MaterialFlags::PRESENCE) && !is_opaque {
             self.masks.has_cutouts = true;
-            self.masks.asked += 1;
+            self.masks.alpha_tested += 1;
             self.masks.unmasked += usize::from(first.is_none() || wanted.lacks_part);
-            self.masks.of_shaders = self.masks.of_shaders.or(only_shaders);
+            self.masks.not_native = self.masks.not_native.or(not_native);
         }
         self.masks.first_words.push(first);
         self.masks.are_opaque.push(is_opaque);
     }
 
-    fn first_word(&mut self, key: MaskKey) -> Option<u32> {
+    /// Adds a mask unless it is there already, and returns its first word; none if it does not exist or does not fit.
+    fn place_mask(&mut self, key: MaskKey) -> Option<u32> {
         if let Some(first) = self.first_words.get(&key) {
             return *first;
         }
@@ -228,8 +235,8 @@ impl MaskPlacer<'_> {
         first
     }
 
-    /// The record of a set of files.
-    fn set(&mut self, wanted: &AllWanted) -> Option<u32> {
+    /// Adds a UDIM set and its masks, and returns the first word of its record, which has an offset for each tile.
+    fn place_set(&mut self, wanted: &AllWanted) -> Option<u32> {
         if wanted.parts.is_empty() {
             return None;
         }
@@ -241,12 +248,12 @@ impl MaskPlacer<'_> {
         words[1] = abi::MASK_SET;
         let first = self.masks.add(&words);
         for (part, key) in &keys {
-            let (Some(set), Some(first)) = (first, self.first_word(*key)) else { continue };
-            // The offset is negative for a mask that another material has as well.
-            let away = (i64::from(first) - i64::from(set)) / i64::try_from(UNIT).unwrap_or(1);
+            let (Some(set), Some(first)) = (first, self.place_mask(*key)) else { continue };
+            // Negative for a mask that another material has placed before.
+            let offset = (i64::from(first) - i64::from(set)) / i64::try_from(ALIGNMENT).unwrap_or(1);
             let at = set as usize + 2 + part;
-            if let (Some(word), Ok(away)) = (self.masks.words.get_mut(at), i32::try_from(away)) {
-                *word = away.cast_unsigned();
+            if let (Some(word), Ok(offset)) = (self.masks.words.get_mut(at), i32::try_from(offset)) {
+                *word = offset.cast_unsigned();
             }
         }
         self.sets.insert(keys, first);
@@ -254,9 +261,9 @@ impl MaskPlacer<'_> {
     }
 }
 
-/// The part of a material's opacity that native traversal does not look up, in words: Ptex, and floats through the sRGB
-/// curve, which is the device's own function.
-fn only_shaders(material: &Material, records: &[GpuTexture]) -> Option<&'static str> {
+/// The kind of a material's cutouts if native traversal does not support it: Ptex, and floats through the sRGB curve,
+/// which is a function of the device.
+fn not_native(material: &Material, records: &[GpuTexture]) -> Option<&'static str> {
     let InputValue::Texture { texture, channel, .. } = *material.input(MaterialInput::Opacity) else { return None };
     let record = records.get(texture as usize)?;
     if record.flags & abi::TEXTURE_PTEX != 0 {
@@ -283,12 +290,13 @@ fn wrap_of(mode: u32) -> Wrap {
     }
 }
 
-fn make(wanted: &WantedMask) -> Option<OpacityMask> {
-    let WantedMask { key: (_, channel, [_, _, side], _), query, image } = wanted;
+/// Builds a mask from level 0 of its image; none if the image cannot be read.
+fn build(wanted: &WantedMask) -> Option<OpacityMask> {
+    let WantedMask { key: MaskKey { channel, side, .. }, query, image } = wanted;
     let mut maker = OpacityMaskMaker::new(image.layout(), query, *side)?;
-    // All levels are wanted, so one decoding serves them.
+    // Announces that the whole level will be read.
     image.expect(image.layout().first_tile(0));
-    // The error is reported by whoever loads its tiles.
+    // An error is not shown here: the cache of tiles shows it when it reads the image.
     read_channel_by_bands(image, 0, *channel, &mut |band| maker.push(band))
         .map_err(|error| tracing::debug!("no opacity mask: {error}"))
         .ok()?;

@@ -50,7 +50,7 @@ impl TraversalBackend {
         if let Some(why) = oocpt_traverse::unsupported(special.features) {
             return Ok(compute(why));
         }
-        if let Some(why) = view.cutouts_of_shaders
+        if let Some(why) = view.not_native_cutouts
             && special.features.contains(Features::CUTOUTS | Features::TEXTURES)
         {
             return Ok(compute(why));

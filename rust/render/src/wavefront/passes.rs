@@ -35,8 +35,8 @@ pub(super) fn wanted(
 }
 
 impl WavefrontPasses {
-    /// Compiles the missing pipelines, on all threads, and has each translated as soon as it is compiled (see
-    /// [`Device::translate`]).
+    /// Compiles the pipelines that are missing on all threads, and warms each up as soon as it is there
+    /// ([`Device::warm_up`]).
     pub(crate) fn new(
         device: &Device,
         (special, backend): (PassSpecialisation, TraversalBackend),
@@ -56,8 +56,8 @@ impl WavefrontPasses {
             let mut pipelines: [Option<Arc<Pipeline>>; PASSES.len()] = [const { None }; PASSES.len()];
             for (pass, pipeline) in made {
                 let pipeline = pipelines[pass as usize].insert(pipeline?);
-                // Translation overlaps with the compilation of others.
-                timings.translated += device.translate(pipeline)?;
+                // Other threads go on compiling meanwhile.
+                timings.warmed_up_pipelines += device.warm_up(pipeline)?;
             }
             Ok::<_, RenderError>(pipelines)
         })?;

@@ -74,8 +74,8 @@ fn adaptive_sampling_lowers_error_at_equal_samples() {
         );
         assert!(even.adaptive.is_none(), "nothing is adaptive without the setting");
         assert_eq!((even.samples_completed, uneven.samples_completed), (128, 128), "as many samples");
-        let spent = uneven.adaptive.expect("it is told what was spent");
-        assert!(spent.fewest == 32 && spent.most > 128 && spent.epochs == 4, "{spent:?}");
+        let usage = uneven.adaptive.expect("it is told what was spent");
+        assert!(usage.fewest == 32 && usage.most > 128 && usage.epochs == 4, "{usage:?}");
         assert!(adaptive < bound * uniform, "{name}: {adaptive:.3e} against {uniform:.3e}");
     }
 }

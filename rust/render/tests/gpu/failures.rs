@@ -142,7 +142,7 @@ impl PayloadSource for Abyss {
 }
 
 impl MeshFiles for Abyss {
-    fn lasts(&self) -> bool {
+    fn is_persistent(&self) -> bool {
         false
     }
 

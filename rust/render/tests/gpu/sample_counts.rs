@@ -42,11 +42,11 @@ fn adaptive_sample_counts_match_the_decisions() {
     session.with_scene(mirror);
     let view = asking(&[AovKind::Color, AovKind::SampleCount]);
     render(&session, &view);
-    let spent = session.stats().adaptive.expect("it is told what was spent");
+    let usage = session.stats().adaptive.expect("it is told what was spent");
     let counts: Vec<f64> = read::<f32>(&session, &view, AovKind::SampleCount).into_iter().map(f64::from).collect();
     let (least, most) = counts.iter().fold((f64::MAX, 0.0_f64), |(a, b), count| (a.min(*count), b.max(*count)));
     assert!(least < most, "a caustic is not the same everywhere");
-    assert_eq!((least, most), (f64::from(spent.fewest), f64::from(spent.most)), "as the stats say: {spent:?}");
+    assert_eq!((least, most), (f64::from(usage.fewest), f64::from(usage.most)), "as the stats say: {usage:?}");
     // What is left when no pixel can be given twice as many is not spent.
     let mean = counts.iter().sum::<f64>() / f64::from(SIZE[0] * SIZE[1]);
     assert!((62.0..=64.0).contains(&mean), "64 on average: {mean}");

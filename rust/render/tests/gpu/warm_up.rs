@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Drivers that translate shaders when they are first dispatched do that apart from the waves, which are bounded in
+//! Drivers that generate machine code at the first dispatch do that apart from the waves, which are bounded in
 //! time.
 //!
 //! Holds in a process where no other test has rendered: `cargo xtask test` runs each module of tests in its own.
@@ -31,10 +31,10 @@ fn every_pass_is_warmed_up_before_the_first_wave() {
         let new = made.iter().filter(|name| !used.contains(**name) || asks(name)).count() as u64;
         let expected = if is_cpu { new } else { 0 };
         assert!(new > 9, "{new} passes");
-        assert_eq!(session.timings().translated, expected, "streams: {streams}");
+        assert_eq!(session.timings().warmed_up_pipelines, expected, "streams: {streams}");
         session.restart();
         assert!(session.wait_converged(TIMEOUT), "it renders again");
-        assert_eq!(session.timings().translated, 0, "once");
+        assert_eq!(session.timings().warmed_up_pipelines, 0, "once");
         used.extend(made.into_iter().map(str::to_owned));
     }
 }

@@ -25,7 +25,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
                 next = match self.at.nodes.item::<LevelNode>(reference) {
                     Some(node) => {
                         let met = simd.meet_level(&node, &self.at.ray, self.limit, next.entry());
-                        self.stack.choose(met, self.pop_limit(), |lane| node.child[lane as usize & 3])
+                        self.stack.push_entered(met, self.pop_limit(), |lane| node.child[lane as usize & 3])
                     }
                     None => self.pop(),
                 };

@@ -27,7 +27,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
                     Some(node) => {
                         let met = simd.meet_mesh(&node, &ray, self.limit, next.entry());
                         let children = MeshChildren::new(&node);
-                        self.stack.choose(met, self.pop_limit(), |lane| {
+                        self.stack.push_entered(met, self.pop_limit(), |lane| {
                             let child = children.at(lane);
                             if of_points { bundle_members(child, points) } else { child }
                         })

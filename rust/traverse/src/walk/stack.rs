@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The stack of a walk: references with the distances at which the ray enters them. Pure, any thread.
+//! The traversal stack of a ray: node references with the distance at which the ray enters them.
 
 use crate::node::EnteredChildren;
 use oocpt_abi::{DONE, RETURN};
 
-/// A reference, with the distance at which the ray enters it above it: bits of non-negative distances are in the order
-/// of the distances.
+/// A node reference in the low half, the entry distance in the high half. Bits of floats that are not negative have the
+/// order of the floats, so keys sort by distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct StackKey(u64);
 
 impl StackKey {
+    /// The end of the traversal.
     pub(super) const DONE: Self = Self::new(DONE, 0.0);
+    /// The end of an instance: the ray goes back to the space that it came from.
     pub(super) const RETURN: Self = Self::new(RETURN, 0.0);
 
     #[inline(always)]
@@ -30,11 +32,13 @@ impl StackKey {
     }
 }
 
-/// The stack of a ray.
+/// A stack of fixed capacity.
 #[derive(Debug)]
 pub(super) struct TraversalStack {
     keys: Box<[StackKey]>,
     top: usize,
+    /// The traversal since [`Self::reset`] has skipped something: the stack was full, or instances were nested too
+    /// deeply, or it took too many steps.
     pub(super) overflowed: bool,
 }
 
@@ -43,19 +47,19 @@ impl TraversalStack {
         Self { keys: vec![StackKey::DONE; size].into_boxed_slice(), top: 0, overflowed: false }
     }
 
-    /// Empties the stack down to the end of the walk.
+    /// Empties the stack but for [`StackKey::DONE`].
     #[inline(always)]
     pub(super) fn reset(&mut self) {
         (self.top, self.overflowed) = (0, false);
         self.push(StackKey::DONE);
     }
 
-    /// Pushes a reference; returns false if there is no room.
+    /// False if there is no room.
     #[inline(always)]
     pub(super) fn push(&mut self, key: StackKey) -> bool {
         match self.keys.get_mut(self.top) {
-            Some(place) => {
-                *place = key;
+            Some(slot) => {
+                *slot = key;
                 self.top += 1;
                 true
             }
@@ -66,7 +70,7 @@ impl TraversalStack {
         }
     }
 
-    /// Pops the next reference that is entered before `limit`, or an end.
+    /// The next node that the ray enters before `limit`, or an end.
     #[inline(always)]
     pub(super) fn pop(&mut self, limit: f32) -> StackKey {
         while let Some(top) = self.top.checked_sub(1) {
@@ -79,17 +83,22 @@ impl TraversalStack {
         StackKey::DONE
     }
 
-    /// Returns the nearest of the children that are met; the others are pushed, the farthest first. Without any, it
-    /// returns the next reference of the stack.
+    /// The nearest of the children that the ray enters; the others are pushed, the farthest first. Pops if there are
+    /// none. `child` gives the reference of a lane.
     #[inline(always)]
-    pub(super) fn choose(&mut self, met: EnteredChildren, limit: f32, child: impl Fn(u32) -> u32) -> StackKey {
-        let mut mask = met.mask;
+    pub(super) fn push_entered(
+        &mut self,
+        entered: EnteredChildren,
+        limit: f32,
+        child: impl Fn(u32) -> u32,
+    ) -> StackKey {
+        let mut mask = entered.mask;
         let mut next = || {
             let lane = mask.trailing_zeros();
             mask &= mask.wrapping_sub(1);
-            StackKey::new(child(lane), met.entries[lane as usize & 3])
+            StackKey::new(child(lane), entered.entries[lane as usize & 3])
         };
-        match met.mask.count_ones() {
+        match entered.mask.count_ones() {
             0 => self.pop(limit),
             1 => next(),
             2 => {

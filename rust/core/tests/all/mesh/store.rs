@@ -19,7 +19,7 @@ type Entry = (Vec<u8>, Vec<Vec<u8>>);
 /// Files in memory, with the entries that were written.
 #[derive(Debug, Default)]
 pub(crate) struct Files {
-    lasts: bool,
+    is_persistent: bool,
     is_full: bool,
     entries: Mutex<BTreeMap<u128, Entry>>,
     added: AtomicUsize,
@@ -56,7 +56,7 @@ impl PayloadSource for Bytes {
 impl Files {
     /// Files that another database finds its meshes in.
     pub(crate) fn lasting() -> Self {
-        Self { lasts: true, ..Self::default() }
+        Self { is_persistent: true, ..Self::default() }
     }
 
     /// Number of entries that were found.
@@ -73,8 +73,8 @@ impl Files {
 impl MeshFiles for Files {
     fn wait(&self, _pause: Duration) {}
 
-    fn lasts(&self) -> bool {
-        self.lasts
+    fn is_persistent(&self) -> bool {
+        self.is_persistent
     }
 
     fn find(&self, key: u128) -> Option<StoredEntry> {

@@ -161,6 +161,6 @@ fn books_and_driver(host_mapped: HostMapped) {
     assert!(stats.gpu_peak_bytes <= u64::from(budget_mib) << 20, "above the budget: {stats:?}");
     assert!(stats.gpu_peak_bytes > u64::from(budget_mib) << 19, "the budget was put to use: {stats:?}");
     assert!(witness.driver.calls > 10, "memory was asked for: {witness:?}");
-    assert!(witness.driver.peak <= witness.most_on_the_books, "more than on the books: {witness:?}");
-    assert_eq!(witness.driver.held, witness.on_the_books, "to the byte: {witness:?}");
+    assert!(witness.driver.peak <= witness.peak_budgeted_bytes, "more than on the books: {witness:?}");
+    assert_eq!(witness.driver.held, witness.budgeted_bytes, "to the byte: {witness:?}");
 }

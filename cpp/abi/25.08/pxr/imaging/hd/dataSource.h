@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Hydra data sources: the read interface of a scene index's prims.
+/// Hydra data sources: the read interface of a scene index's prims. Declared after the binary (cpp/abi/README.md): the
+/// order of virtual functions is the runtime's.
 ///
 /// All of them are reference-counted by std::shared_ptr and may be read from several threads at once.
 #ifndef OOCPT_ABI_HD_DATA_SOURCE_H
