@@ -16,7 +16,7 @@ use oocpt_core::material::{InputValue, Material};
 use oocpt_core::scene::SurfaceTables;
 use oocpt_core::texture::{OpacityMask, OpacityMaskMaker, OpacityQuery, TextureRef, Wrap, mask_bytes};
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::Arc;
 
 /// Limit of all masks of a scene, which are always resident.
